@@ -1,0 +1,92 @@
+# One target, one habit. Every target sets up what it needs: a virtual environment in .venv with
+# the versions of requirements.lock, and the extension module built in release mode.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+BIN := .venv/bin
+RUST_SOURCES := $(shell find rust -name '*.rs' -o -name 'Cargo.toml') Cargo.toml Cargo.lock
+
+.PHONY: help
+help:  ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+.venv/.installed: requirements.lock
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@touch $@
+
+.venv/.built: .venv/.installed pyproject.toml $(RUST_SOURCES)
+	$(BIN)/maturin develop --release --quiet
+	@touch $@
+
+.PHONY: build
+build: .venv/.built  ## virtual environment and extension module, release mode
+
+.PHONY: demo
+demo: build  ## the main job: Table 2 of the paper, and a measurement that comes with the package
+	@$(BIN)/trunnion demo
+
+.PHONY: test
+test: build  ## everything: cargo tests, then pytest with the notebooks
+	cargo test --workspace --quiet
+	$(BIN)/python -m pytest
+
+.PHONY: bench
+bench: build  ## medians and ratios of the main job beside peers in the same run
+	$(BIN)/python tests/benches/bench_main.py
+
+.PHONY: power
+power: build  ## how often a diagnosis is right: the whole table, half an hour, into docs/power.md
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --out ../docs/power-measured.md
+
+.PHONY: power-ballbar
+power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py 50
+
+.PHONY: lint
+lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	$(BIN)/ruff check python tests docs
+	$(BIN)/ruff format --check python tests docs
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest trunnion._core
+
+.PHONY: format
+format: .venv/.installed  ## let rustfmt and ruff have their way
+	cargo fmt --all
+	$(BIN)/ruff check --fix python tests docs
+	$(BIN)/ruff format python tests docs
+
+.PHONY: lock
+lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
+	$(BIN)/python -m pip install --quiet pip-tools
+	$(BIN)/pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-trusted-host --no-header \
+		--all-extras --resolver=backtracking --output-file requirements.lock pyproject.toml
+
+.PHONY: power-turning
+power-turning: build  ## blind tests of diameters: causes found, alike, missed, wrong
+	$(BIN)/python tests/turning_blind.py 200
+
+# LinuxCNC's interpreter, which the tests of part programs run where it is there: the two packages it
+# needs beyond a usual Debian, unpacked and not installed (installing pulls in a desktop).
+RS274 := target/rs274/usr/bin/rs274
+
+.PHONY: rs274
+rs274: $(RS274)  ## LinuxCNC's G-code interpreter for the tests (Debian; unpacked below target)
+
+$(RS274):
+	mkdir -p target/rs274
+	cd target/rs274 && packages="linuxcnc-uspace $$(apt-cache depends linuxcnc-uspace \
+		| sed -n 's/^ *Depends: \(libboost-python[0-9.]*\)$$/\1/p')" \
+		&& apt-get download $$packages && for deb in *.deb; do dpkg -x "$$deb" . && rm "$$deb"; done
+
+.PHONY: clean
+clean:  ## remove everything that was built
+	rm -rf .venv target
+
+.PHONY: docs
+docs: build  ## figures and generated tables of README and docs, from real runs
+	$(BIN)/python docs/make_effects_table.py
+	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_measured_figures.py

@@ -1,0 +1,95 @@
+"""What all commands share: errors without a traceback, JSON or tables, named values."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Iterable
+from typing import Any, ParamSpec, TypeVar
+
+import typer
+from rich.console import Console
+
+from trunnion.errors import InputError, TrunnionError
+
+__all__ = ["clean_errors", "named_values", "numbers", "say", "show_json"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def clean_errors(command: Callable[P, R]) -> Callable[P, R]:
+    """Say what went wrong in one line on standard error and exit with 2."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return command(*args, **kwargs)
+        except BrokenPipeError:
+            # The reader has seen enough (| head).
+            raise typer.Exit(0) from None
+        except (TrunnionError, OSError) as error:
+            Console(stderr=True, soft_wrap=True, highlight=False).print(
+                f"[bold red]error:[/] {_plain(str(error))}"
+            )
+            raise typer.Exit(2) from None
+
+    return wrapped
+
+
+def _plain(text: str) -> str:
+    return text.replace("[", r"\[")
+
+
+def say(text: str) -> None:
+    """Print text as it is."""
+    typer.echo(text)
+
+
+def show_json(value: Any) -> None:
+    """Print plain values as JSON."""
+    typer.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def named_values(what: str, texts: Iterable[str]) -> dict[str, float]:
+    """``["EX0C=15", "EB0C=25.2"]`` as a dict.
+
+    Raises
+    ------
+    InputError
+        Text that is not name=number.
+    """
+    found: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if name.strip() in found:
+            raise InputError(f"{what}: got {name.strip()!r} twice, wanted it once")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(f"{what}: got {text!r}, wanted name=number")
+    return found
+
+
+def numbers(what: str, text: str) -> list[float]:
+    """``"0,90,180"`` or ``"0:330:30"`` (first, last, step) as numbers.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = int((last - first) / step + 1e-9) + 1
+            if count < 1 or count > 100_000:
+                raise ValueError(text)
+            return [first + i * step for i in range(count)]
+        return [float(part) for part in text.split(",") if part.strip()]
+    except (ValueError, ZeroDivisionError):
+        raise InputError(
+            f"{what}: got {text!r}, wanted numbers such as 0,90,180 or first:last:step"
+        ) from None

@@ -1,0 +1,474 @@
+"""Error maps: corrections of the linear axes in a table, at the control's resolution.
+
+The table is over positions of the machine's axes (X, Y, Z and rotary), as in the spatial
+compensation of commercial controls, not over points of the work: location errors of the axes then
+do not depend on the position of the last table axis at all, and only smoothly on the other.
+Corrections are *added* to the commanded linear positions. In between, multilinear interpolation.
+
+The file is CSV: one comment line with the resolution, a header, one row a node in any order::
+
+    # trunnion error map, corrections to add; resolution_um = 0.1
+    a_deg,c_deg,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um
+    -90,0,-200,-250,-250,12.3,-4.5,0.1
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import RegularGridInterpolator
+
+from trunnion.compensation.control import ModelCompensation, nominal_commands
+from trunnion.compensation.machine import (
+    NOMINAL,
+    Floats,
+    MachineErrors,
+    axis_nodes,
+    chain_letters,
+    pose_grid,
+    rotary_nodes,
+)
+from trunnion.data.columns import ColumnError, Number, OptionalNumber
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+from trunnion.data.text import decode
+from trunnion.errors import FileFormatError, InputError
+from trunnion.setup import Setup
+
+__all__ = ["ErrorMap", "error_map", "read_error_map"]
+
+_RESOLUTION = re.compile(r"#.*\bresolution_um\s*=\s*(\S+)")
+LARGEST_MAP = 5_000_000
+# Corrections that differ by less along a rotary axis do not depend on it: rounding noise.
+_CONSTANT_UM = 1e-7
+_EDGE_MM = 1e-6
+
+
+@dataclass(frozen=True)
+class ErrorMap:
+    """Corrections of X, Y, Z at the nodes of a grid over the positions of all axes.
+
+    Attributes
+    ----------
+    rotary_deg
+        Letter → nodes, control's sign. A single node: the corrections do not depend on the axis.
+        C nodes that span 360° are used periodically.
+    x_mm, y_mm, z_mm
+        Nodes of the linear axes, machine frame.
+    steps
+        Corrections as whole numbers of `resolution_um`, shape (rotary ..., nx, ny, nz, 3).
+    resolution_um
+        Least step of a correction; 0: `steps` holds µm, not rounded.
+    interpolation_error_um
+        Largest length of (table − exact correction) found at nodes and in the middles of all cells,
+        rounding included; None for a map that was read from a file.
+    """
+
+    rotary_deg: Mapping[str, Floats]
+    x_mm: Floats
+    y_mm: Floats
+    z_mm: Floats
+    steps: NDArray[Any]
+    resolution_um: float
+    interpolation_error_um: float | None = None
+
+    @property
+    def corrections_um(self) -> Floats:
+        """Corrections at the nodes, µm, shape (rotary ..., nx, ny, nz, 3)."""
+        scale = self.resolution_um if self.resolution_um > 0 else 1.0
+        corrections: Floats = self.steps * scale
+        return corrections
+
+    def _axes(self) -> dict[str, Floats]:
+        rotary = {f"{letter.lower()}_deg": nodes for letter, nodes in self.rotary_deg.items()}
+        return {**rotary, "x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
+
+    def correction_um(self, position_mm: ArrayLike, rotary_deg: Mapping[str, ArrayLike]) -> Floats:
+        """Correction at axis positions: linear (n, 3) in mm, rotary by letter, control's sign.
+
+        Raises
+        ------
+        InputError
+            If a position lies outside the map; a map is not extrapolated.
+        """
+        linear = np.atleast_2d(np.asarray(position_mm, dtype=float))
+        missing = [letter for letter in self.rotary_deg if letter not in rotary_deg]
+        if missing:
+            raise InputError(f"rotary_deg: got no axis {missing[0]}, wanted its position")
+        columns = [np.broadcast_to(np.asarray(rotary_deg[letter], float), len(linear))
+                   for letter in self.rotary_deg]  # fmt: skip
+        queries = np.column_stack([*columns, linear])
+        axes = self._axes()
+        used, grid = [], []
+        for i, (name, nodes) in enumerate(axes.items()):
+            if len(nodes) == 1:
+                continue
+            values = queries[:, i]
+            if name == "c_deg" and np.isclose(nodes[-1] - nodes[0], 360.0, rtol=0, atol=1e-9):
+                inside = (values >= nodes[0]) & (values <= nodes[-1])
+                values = np.where(inside, values, nodes[0] + (values - nodes[0]) % 360.0)
+            slack = _EDGE_MM * (nodes[-1] - nodes[0])
+            outside = (values < nodes[0] - slack) | (values > nodes[-1] + slack)
+            if outside.any():
+                row = int(np.argmax(outside))
+                raise InputError(
+                    f"error map: got {name} = {values[row]:g} (row {row}), wanted "
+                    f"{nodes[0]:g} to {nodes[-1]:g}: the map is not extrapolated"
+                )
+            queries[:, i] = np.clip(values, nodes[0], nodes[-1])
+            used.append(i)
+            grid.append(nodes)
+        table = self.corrections_um
+        table = table.reshape([n for n in table.shape[:-1] if n > 1] + [3])
+        if not grid:
+            return np.broadcast_to(table, (len(linear), 3)).copy()
+        found: Floats = RegularGridInterpolator(tuple(grid), table)(queries[:, used])
+        return found
+
+    def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
+        """Nominal commands plus the correction at them, rounded to the map's resolution."""
+        letters = chain_letters(setup)
+        if set(letters) != set(self.rotary_deg):
+            raise InputError(
+                f"error map: got one for axes {', '.join(self.rotary_deg)}, wanted "
+                f"{', '.join(letters)} (machine {setup.machine.preset})"
+            )
+        commands = nominal_commands(setup, points_mm, rotary_deg)
+        turned = {k: rotary_deg[:, i] * setup.sense(k) for i, k in enumerate(letters)}
+        correction = self.correction_um(commands[:, :3], turned)
+        if self.resolution_um > 0:
+            correction = np.rint(correction / self.resolution_um) * self.resolution_um
+        commands[:, :3] += 1e-3 * correction
+        return commands
+
+    # --- files
+
+    def to_csv(self, path: str | PathLike[str] | None = None) -> str | None:
+        """Write the map, or return it as text; `read_error_map` gives back an equal map."""
+        axes = self._axes()
+        nodes = np.meshgrid(*axes.values(), indexing="ij")
+        columns: dict[str, Floats] = {
+            name: values.ravel() for name, values in zip(axes, nodes, strict=True)
+        }
+        decimals = _decimals(self.resolution_um)
+        corrections = self.corrections_um.reshape(-1, 3)
+        if decimals is not None:
+            corrections = np.round(corrections, decimals) + 0.0
+        columns |= {f"d{axis}_um": corrections[:, i] for i, axis in enumerate("xyz")}
+        head = (
+            "# trunnion error map, corrections to add to commanded positions; "
+            f"resolution_um = {self.resolution_um!r}\n"
+        )
+        text = head + MapRows(columns).to_csv()
+        if path is None:
+            return text
+        Path(path).write_text(text, encoding="utf-8", newline="\n")
+        return None
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ErrorMap):
+            return NotImplemented
+        mine, theirs = self._axes(), other._axes()
+        return (
+            mine.keys() == theirs.keys()
+            and all(np.array_equal(mine[name], theirs[name]) for name in mine)
+            and self.resolution_um == other.resolution_um
+            and np.array_equal(self.steps, other.steps)
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # compared by contents, like an array
+
+    def summary(self) -> str:
+        """Return what the map covers, in plain text."""
+        lines = ["error map: corrections of X, Y, Z over the positions of all axes"]
+        for name, nodes in self._axes().items():
+            what = "any position" if len(nodes) == 1 else f"{nodes[0]:g} .. {nodes[-1]:g}"
+            lines.append(f"  {name:<6} {what} ({len(nodes)} node{'s' if len(nodes) > 1 else ''})")
+        lines.append(f"  least step {self.resolution_um:g} µm")
+        lines.append(f"  largest correction {float(np.abs(self.corrections_um).max()):.4g} µm")
+        if self.interpolation_error_um is not None:
+            lines.append(f"  table against exact {self.interpolation_error_um:.3g} µm at most")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "rotary_deg": {letter: nodes.tolist() for letter, nodes in self.rotary_deg.items()},
+            "x_mm": self.x_mm.tolist(),
+            "y_mm": self.y_mm.tolist(),
+            "z_mm": self.z_mm.tolist(),
+            "corrections_um": self.corrections_um.tolist(),
+            "resolution_um": self.resolution_um,
+            "interpolation_error_um": self.interpolation_error_um,
+        }
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{self.summary()}</pre>"
+
+
+def _decimals(step: float) -> int | None:
+    """Decimals that write multiples of a step exactly, None if there are no such."""
+    for decimals in range(10):
+        if step > 0 and abs(round(step, decimals) - step) < 1e-12 * step:
+            return decimals
+    return None
+
+
+def error_map(
+    setup: Setup,
+    errors: Any,
+    effects: Any = None,
+    x_mm: ArrayLike = (-150, 150),
+    y_mm: ArrayLike = (-120, 120),
+    z_mm: ArrayLike = (0, 150),
+    a_deg: ArrayLike = (-90, 90),
+    c_deg: ArrayLike = (0, 360),
+    *,
+    b_deg: ArrayLike = (-90, 90),
+    linear_step_mm: float = 50.0,
+    rotary_step_deg: float = 15.0,
+    resolution_um: float | None = None,
+) -> ErrorMap:
+    """Compute the error map that compensates a machine as identified, by its linear axes.
+
+    Parameters
+    ----------
+    setup, errors, effects
+        The machine as identified: errors by name, or a result.
+    x_mm, y_mm, z_mm
+        Box of the work (it turns with the table); the map covers every axis position that reaches
+        it at the rotary positions below.
+    a_deg, b_deg, c_deg
+        Rotary range of the map: (low, high) in steps of at most `rotary_step_deg`, more than two
+        nodes as they are, or one number. Control's sign.
+    linear_step_mm
+        Largest distance of nodes of X, Y, Z.
+    resolution_um
+        Least step of a correction; the set-up's unless given; 0: not rounded.
+
+    Notes
+    -----
+    Exact corrections are affine in X, Y, Z at one set of rotary positions, so interpolation between
+    linear nodes only averages their rounding (at most half a step a component). Between rotary
+    nodes h apart a correction u errs by at most h²/8 max|u''|; with location errors alone u'' is
+    about u, 0.9 % of it at 15°. What it is for this map is `interpolation_error_um`, rounding
+    included; the control's own rounding of the interpolated value adds at most half a step.
+
+    Raises
+    ------
+    InputError
+        Ranges that are none, a map of more than five million nodes.
+    """
+    for what, step in (("linear_step_mm", linear_step_mm), ("rotary_step_deg", rotary_step_deg)):
+        if not (np.isfinite(step) and step > 0):
+            raise InputError(f"{what}: got {step!r}, wanted a number above 0")
+    least = setup.resolution.linear_um if resolution_um is None else float(resolution_um)
+    if not (np.isfinite(least) and least >= 0):
+        raise InputError(f"resolution_um: got {resolution_um!r}, wanted 0 or above")
+    known = MachineErrors.of(setup, errors, effects)
+    letters = chain_letters(setup)
+    given = {"A": a_deg, "B": b_deg, "C": c_deg}
+    spread = {
+        letter: _stepped(f"{letter.lower()}_deg", given[letter], rotary_step_deg)
+        for letter in letters
+    }
+    rotary, _ = rotary_nodes(setup, spread)
+    box = [axis_nodes(n, v, 2) for n, v in zip(("x", "y", "z"), (x_mm, y_mm, z_mm), strict=True)]
+    low, high = _reach(setup, rotary, box)
+    linear = [
+        np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
+        for lo, hi in zip(low, high, strict=True)
+    ]
+    count = np.prod([len(nodes) for nodes in (*rotary.values(), *linear)])
+    if count > LARGEST_MAP:
+        raise InputError(
+            f"error map: got {int(count):,} nodes, wanted at most {LARGEST_MAP:,}: take larger "
+            "steps"
+        )
+    exact = _corrections(setup, known, rotary, linear)
+    for i, letter in enumerate(letters):
+        if len(rotary[letter]) > 1 and np.ptp(exact, axis=i).max() < _CONSTANT_UM:
+            exact = np.take(exact, [0], axis=i)
+            rotary[letter] = rotary[letter][:1]
+    steps = np.rint(exact / least).astype(np.int64) if least > 0 else exact
+    x, y, z = linear
+    made = ErrorMap(rotary, x, y, z, steps, least)
+    return replace(made, interpolation_error_um=_interpolation_error(setup, known, made))
+
+
+def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
+    nodes = np.atleast_1d(np.asarray(given, dtype=float))
+    if nodes.ndim != 1 or not np.all(np.isfinite(nodes)) or np.any(np.diff(nodes) <= 0):
+        raise InputError(f"{name}: got {given!r}, wanted (low, high), rising nodes or a number")
+    if len(nodes) != 2:
+        return nodes
+    return np.linspace(nodes[0], nodes[1], max(2, int(np.ceil((nodes[1] - nodes[0]) / step)) + 1))
+
+
+def _reach(setup: Setup, rotary: Mapping[str, Floats], box: list[Floats]) -> tuple[Floats, Floats]:
+    """Lowest and highest X, Y, Z that reach the box of the work; rounded outward on a range."""
+    # Every degree: an arc of radius 300 mm rises 0.012 mm between two of them.
+    dense = {
+        letter: np.linspace(nodes[0], nodes[-1], int(np.ceil(nodes[-1] - nodes[0])) + 1)
+        for letter, nodes in rotary.items()
+    }
+    poses = pose_grid(setup, dense)
+    ends = [axis[[0, -1]] for axis in box]
+    corners = np.stack(np.meshgrid(*ends, indexing="ij"), axis=-1).reshape(-1, 3)
+    core = NOMINAL.core(setup)
+    all_poses = np.repeat(poses, len(corners), axis=0)
+    reached = core.linear_commands(np.tile(corners, (len(poses), 1)), all_poses, None)
+    if len(poses) == 1:
+        return reached.min(axis=0), reached.max(axis=0)
+    return np.floor(reached.min(axis=0) - 0.1), np.ceil(reached.max(axis=0) + 0.1)
+
+
+def _corrections(
+    setup: Setup, known: MachineErrors, rotary: Mapping[str, Floats], linear: list[Floats]
+) -> Floats:
+    """Exact corrections in µm on a grid of axis positions, (rotary ..., nx, ny, nz, 3)."""
+    axes = [rotary[letter] * setup.sense(letter) for letter in chain_letters(setup)]
+    shape = [len(nodes) for nodes in (*axes, *linear)]
+    grid = np.stack(np.meshgrid(*axes, *linear, indexing="ij"), axis=-1).reshape(-1, len(shape))
+    turned, position = np.ascontiguousarray(grid[:, : len(axes)]), grid[:, len(axes) :]
+    point = NOMINAL.core(setup).reached(np.hstack([position, turned]), None)[:, :3]
+    wanted = ModelCompensation(known).commands(setup, np.ascontiguousarray(point), turned)[:, :3]
+    corrections: Floats = ((wanted - position) * 1e3).reshape(*shape, 3)
+    return corrections
+
+
+def _interpolation_error(setup: Setup, known: MachineErrors, table: ErrorMap) -> float:
+    """Largest |table − exact| at nodes and middles of the rotary axes and of X, Y, Z."""
+
+    def halved(nodes: Floats) -> Floats:
+        return np.sort(np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1])]))
+
+    linear = [halved(nodes) for nodes in (table.x_mm, table.y_mm, table.z_mm)]
+    worst = 0.0
+    first, *rest = table.rotary_deg
+    # One position of the first axis at a time: the halved grid is 32 times the table.
+    for position in halved(table.rotary_deg[first]):
+        rotary = {first: np.array([position])}
+        rotary |= {letter: halved(table.rotary_deg[letter]) for letter in rest}
+        exact = _corrections(setup, known, rotary, linear)
+        axes = [*rotary.values(), *linear]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
+        queries = {letter: grid[:, i] for i, letter in enumerate(rotary)}
+        found = table.correction_um(grid[:, len(rotary) :], queries)
+        worst = max(worst, float(np.linalg.norm(found - exact.reshape(-1, 3), axis=1).max()))
+    return worst
+
+
+# --- reading
+
+
+class MapRows(Table):
+    """Rows of the file of an error map."""
+
+    a_deg = OptionalNumber("position of A, control's sign")
+    b_deg = OptionalNumber("position of B, control's sign")
+    c_deg = OptionalNumber("position of C, control's sign")
+    x_mm = Number("position of X")
+    y_mm = Number("position of Y")
+    z_mm = Number("position of Z")
+    dx_um = Number("correction to add to X")
+    dy_um = Number("correction to add to Y")
+    dz_um = Number("correction to add to Z")
+
+    resolution_um: ClassVar[float] = 0.0
+
+    def names(self) -> list[str]:
+        """Columns that span the grid, rotary axes first."""
+        rotary = [name for name in ("a_deg", "b_deg", "c_deg") if name in self.columns]
+        return [*rotary, "x_mm", "y_mm", "z_mm"]
+
+    def order(self) -> tuple[list[Floats], NDArray[np.intp]]:
+        """Nodes of each axis, and for each node the row that has it."""
+        names = self.names()
+        found = [np.unique(self.columns[name], return_inverse=True) for name in names]
+        shape = [len(nodes) for nodes, _ in found]
+        index = np.ravel_multi_index([inverse for _, inverse in found], shape)
+        rows = np.full(int(np.prod(shape)), -1, dtype=np.intp)
+        rows[index] = np.arange(len(index))
+        first, counts = np.unique(index, return_index=True)[1], np.bincount(index)
+        if len(first) < len(index):
+            row = int(np.setdiff1d(np.arange(len(index)), first)[0])
+            there = ", ".join(f"{name} = {self.columns[name][row]:g}" for name in names)
+            raise ColumnError(names[0], row, f"the node {there} twice", "each node once")
+        if counts.size < rows.size or np.any(rows < 0):
+            at = np.unravel_index(int(np.argmin(rows)), shape)
+            there = ", ".join(
+                f"{n} = {f[0][i]:g}" for n, f, i in zip(names, found, at, strict=True)
+            )
+            raise ColumnError(
+                names[0], None, f"no row for the node {there}", "a full grid: every combination"
+            )
+        return [nodes for nodes, _ in found], rows
+
+    def _check(self) -> None:
+        if len(self.names()) == 3:
+            raise ColumnError("a_deg", None, "no position of a rotary axis", "a_deg, b_deg, c_deg")
+        self.order()
+        step = self.resolution_um
+        for name in ("dx_um", "dy_um", "dz_um") if step > 0 else ():
+            ratio = self.columns[name] / step
+            bad = np.abs(ratio - np.rint(ratio)) > 1e-6 * np.maximum(1.0, np.abs(ratio))
+            if bad.any():
+                row = int(np.argmax(bad))
+                raise ColumnError(
+                    name, row, repr(float(self.columns[name][row])), f"a multiple of {step:g} µm"
+                )
+
+
+def read_error_map(path: str | PathLike[str]) -> ErrorMap:
+    """Read an error map; see the module for the file.
+
+    Raises
+    ------
+    FileFormatError
+        If the resolution is not stated, a column is missing or not a number, a node is missing or
+        stands twice, or a correction is no multiple of the resolution; the message has file, line
+        and column.
+    """
+    name = str(path)
+    resolution = None
+    for number, line in enumerate(decode(name, Path(path).read_bytes()).split("\n"), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            break
+        match = _RESOLUTION.match(line.lstrip())
+        if match:
+            try:
+                resolution = float(match[1])
+            except ValueError:
+                resolution = -1.0
+            if not (np.isfinite(resolution) and resolution >= 0):
+                raise FileFormatError(
+                    f"{name}:{number}:{match.start(1) + 1}: resolution_um: got {match[1]!r}, "
+                    "wanted a finite number, 0 or above"
+                )
+            break
+    if resolution is None:
+        raise FileFormatError(
+            f"{name}:1:1: resolution_um: got no such comment above the header, wanted a line "
+            '"# ... resolution_um = 0.1"'
+        )
+
+    step: float = resolution
+
+    class Rows(MapRows):
+        resolution_um = step
+
+    rows = read_table(path, Rows)
+    nodes, order = rows.order()
+    rotary = {n[0].upper(): v for n, v in zip(rows.names(), nodes, strict=True) if "deg" in n}
+    values = np.stack([rows.dx_um, rows.dy_um, rows.dz_um], axis=1)[order]
+    values = values.reshape(*(len(axis) for axis in nodes), 3)
+    steps = np.rint(values / resolution).astype(np.int64) if resolution > 0 else values
+    return ErrorMap(rotary, nodes[-3], nodes[-2], nodes[-1], steps, resolution)

@@ -1,0 +1,410 @@
+"""Compensation by parameters of the control: zeros and centres of the rotary axes, work offsets.
+
+A control's kinematic transformation has a zero for each rotary axis, a centre for each and the
+origin of the work. It has no parameter for the direction of an axis, so tilts of the axis average
+lines other than about the axis itself stay. :func:`cnc_parameters` finds the parameters that leave
+the least over a range of poses, and says what they can remove and what they cannot.
+
+Equations (22) to (24) of paper 000 do something else: they look for the rotary positions at which
+the nominal machine has the tool direction that the erroneous one has at A = C = 0. Near A = 0 that
+position of C is anything (±49° for the errors of Table 2), and turning C does not right a tilt that
+lies in front of C in the chain, as EB0C does. :func:`printed_zeros` gives them as printed.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion import _core
+from trunnion.compensation.control import round_to
+from trunnion.compensation.machine import (
+    NOMINAL,
+    Floats,
+    MachineErrors,
+    axis_nodes,
+    chain_letters,
+    pose_grid,
+    rotary_nodes,
+)
+from trunnion.errors import InputError, UnknownNameError
+from trunnion.setup import Setup
+
+__all__ = ["CncParameters", "PrintedZeros", "Removable", "cnc_parameters", "printed_zeros"]
+
+GROUPS = ("zeros", "centres", "work")
+_ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class Removable:
+    """What the best parameters leave of one error, over the poses and the box asked for.
+
+    Attributes
+    ----------
+    name, unit
+        The location error or "effect.parameter".
+    before_um
+        Rms volumetric error of one unit of it (µm, arcsec) without compensation.
+    left_um
+        The same with the parameters that remove most of it.
+    """
+
+    name: str
+    unit: str
+    before_um: float
+    left_um: float
+
+    @property
+    def share_left(self) -> float:
+        """`left_um` / `before_um`: 0 is removed, 1 untouched."""
+        return self.left_um / self.before_um if self.before_um > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class CncParameters:
+    """Parameters of a control.
+
+    Attributes
+    ----------
+    zeros_arcsec
+        Letter → what is added to the commanded position of the axis; control's sign.
+    centres_um
+        Centres of the rotary axes in the control's transformation, under the names of the location
+        errors that they are set to (EY0A, EZ0A, EX0C, EY0C).
+    work
+        Placement of the work that the control reckons with (`dx_um` ... `rc_arcsec`).
+    removable
+        What such parameters can remove of each error; empty where it was not asked for.
+    """
+
+    zeros_arcsec: Mapping[str, float] = field(default_factory=dict)
+    centres_um: Mapping[str, float] = field(default_factory=dict)
+    work: Mapping[str, float] = field(default_factory=dict)
+    removable: tuple[Removable, ...] = ()
+
+    def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
+        """Return the machine that the control reckons with, and its zeros."""
+        core = MachineErrors(errors=self.centres_um, placement=self.work).core(setup)
+        letters = chain_letters(setup)
+        for letter in self.zeros_arcsec:
+            if letter not in letters:
+                raise InputError(f"zeros_arcsec: got axis {letter}, wanted {', '.join(letters)}")
+        zeros = [self.zeros_arcsec.get(k, 0.0) * setup.sense(k) for k in letters]
+        return core, zeros
+
+    def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
+        """X, Y, Z by the control's transformation, rotary axes with their zeros added."""
+        core, zeros = self.belief(setup)
+        linear = core.linear_commands(points_mm, rotary_deg, None)
+        return np.hstack([linear, rotary_deg + np.array(zeros) / 3600.0])
+
+    def rounded(self, setup: Setup) -> CncParameters:
+        """Return the parameters at the resolution of the set-up, as they are keyed in."""
+        linear, rotary = setup.resolution.linear_um, setup.resolution.rotary_arcsec
+
+        def each(values: Mapping[str, float], steps: Mapping[str, float]) -> dict[str, float]:
+            return {
+                k: float(round_to(np.array(v), steps.get(k.rsplit("_", 1)[-1], linear)))
+                for k, v in values.items()
+            }
+
+        zeros = {k: float(round_to(np.array(v), rotary)) for k, v in self.zeros_arcsec.items()}
+        steps = {"um": linear, "arcsec": rotary}
+        return CncParameters(
+            zeros, each(self.centres_um, {}), each(self.work, steps), self.removable
+        )
+
+    def set_to(self) -> list[tuple[str, str]]:
+        """Name and value of each parameter, with its unit."""
+        rows = [(f"zero of {k}", f"{v:+.3f} arcsec") for k, v in self.zeros_arcsec.items()]
+        rows += [(f"centre {k}", f"{v:+.3f} µm") for k, v in self.centres_um.items()]
+        rows += [
+            (f"work {k.rsplit('_', 1)[0]}", f"{v:+.3f} {k.rsplit('_', 1)[1].replace('um', 'µm')}")
+            for k, v in self.work.items()
+        ]
+        return rows
+
+    def _rows(self) -> list[tuple[str, str]]:
+        rows = self.set_to()
+        rows += [
+            (f"of {r.name}", f"{100 * r.share_left:.1f} % stays ({r.left_um:.3g} of "
+             f"{r.before_um:.3g} µm a {r.unit.replace('um', 'µm')})")
+            for r in self.removable
+        ]  # fmt: skip
+        return rows
+
+    def summary(self) -> str:
+        """Return a table in plain text."""
+        rows = self._rows()
+        width = max((len(name) for name, _ in rows), default=0)
+        return "\n".join(["CNC parameters", *(f"  {n:<{width}}  {v}" for n, v in rows)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "zeros_arcsec": dict(self.zeros_arcsec),
+            "centres_um": dict(self.centres_um),
+            "work": dict(self.work),
+            "removable": [
+                {
+                    "name": r.name,
+                    "unit": r.unit,
+                    "before_um": r.before_um,
+                    "left_um": r.left_um,
+                    "share_left": r.share_left,
+                }
+                for r in self.removable
+            ],
+        }
+
+    def _repr_html_(self) -> str:
+        body = "".join(
+            f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in self._rows()
+        )
+        return f"<table><caption>CNC parameters</caption>{body}</table>"
+
+
+def cnc_parameters(
+    setup: Setup,
+    errors: Any,
+    effects: Any = None,
+    x_mm: ArrayLike = (-150, 150),
+    y_mm: ArrayLike = (-120, 120),
+    z_mm: ArrayLike = (0, 150),
+    a_deg: ArrayLike = tuple(range(-90, 91, 15)),
+    c_deg: ArrayLike = tuple(range(0, 360, 15)),
+    *,
+    b_deg: ArrayLike = tuple(range(-90, 91, 15)),
+    placement: Mapping[str, float] | None = None,
+    groups: Sequence[str] = ("zeros", "centres"),
+    method: str = "least-squares",
+) -> CncParameters:
+    """Parameters of the control for a machine as identified.
+
+    Parameters
+    ----------
+    setup, errors, effects, placement
+        The machine as identified: errors by name, or a result; placement of the work.
+    x_mm, y_mm, z_mm, a_deg, b_deg, c_deg
+        Box of the work (low, high) and rotary positions at which little is to be left. The mean
+        square over the solid box is taken in closed form.
+    groups
+        What may be set: "zeros" of the axes, "centres" of the axes, origin of the "work".
+    method
+        "least-squares": least mean square of the volumetric error over box and poses, exact model
+        and derivatives, least norm where parameters stand for one another (as at a single pose).
+        "direct": zero of each axis against its own location error (EA0A, EC0A), centres to the
+        identified offsets, work to the placement. It stays small whatever the errors, at A = 0 too.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(artefact=tn.Artefact("cross"))
+    >>> found = cnc_parameters(setup, {"EA0A": 20.0, "EX0C": 15.0}, method="direct")
+    >>> found.zeros_arcsec["A"], found.centres_um["EX0C"]
+    (-20.0, 15.0)
+    """
+    for group in groups:
+        if group not in GROUPS:
+            raise UnknownNameError(f"groups: got {group!r}, wanted among {', '.join(GROUPS)}")
+    known = MachineErrors.of(setup, errors, effects, placement)
+    if known.own:
+        raise InputError(
+            f"effect {known.own[0][0].id!r}: got a user's own effect, wanted effects of the "
+            "catalogue: parameters of a control cannot follow it"
+        )
+    if method == "direct":
+        return _direct(setup, known, groups)
+    if method != "least-squares":
+        raise InputError(f'method: got {method!r}, wanted "least-squares" or "direct"')
+    task = _Fit(setup, known, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg}, groups)
+    return task.solve()
+
+
+def _direct(setup: Setup, known: MachineErrors, groups: Sequence[str]) -> CncParameters:
+    names = known.core(setup).control_parameters
+    letters = chain_letters(setup)
+    zeros, centres, work = {}, {}, {}
+    if "zeros" in groups:
+        # A zero can stand against a location error that does the same at zero of all axes: EA0A
+        # against A, EC0A against C on a trt-ca.
+        nominal, none = NOMINAL.core(setup), [0.0] * len(letters)
+        pose = np.zeros((1, len(letters)))
+        errors = nominal.truth_rates(nominal, none, pose).reshape(-1, 12)
+        turns = nominal.control_rates(nominal, none, pose).reshape(-1, 12)[: len(letters)]
+        for letter, turn in zip(letters, turns, strict=True):
+            zero = 0.0
+            for (name, _), column in zip(nominal.parameters, errors, strict=True):
+                ratio = (column @ turn) / (turn @ turn) if turn.any() else 0.0
+                if ratio != 0.0 and np.abs(column - ratio * turn).max() < 1e-9:
+                    zero -= ratio * known.errors.get(name, 0.0)
+            if letter == "C":
+                zero -= known.placement.get("rc_arcsec", 0.0)
+            zeros[letter] = zero * setup.sense(letter)
+    if "centres" in groups:
+        centres = {k: v for k, v in known.errors.items() if k in names}
+    if "work" in groups:
+        work = {k: v for k, v in known.placement.items() if k.endswith("_um")}
+    return CncParameters(zeros, centres, work)
+
+
+class _Fit:
+    """Least squares of the parameters over box and poses."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        known: MachineErrors,
+        box: tuple[ArrayLike, ArrayLike, ArrayLike],
+        rotary: Mapping[str, ArrayLike],
+        groups: Sequence[str],
+    ) -> None:
+        self.setup = setup
+        letters = chain_letters(setup)
+        self.truth = known.core(setup)
+        given = {letter: rotary[letter] for letter in letters}
+        self.poses = pose_grid(setup, rotary_nodes(setup, given)[0])
+        ends = [axis_nodes(n, v, 2) for n, v in zip("xyz", box, strict=True)]
+        self.middle = np.array([0.5 * (e[0] + e[-1]) for e in ends])
+        # Standard deviation of a coordinate over the solid box: a mean square over the box is
+        # |M m + t|² + Σ |M_j|² σ_j², so these twelve numbers a pose are the residuals.
+        self.spread = np.array([(e[-1] - e[0]) / np.sqrt(12.0) for e in ends])
+        names = self.truth.control_parameters
+        kinds = ["zeros"] * len(letters)
+        others = names[len(letters) :]
+        kinds += ["work" if name in ("dx", "dy", "dz") else "centres" for name in others]
+        self.names = names
+        self.used = [i for i, kind in enumerate(kinds) if kind in groups]
+
+    def residuals(self, fields: Floats) -> Floats:
+        """Fields (m, 12, ...) as residuals (12 m, ...) whose sum of squares is the mean square."""
+        field = fields.reshape(len(self.poses), 3, 4, -1)
+        centre = np.einsum("mijk,j->mik", field[:, :, :3], self.middle) + field[:, :, 3]
+        spread = field[:, :, :3] * self.spread[None, None, :, None]
+        parts = np.concatenate([centre[:, :, None], spread], axis=2)
+        flat: Floats = parts.reshape(12 * len(self.poses), -1) / np.sqrt(len(self.poses))
+        return flat
+
+    def rates(self, flat: Floats, count: int) -> Floats:
+        """Derivatives (m, 12 count) as columns of residuals."""
+        return self.residuals(np.moveaxis(flat.reshape(len(self.poses), count, 12), 1, 2))
+
+    def parameters(self, values: Floats) -> CncParameters:
+        letters = chain_letters(self.setup)
+        named = {self.names[i]: float(values[i]) for i in self.used}
+        zeros = {
+            k: named.pop(f"zero_{k}") * self.setup.sense(k) for k in letters if f"zero_{k}" in named
+        }
+        work = {f"{k}_um": named.pop(k) for k in ("dx", "dy", "dz") if k in named}
+        return CncParameters(zeros, named, work)
+
+    def solve(self) -> CncParameters:
+        values = np.zeros(len(self.names))
+        for _ in range(_ROUNDS):
+            believed, zeros = self.parameters(values).belief(self.setup)
+            left = self.residuals(self.truth.fields(believed, zeros, self.poses)[0])[:, 0]
+            rates = self.truth.control_rates(believed, zeros, self.poses)
+            columns = self.rates(rates, len(self.names))[:, self.used]
+            if not self.used:
+                break
+            step = np.linalg.lstsq(columns, -left, rcond=1e-9)[0]
+            values[self.used] += step
+            if np.abs(step).max() < 1e-9:
+                break
+        found = self.parameters(values)
+        return CncParameters(found.zeros_arcsec, found.centres_um, found.work, self.removable())
+
+    def removable(self) -> tuple[Removable, ...]:
+        """What parameters can remove of one unit of each error: projection, nominal machine."""
+        nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(chain_letters(self.setup))
+        listed = self.truth.parameters
+        errors = self.rates(self.truth.truth_rates(nominal, zeros, self.poses), len(listed))
+        columns = self.truth.control_rates(nominal, zeros, self.poses)
+        columns = self.rates(columns, len(self.names))[:, self.used]
+        left = errors
+        if self.used:
+            left = errors - columns @ np.linalg.lstsq(columns, errors, rcond=1e-9)[0]
+        before, after = np.linalg.norm(errors, axis=0), np.linalg.norm(left, axis=0)
+        # What rounding leaves of a removed column is no remainder.
+        after = np.where(after < 1e-9 * np.maximum(before, 1e-300), 0.0, after)
+        return tuple(
+            Removable(name, unit, float(b), float(a))
+            for (name, unit), b, a in zip(listed, before, after, strict=True)
+        )
+
+
+# --- equations (22) to (24) as printed
+
+
+@dataclass(frozen=True)
+class PrintedZeros:
+    """Equations (22) to (24) of paper 000.
+
+    Attributes
+    ----------
+    normal
+        n_CRS of eq. (22).
+    a_deg, c_deg
+        A_Comp and C_Comp, for the upper and the lower sign of eq. (23).
+    singular
+        True where n_CRS is the Z direction: C_Comp is then undefined, atan2(0, 0), in floating
+        point 0 or ±180° by the signs of two zeros; given as 0. Close to it C_Comp is defined, but
+        hangs on the ratio of two small errors.
+    """
+
+    normal: tuple[float, float, float]
+    a_deg: tuple[float, float]
+    c_deg: tuple[float, float]
+    singular: bool
+
+    def parameters(self, branch: int = 0, *, turn_work: bool = True) -> CncParameters:
+        """As zeros of A and C, subtracted from the commanded positions.
+
+        With `turn_work` the control knows that the work on the table is turned along with C;
+        without, the program misses the work by the whole turn of C.
+        """
+        c = -self.c_deg[branch] * 3600.0
+        zeros = {"A": -self.a_deg[branch] * 3600.0, "C": c}
+        return CncParameters(zeros, work={"rc_arcsec": c} if turn_work else {})
+
+
+def printed_zeros(errors: Mapping[str, float], setup_yaw_arcsec: float = 0.0) -> PrintedZeros:
+    """Zeros of A and C by eqs. (22) to (24) as printed.
+
+    Parameters
+    ----------
+    errors
+        EA0A, EB0C and EC0A in arcsec (others are not used).
+    setup_yaw_arcsec
+        E_CRS, the artefact's yaw on the table.
+    """
+    phi, theta, psi = np.radians(
+        np.array(
+            [
+                errors.get("EA0A", 0.0),
+                errors.get("EB0C", 0.0),
+                errors.get("EC0A", 0.0) + setup_yaw_arcsec,
+            ]
+        )
+        / 3600.0
+    )
+    ni = np.sin(phi) * np.sin(psi) - np.cos(phi) * np.cos(psi) * np.sin(theta)
+    nj = np.cos(psi) * np.sin(phi) + np.cos(phi) * np.sin(psi) * np.sin(theta)
+    nk = np.cos(phi) * np.cos(theta)
+    # 1 − nk² without its cancellation: the normal is a unit vector.
+    across = np.hypot(ni, nj)
+    a, c = [], []
+    for sign in (1.0, -1.0):
+        tilt = np.arctan2(sign * across, nk)
+        a.append(float(np.degrees(tilt)))
+        c.append(float(np.degrees(np.arctan2(ni * np.sin(tilt), -nj * np.sin(tilt)) + 0.0)))
+    singular = bool(across < 1e-12)
+    if singular:
+        c = [0.0, 0.0]
+    return PrintedZeros((float(ni), float(nj), float(nk)), (a[0], a[1]), (c[0], c[1]), singular)

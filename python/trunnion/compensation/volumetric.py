@@ -1,0 +1,430 @@
+"""Volumetric error: where the tool point is on the work, minus where the program wants it.
+
+The points of the box are points of the work: they turn with the table. The error vector is given in
+the workpiece's frame, tool relative to work, in µm; its length does not depend on the frame, and at
+A = C = 0 it is the |p_machine − p| of paper 000 (Table 3, Figs. 11 to 13).
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion import _core
+from trunnion.compensation.control import Belief, Compensation, control_commands
+from trunnion.compensation.machine import (
+    NOMINAL,
+    Floats,
+    MachineErrors,
+    axis_nodes,
+    chain_letters,
+    pose_grid,
+    rotary_nodes,
+)
+from trunnion.errors import InputError
+from trunnion.setup import Setup
+
+__all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
+
+LARGEST_FIELD = 20_000_000
+"""Numbers (three a point) that `field_um` holds at most; beyond, poses are taken one by one."""
+
+
+@dataclass(frozen=True)
+class PoseField:
+    """The field at one set of rotary positions."""
+
+    rotary_deg: Mapping[str, float]
+    field_um: Floats
+    direction_arcsec: float
+
+    @property
+    def max_um(self) -> float:
+        """Largest length."""
+        return float(np.sqrt(np.max(np.einsum("...i,...i", self.field_um, self.field_um))))
+
+
+@dataclass(frozen=True)
+class VolumetricError:
+    """Volumetric error over a box of the work at one or many positions of the rotary axes.
+
+    Attributes
+    ----------
+    max_um
+        Largest length of the error vector over box and poses. Without rounding and tables it is
+        exact for the whole box, not only for the grid: the error is affine in the point, so the
+        largest is in a corner.
+    rms_um
+        Root mean square of its length over the grid and the poses.
+    max_by_pose_um, rms_by_pose_um
+        The same at each pose, in the shape of the grid of rotary positions.
+    direction_by_pose_arcsec
+        Angle between the tool direction on the work and the one that is meant, the largest at each
+        pose.
+    rotary_deg
+        Letter → positions, control's sign.
+    x_mm, y_mm, z_mm
+        Nodes of the grid in the workpiece's frame.
+    ignored
+        Ids of given effects that do not move the tool on the work.
+    """
+
+    max_um: float
+    rms_um: float
+    max_by_pose_um: Floats
+    rms_by_pose_um: Floats
+    direction_by_pose_arcsec: Floats
+    rotary_deg: Mapping[str, Floats]
+    x_mm: Floats
+    y_mm: Floats
+    z_mm: Floats
+    ignored: tuple[str, ...] = ()
+    _fields: Floats | None = None
+    _sampled: Floats | None = None
+
+    @property
+    def grid_shape(self) -> tuple[int, int, int]:
+        """Number of nodes along x, y, z."""
+        return len(self.x_mm), len(self.y_mm), len(self.z_mm)
+
+    @property
+    def field_um(self) -> Floats:
+        """Error vectors, shape (poses ..., nx, ny, nz, 3), µm, workpiece's frame.
+
+        Computed when asked for.
+
+        Raises
+        ------
+        InputError
+            If it does not fit in memory; then take poses one by one with `error_fields`.
+        """
+        shape = (*self.max_by_pose_um.shape, *self.grid_shape, 3)
+        if self._sampled is not None:
+            return self._sampled.reshape(shape)
+        if self._fields is None or np.prod(shape) > LARGEST_FIELD:
+            raise InputError(
+                f"field_um: got {' x '.join(map(str, shape))} numbers, wanted at most "
+                f"{LARGEST_FIELD:,}: take the poses one by one with error_fields"
+            )
+        grid = [self.x_mm.tolist(), self.y_mm.tolist(), self.z_mm.tolist()]
+        parts = [_core.field_on_grid(field, grid, None) for field in self._fields]
+        return np.stack(parts).reshape(shape)
+
+    @property
+    def magnitude_um(self) -> Floats:
+        """Lengths of the error vectors, shape (poses ..., nx, ny, nz)."""
+        return cast(Floats, np.linalg.norm(self.field_um, axis=-1))
+
+    def at(self, points_mm: ArrayLike, *, threads: int | None = 1) -> Floats:
+        """Error vectors at points of the work (n, 3), shape (poses ..., n, 3), µm.
+
+        Raises
+        ------
+        InputError
+            If the field was sampled (rounding, tables, all axes): it is known at its nodes only.
+        """
+        if self._fields is None:
+            raise InputError("at: got a sampled field, wanted one without rounding and tables")
+        points = np.asarray(points_mm, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
+            raise InputError(f"points_mm: got shape {points.shape}, wanted finite (n, 3)")
+        if len(self._fields) == 1:
+            values = _core.field_at(self._fields[0], points, threads)
+            return values.reshape(*self.max_by_pose_um.shape, *values.shape)
+        parts = [_core.field_at(field, points, threads) for field in self._fields]
+        return np.stack(parts).reshape(*self.max_by_pose_um.shape, len(points), 3)
+
+    @property
+    def worst_pose_deg(self) -> dict[str, float]:
+        """Rotary positions with the largest error."""
+        index = np.unravel_index(
+            int(np.argmax(self.max_by_pose_um)), [len(v) for v in self.rotary_deg.values()]
+        )
+        pairs = zip(self.rotary_deg.items(), index, strict=True)
+        return {letter: float(nodes[i]) for (letter, nodes), i in pairs}
+
+    def _rows(self) -> list[tuple[str, str]]:
+        def span(nodes: Floats) -> str:
+            if len(nodes) == 1:
+                return f"{nodes[0]:g}"
+            return f"{nodes[0]:g} .. {nodes[-1]:g} ({len(nodes)})"
+
+        rows = [(f"{axis} mm", span(n)) for axis, n in zip("xyz", self._nodes(), strict=True)]
+        rows += [(f"{letter} deg", span(nodes)) for letter, nodes in self.rotary_deg.items()]
+        worst = ", ".join(f"{k} = {v:g}°" for k, v in self.worst_pose_deg.items())
+        rows += [
+            ("largest", f"{self.max_um:.4g} µm at {worst}"),
+            ("rms", f"{self.rms_um:.4g} µm"),
+            ("tool direction", f"{float(np.max(self.direction_by_pose_arcsec)):.4g} arcsec"),
+        ]
+        if self.ignored:
+            rows.append(("take no part", ", ".join(self.ignored)))
+        return rows
+
+    def _nodes(self) -> tuple[Floats, Floats, Floats]:
+        return self.x_mm, self.y_mm, self.z_mm
+
+    def summary(self) -> str:
+        """Return a table in plain text."""
+        rows = self._rows()
+        width = max(len(name) for name, _ in rows)
+        return "\n".join(
+            ["volumetric error", *(f"  {name:<{width}}  {value}" for name, value in rows)]
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON, without the field."""
+        return {
+            "max_um": self.max_um,
+            "rms_um": self.rms_um,
+            "max_by_pose_um": self.max_by_pose_um.tolist(),
+            "rms_by_pose_um": self.rms_by_pose_um.tolist(),
+            "direction_by_pose_arcsec": self.direction_by_pose_arcsec.tolist(),
+            "rotary_deg": {letter: nodes.tolist() for letter, nodes in self.rotary_deg.items()},
+            "x_mm": self.x_mm.tolist(),
+            "y_mm": self.y_mm.tolist(),
+            "z_mm": self.z_mm.tolist(),
+            "ignored": list(self.ignored),
+        }
+
+    def _repr_html_(self) -> str:
+        body = "".join(
+            f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+            for name, value in self._rows()
+        )
+        return f"<table><caption>volumetric error</caption>{body}</table>"
+
+
+def volumetric_error(
+    setup: Setup,
+    errors: Any = None,
+    effects: Any = None,
+    x_mm: ArrayLike = (-150, 150),
+    y_mm: ArrayLike = (-120, 120),
+    z_mm: ArrayLike = (0, 150),
+    a_deg: ArrayLike = 0,
+    c_deg: ArrayLike = 0,
+    *,
+    b_deg: ArrayLike | None = None,
+    placement: Mapping[str, float] | None = None,
+    compensation: Compensation | None = None,
+    rounded: bool = False,
+    points: tuple[int, int, int] = (31, 25, 16),
+    approach: Sequence[float] = (0.0, 0.0, 0.0),
+    senses: Mapping[str, float] | None = None,
+) -> VolumetricError:
+    """Volumetric error over a box of the work, at one pose or over a grid of poses.
+
+    Parameters
+    ----------
+    setup
+        Machine (and the resolution, where commands are rounded).
+    errors
+        Location errors of the machine as it is, µm and arcsec, totals, or a result that has them;
+        those of the set-up where not given.
+    effects
+        Effects as id → parameter → value. Those of probe, artefact and time do not enter.
+    x_mm, y_mm, z_mm
+        Each (low, high), or more than two nodes; workpiece's frame: the box turns with the table.
+    a_deg, b_deg, c_deg
+        Positions of the rotary axes, control's sign: numbers, or sequences that span a grid.
+    placement
+        Placement of the work on the table, unknown to the control unless compensated.
+    compensation
+        What the control does about it; None: the control believes in the nominal machine.
+    rounded
+        Round commands to the resolution of the set-up.
+    points
+        Nodes along x, y, z of each axis given as (low, high).
+    approach, senses
+        Direction of travel of the linear axes (machine frame) and sense of the last turn by letter:
+        reversal errors depend on them. Zero: none acts, the middle of the lost motion.
+
+    Notes
+    -----
+    At one pose the error is affine in the point (no effect of the catalogue depends on X, Y, Z
+    beyond scale and squareness), so maximum and mean square are found without visiting the points.
+    Tables, rounding, all-axes compensation and users' own effects are sampled, pose by pose.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(artefact=tn.Artefact("cross"))
+    >>> round(volumetric_error(setup, {"EX0C": 15.0, "EZ0A": 20.0}).max_um, 6)
+    25.0
+    """
+    task = _Task.of(
+        setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
+        placement, compensation, rounded, points, approach, senses,
+    )  # fmt: skip
+    shape = task.shape
+    common = {
+        "rotary_deg": task.rotary,
+        "x_mm": task.nodes[0],
+        "y_mm": task.nodes[1],
+        "z_mm": task.nodes[2],
+        "ignored": task.state.ignored,
+    }
+    if task.is_affine:
+        fields, directions = task.affine_fields()
+        grid = [axis.tolist() for axis in task.nodes]
+        largest, squares = _core.field_statistics(fields, grid)
+        sampled = None
+    else:
+        largest, squares, directions = (np.empty(len(task.poses)) for _ in range(3))
+        count = int(np.prod([len(axis) for axis in task.nodes]))
+        keep = len(task.poses) * count * 3 <= LARGEST_FIELD
+        sampled = np.empty((len(task.poses), count, 3)) if keep else None
+        fields = None
+        for i, (field, direction) in enumerate(task.sampled_fields()):
+            lengths = np.einsum("ij,ij->i", field, field)
+            largest[i], squares[i] = np.sqrt(lengths.max()), lengths.mean()
+            directions[i] = direction
+            if sampled is not None:
+                sampled[i] = field
+    return VolumetricError(
+        max_um=float(largest.max()),
+        rms_um=float(np.sqrt(squares.mean())),
+        max_by_pose_um=largest.reshape(shape),
+        rms_by_pose_um=np.sqrt(squares).reshape(shape),
+        direction_by_pose_arcsec=directions.reshape(shape),
+        _fields=fields,
+        _sampled=sampled,
+        **common,  # type: ignore[arg-type]
+    )
+
+
+def error_fields(
+    setup: Setup,
+    errors: Any = None,
+    effects: Any = None,
+    x_mm: ArrayLike = (-150, 150),
+    y_mm: ArrayLike = (-120, 120),
+    z_mm: ArrayLike = (0, 150),
+    a_deg: ArrayLike = 0,
+    c_deg: ArrayLike = 0,
+    *,
+    b_deg: ArrayLike | None = None,
+    placement: Mapping[str, float] | None = None,
+    compensation: Compensation | None = None,
+    rounded: bool = False,
+    points: tuple[int, int, int] = (31, 25, 16),
+    approach: Sequence[float] = (0.0, 0.0, 0.0),
+    senses: Mapping[str, float] | None = None,
+    threads: int | None = None,
+) -> Iterator[PoseField]:
+    """Fields pose by pose, for grids that do not fit in memory; arguments as `volumetric_error`."""
+    task = _Task.of(
+        setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
+        placement, compensation, rounded, points, approach, senses,
+    )  # fmt: skip
+    letters = chain_letters(setup)
+    signs = [setup.sense(letter) for letter in letters]
+    shape = (*(len(axis) for axis in task.nodes), 3)
+    if task.is_affine:
+        fields, directions = task.affine_fields()
+        grid = [axis.tolist() for axis in task.nodes]
+        each: Iterator[tuple[Floats, float]] = (
+            (_core.field_on_grid(field, grid, threads), float(direction))
+            for field, direction in zip(fields, directions, strict=True)
+        )
+    else:
+        each = task.sampled_fields()
+    for pose, (field, direction) in zip(task.poses, each, strict=True):
+        rotary = {k: float(q * s) for k, q, s in zip(letters, pose, signs, strict=True)}
+        yield PoseField(rotary, field.reshape(shape), direction)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What is to be computed, checked."""
+
+    setup: Setup
+    state: MachineErrors
+    truth: _core.MachineModel
+    nodes: tuple[Floats, Floats, Floats]
+    rotary: Mapping[str, Floats]
+    shape: tuple[int, ...]
+    poses: Floats
+    compensation: Compensation | None
+    rounded: bool
+
+    @classmethod
+    def of(
+        cls,
+        setup: Setup,
+        errors: Any,
+        effects: Any,
+        box: tuple[ArrayLike, ArrayLike, ArrayLike],
+        rotary: Mapping[str, ArrayLike | None],
+        placement: Mapping[str, float] | None,
+        compensation: Compensation | None,
+        rounded: bool,
+        points: tuple[int, int, int],
+        approach: Sequence[float],
+        senses: Mapping[str, float] | None,
+    ) -> _Task:
+        state = MachineErrors.of(setup, errors, effects, placement)
+        nodes = tuple(
+            axis_nodes(name, given, count)
+            for name, given, count in zip(("x_mm", "y_mm", "z_mm"), box, points, strict=True)
+        )
+        positions, shape = rotary_nodes(setup, rotary)
+        if compensation is not None and not isinstance(compensation, Compensation):
+            raise InputError(
+                f"compensation: got {type(compensation).__name__}, wanted a compensation or None"
+            )
+        return cls(
+            setup=setup,
+            state=state,
+            truth=state.core(setup, approach, senses),
+            nodes=cast(tuple[Floats, Floats, Floats], nodes),
+            rotary=positions,
+            shape=shape,
+            poses=pose_grid(setup, positions),
+            compensation=compensation,
+            rounded=rounded,
+        )
+
+    @property
+    def is_affine(self) -> bool:
+        known = getattr(self.compensation, "known", None)
+        own = self.state.own or (known is not None and known.own)
+        by_model = self.compensation is None or isinstance(self.compensation, Belief)
+        return by_model and not self.rounded and not own
+
+    def affine_fields(self) -> tuple[Floats, Floats]:
+        if isinstance(self.compensation, Belief):
+            believed, zeros = self.compensation.belief(self.setup)
+        else:
+            believed, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
+        return self.truth.fields(believed, zeros, self.poses)
+
+    def sampled_fields(self) -> Iterator[tuple[Floats, float]]:
+        grid = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 3)
+        nominal = NOMINAL.core(self.setup)
+        for pose in self.poses:
+            rotary = np.broadcast_to(pose, (len(grid), len(pose)))
+            commands = control_commands(
+                self.setup, self.compensation, grid, rotary, rounded=self.rounded
+            )
+            reached = self.truth.reached(commands, None)
+            wanted = nominal.reached(np.concatenate([np.zeros(3), pose])[None], None)[0, 3:]
+            sine = np.linalg.norm(np.cross(reached[:, 3:], wanted), axis=1)
+            angle = np.arctan2(sine, reached[:, 3:] @ wanted)
+            field = (reached[:, :3] - grid) * 1e3
+            if self.state.own:
+                moved = self.state.motion_mm(self.setup, commands[:, :3], commands[:, 3:])
+                field = field + 1e3 * self._on_work(moved, commands[:, 3:])
+            yield field, float(np.degrees(angle.max()) * 3600.0)
+
+    def _on_work(self, moved: Floats, rotary_deg: Floats) -> Floats:
+        """Displacements in the machine frame, in the frame of the nominal table."""
+        machine = _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, [])
+        poses = machine.table_pose(rotary_deg).reshape(-1, 3, 4)[:, :, :3]
+        return cast(Floats, np.einsum("nji,nj->ni", poses, moved))

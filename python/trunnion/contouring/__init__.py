@@ -1,0 +1,65 @@
+"""Five-axis contouring with cross-coupled control (paper 003: Byun and Jee 2010).
+
+- `Path`: where tool tip and tool axis should be;
+- `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`: what moves and what controls it;
+- `simulate`, `sweep`: one run, or thousands in one call, with true errors;
+- `margins`: gain and stability margins of the coupled loop;
+- `compare`, `order_of_controller`, `offsets`: the paper's comparisons.
+
+What is wrong in a servo model is found from a log by ``tn.diagnose(tn.read_axis_log(...), setup)``.
+
+Slips of the paper, and what is done here:
+
+- eq. (4) turns the tool axis about itself, which changes nothing; the axis of the turn is
+  O(k-d) × O(neighbour);
+- Table 1 mixes units (µm, degrees, counts); only products and ratios of its gains enter the loop.
+  C_I/K_p is 5.5 1/s for the linear axes and 4.9 1/s for the rotary ones;
+- the text passes the controllers' output through the inverse Jacobian, J⁻¹ (C ε). With the numbers
+  of Table 1 as printed that loop is worse, and diverges with the path 100 mm from the rotary axes;
+  with right units it is nearly the same as C (J⁻¹ ε), because the ratios C/K_p of all axes are: see
+  `Coupling.order` and `order_of_controller`;
+- the tool is "perpendicular to the path": taken as the normal of the surface z = 15 - x²/15 -
+  y²/1000 on which the path lies. The curve's own normal would tilt A to 133 deg;
+- the place of the path on the table is not published: see `offsets`;
+- eq. (8) is numbered (0); Fig. 7 is captioned "contour error models" and shows orientation errors.
+"""
+
+from trunnion.contouring.margins import Margins, margins
+from trunnion.contouring.paths import Path
+from trunnion.contouring.plots import (
+    plot_contour_error,
+    plot_contour_sweep,
+    plot_margins,
+    plot_model_error,
+    plot_orientation_error,
+    plot_path,
+)
+from trunnion.contouring.reproduction import Comparison, compare, offsets, order_of_controller
+from trunnion.contouring.servo import Controller, Coupling, LinearAxis, RotaryAxis, Servo
+from trunnion.contouring.simulation import ContourRun, ContourSweep, Feed, simulate, sweep
+
+__all__ = [
+    "Comparison",
+    "ContourRun",
+    "ContourSweep",
+    "Controller",
+    "Coupling",
+    "Feed",
+    "LinearAxis",
+    "Margins",
+    "Path",
+    "RotaryAxis",
+    "Servo",
+    "compare",
+    "margins",
+    "offsets",
+    "order_of_controller",
+    "plot_contour_error",
+    "plot_contour_sweep",
+    "plot_margins",
+    "plot_model_error",
+    "plot_orientation_error",
+    "plot_path",
+    "simulate",
+    "sweep",
+]

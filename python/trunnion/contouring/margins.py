@@ -1,0 +1,119 @@
+"""How far from instability the loops are."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion import _core
+from trunnion.contouring.paths import Path
+from trunnion.contouring.servo import Controller, Servo, coupling_of
+from trunnion.contouring.simulation import _errors, _period
+
+__all__ = ["Margins", "margins"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """Margins of the axes' loops and of the coupled five-axis loop.
+
+    Attributes
+    ----------
+    axes:
+        Letters of the axes.
+    gain:
+        Factor on the loop gain at which an axis's loop oscillates, shape (5,). With a coupling it
+        is the loop along the normal of the path, K_v (1 + C(z)) of matched axes; below 1 it is
+        unstable.
+    phase_deg, crossover_hz, delay_ms:
+        Further phase lag, highest frequency of unit gain, further delay at which it oscillates.
+    u:
+        Points of the path.
+    pole:
+        Largest pole of the coupled loop of all axes with the geometry frozen there, shape (n,);
+        stable below 1.
+    coupled_gain:
+        Factor on all loop gains at which that loop becomes unstable, shape (n,).
+    """
+
+    axes: str
+    gain: Array
+    phase_deg: Array
+    crossover_hz: Array
+    delay_ms: Array
+    u: Array
+    pole: Array
+    coupled_gain: Array
+
+    @property
+    def stable(self) -> bool:
+        """Whether every loop is stable."""
+        return bool((self.gain > 1).all() and (self.pole < 1).all())
+
+    def summary(self) -> str:
+        """Return a table as text."""
+        lines = ["axis   gain margin   phase margin deg   crossover Hz   delay margin ms"]
+        rows = zip(
+            self.axes, self.gain, self.phase_deg, self.crossover_hz, self.delay_ms, strict=True
+        )
+        for axis, g, p, f, d in rows:
+            lines.append(f"{axis:>4} {g:>13.3f} {p:>18.1f} {f:>14.1f} {d:>17.3f}")
+        if len(self.u):
+            lines.append(
+                f"coupled along the path: gain margin {self.coupled_gain.min():.3f} to "
+                f"{self.coupled_gain.max():.3f}, largest pole {self.pole.max():.5f}"
+            )
+        if not self.stable:
+            lines.append("unstable")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as numbers, strings and lists."""
+        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+
+def margins(
+    servo: Servo | None = None,
+    *,
+    controller: Controller = "proposed",
+    path: Path | None = None,
+    u: ArrayLike | None = None,
+    believed: Mapping[str, float] | None = None,
+) -> Margins:
+    """Gain and stability margins of the loops, by the exact sampled response with its delay.
+
+    Friction, backlash, cyclic error and resonance are left out (resonance lies outside the loop
+    when it is closed on the motor). ``path`` and ``u`` (by default 11 points of it) give the
+    coupled loop of all five axes along a path.
+    """
+    servo = servo or Servo.paper()
+    period_s = _period(servo) * 1e-3
+    coupling = coupling_of(controller)
+    gains = None if coupling is None else coupling.gains
+    table = _core.contour_axis_margins(servo.rows(), gains, period_s)
+    points = np.zeros(0)
+    along = np.zeros((0, 2))
+    if path is not None and gains is not None:
+        span = np.linspace(path.breaks[0], path.breaks[-1], 11)
+        points = span if u is None else np.atleast_1d(np.asarray(u, dtype=np.float64))
+        along = _core.contour_path_margins(
+            path.core, points, servo.rows(), gains, period_s, _errors(believed)
+        )
+    return Margins(
+        "XYZAC",
+        table[:, 0],
+        np.rad2deg(table[:, 1]),
+        table[:, 2],
+        table[:, 3] * 1e3,
+        points,
+        along[:, 0],
+        along[:, 1],
+    )

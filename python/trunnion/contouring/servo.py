@@ -1,0 +1,295 @@
+"""Servo axes and coupling controllers, and the ``[servo]`` table of the set-up file.
+
+::
+
+    [servo]
+    period_ms = 1.0            # control period; a log without it is taken as sampled at the period
+    feedback = "motor"         # "motor" | "load": which position the loops are closed on
+
+    [servo.X]                  # one table an axis: X, Y, Z (linear), A, B, C (rotary)
+    gain_per_s = 81.28         # loop gain K_v, wanted
+    time_constant_ms = 5.76    # of the drive, wanted
+    coulomb_um = 0.0           # and any other field of LinearAxis; of RotaryAxis for A, B, C
+
+The gain is that of the whole loop (open-loop gain times axial controller gain): an axis at constant
+speed v lies v/K_v behind.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from math import inf
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion.errors import InputError, UnknownNameError
+
+__all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo"]
+
+Array: TypeAlias = NDArray[np.float64]
+Feedback: TypeAlias = Literal["motor", "load"]
+LINEAR = ("X", "Y", "Z")
+ROTARY = ("A", "B", "C")
+
+
+@dataclass(frozen=True)
+class LinearAxis:
+    """A servo of first order with gain, and what real axes add; zero switches a part off.
+
+    Attributes
+    ----------
+    gain_per_s, time_constant_ms:
+        Loop gain K_v and time constant of the drive.
+    coulomb_um, breakaway_um, stribeck_mm_min:
+        Friction at speed and at rest, as the position error it takes to overcome it, and the speed
+        over which one goes into the other.
+    backlash_um:
+        Width of the play; the load lies half of it behind.
+    cyclic_um, pitch_mm, phase_deg:
+        Error of screw or gear: cyclic · sin(2π · motor position / pitch + phase) at the load.
+    delay_ms:
+        Delay of the velocity command; need not be a multiple of the period.
+    resonance_hz, damping:
+        Structure between motor and load.
+    limit_mm_min:
+        Largest velocity command.
+    """
+
+    gain_per_s: float
+    time_constant_ms: float
+    coulomb_um: float = 0.0
+    breakaway_um: float = 0.0
+    stribeck_mm_min: float = 0.0
+    backlash_um: float = 0.0
+    cyclic_um: float = 0.0
+    pitch_mm: float = 0.0
+    phase_deg: float = 0.0
+    delay_ms: float = 0.0
+    resonance_hz: float = 0.0
+    damping: float = 0.0
+    limit_mm_min: float = inf
+
+
+@dataclass(frozen=True)
+class RotaryAxis:
+    """As `LinearAxis`, in arcsec, deg and deg/min."""
+
+    gain_per_s: float
+    time_constant_ms: float
+    coulomb_arcsec: float = 0.0
+    breakaway_arcsec: float = 0.0
+    stribeck_deg_min: float = 0.0
+    backlash_arcsec: float = 0.0
+    cyclic_arcsec: float = 0.0
+    pitch_deg: float = 0.0
+    phase_deg: float = 0.0
+    delay_ms: float = 0.0
+    resonance_hz: float = 0.0
+    damping: float = 0.0
+    limit_deg_min: float = inf
+
+
+Axis: TypeAlias = LinearAxis | RotaryAxis
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The axes of a machine with their control period.
+
+    Attributes
+    ----------
+    axes:
+        `LinearAxis` for X, Y, Z, `RotaryAxis` for A, B, C.
+    period_ms:
+        Control period.
+    feedback:
+        "motor": the loops do not see backlash, cyclic error and resonance; "load": they do.
+    """
+
+    axes: Mapping[str, Axis] = field(default_factory=dict)
+    period_ms: float | None = 1.0
+    feedback: Feedback = "motor"
+
+    def __post_init__(self) -> None:
+        """Check letters and kinds."""
+        for letter, axis in self.axes.items():
+            if letter not in (*LINEAR, *ROTARY):
+                raise UnknownNameError(f"servo axis {letter!r}; wanted one of X, Y, Z, A, B, C")
+            kind = LinearAxis if letter in LINEAR else RotaryAxis
+            if not isinstance(axis, kind):
+                got = type(axis).__name__
+                raise InputError(f"servo axis {letter}: got {got}, wanted {kind.__name__}")
+        if self.feedback not in ("motor", "load"):
+            raise InputError(f"servo feedback: got {self.feedback!r}, wanted 'motor' or 'load'")
+
+    @classmethod
+    def paper(cls) -> "Servo":
+        """Table 1 of Byun and Jee 2010: K_v = open-loop gain times axial controller gain.
+
+        The table mixes units (µm, degrees, counts; 5000 µm to a degree); the products are in 1/s.
+        Its rotary open-loop gain 0.0051 has two digits: 0.00505 to 0.00515 would fit as well, and
+        with it 5.8 to 8.6 µm of contour error for independent axes at 3 m/min.
+        """
+        return cls(
+            {
+                "X": LinearAxis(25.40 * 3.2, 5.76),
+                "Y": LinearAxis(25.17 * 3.2, 5.77),
+                "Z": LinearAxis(25.37 * 3.2, 5.50),
+                "A": RotaryAxis(0.0051 * 16070.0, 5.85),
+                "C": RotaryAxis(0.0101 * 8101.0, 5.75),
+            }
+        )
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> "Servo":
+        """From the ``[servo]`` table of a set-up (``setup.servo``).
+
+        Raises
+        ------
+        InputError
+            A key or value that is not as the module says; the message names it.
+        """
+        axes: dict[str, Axis] = {}
+        period: float | None = None
+        feedback: Feedback = "motor"
+        for key, value in table.items():
+            if key == "period_ms":
+                period = _number("servo.period_ms", value)
+                if period <= 0:
+                    raise InputError(f"servo.period_ms: got {period}, wanted more than 0")
+            elif key == "feedback":
+                feedback = value
+            elif key.upper() in (*LINEAR, *ROTARY):
+                axes[key.upper()] = _axis(key.upper(), value)
+            else:
+                known = "period_ms, feedback, X, Y, Z, A, B, C"
+                raise UnknownNameError(f"servo.{key}: unknown key; wanted one of {known}")
+        return cls(axes, period, feedback)
+
+    def to_table(self) -> dict[str, Any]:
+        """Return the ``[servo]`` table; numbers at their default are left out."""
+        out: dict[str, Any] = {"feedback": self.feedback}
+        if self.period_ms is not None:
+            out["period_ms"] = self.period_ms
+        for letter, axis in self.axes.items():
+            default = {f.name: f.default for f in fields(axis)}
+            out[letter] = {k: v for k, v in asdict(axis).items() if v != default[k]}
+        return out
+
+    def row(self, letter: str) -> Array:
+        """Return the numbers of an axis in the order of its fields, shape (13,)."""
+        if letter not in self.axes:
+            known = ", ".join(self.axes) or "none"
+            raise InputError(f"servo axis {letter}: not there (there are: {known}); it is wanted")
+        return np.array([getattr(self.axes[letter], f.name) for f in fields(self.axes[letter])])
+
+    def rows(self) -> Array:
+        """Return the numbers of X, Y, Z, A, C, shape (5, 13)."""
+        return np.stack([self.row(letter) for letter in "XYZAC"])
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or np.isnan(value):
+        raise InputError(f"{name}: got {value!r}, wanted a number")
+    return float(value)
+
+
+def _axis(letter: str, table: Any) -> Axis:
+    kind = LinearAxis if letter in LINEAR else RotaryAxis
+    if not isinstance(table, Mapping):
+        wanted = "a table with gain_per_s and time_constant_ms"
+        raise InputError(f"servo.{letter}: got {table!r}, wanted {wanted}")
+    names = [f.name for f in fields(kind)]
+    for key in table:
+        if key not in names:
+            raise UnknownNameError(
+                f"servo.{letter}.{key}: unknown key; wanted one of {', '.join(names)}"
+            )
+    for key in names[:2]:
+        if key not in table:
+            raise InputError(f"servo.{letter}.{key}: missing; it is wanted")
+    values = {key: _number(f"servo.{letter}.{key}", value) for key, value in table.items()}
+    if values["gain_per_s"] <= 0 or values["time_constant_ms"] < 0:
+        raise InputError(
+            f"servo.{letter}: got gain {values['gain_per_s']} 1/s and time constant "
+            f"{values['time_constant_ms']} ms, wanted more than 0 and at least 0"
+        )
+    return kind(**values)
+
+
+# Table 1: ratios of the coupling gains to the axial controller gain.
+_AXIAL = np.array([3.2, 3.2, 3.2, 16070.0, 8101.0])
+_TABLE_1 = np.array(
+    [
+        [22.5, 17.6, 0.0008],
+        [22.5, 17.6, 0.0008],
+        [22.5, 17.6, 0.0008],
+        [112491.0, 78744.0, 4.0175],
+        [56709.0, 39696.0, 2.0253],
+    ]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Cross-coupled control of five axes.
+
+    Attributes
+    ----------
+    position:
+        Contour-error model: "circle" through the nearest three reference points (the paper's), or
+        "tangent" line at the present one.
+    orientation:
+        "proposed" (the paper's) or "tangent", a reconstruction of earlier work (Lo 2002 was not
+        available) that carries the rotary positions back along the tangent.
+    gains:
+        C_P/K_p (a number), C_I/K_p (1/s), C_D/K_p (s) of X, Y, Z, A, C, shape (5, 3); by default
+        those of Table 1, where C_I/K_p is 5.5 for the linear and 4.9 for the rotary axes.
+    order:
+        "controller_last": C(z) acts on J⁻¹ ε. "jacobian_last": J⁻¹ acts on C(z) ε, each output in
+        the unit of the axis it goes to. "as_printed": likewise with the numbers of Table 1, as the
+        paper's text can be read: outputs for the rotary axes are in their drives' units (5000 µm to
+        a degree) and enter the linear axes five times too large.
+    """
+
+    position: Literal["circle", "tangent"] = "circle"
+    orientation: Literal["proposed", "tangent"] = "proposed"
+    gains: Array = field(default_factory=lambda: _TABLE_1 / _AXIAL[:, None])
+    order: Literal["controller_last", "jacobian_last", "as_printed"] = "controller_last"
+
+    def __post_init__(self) -> None:
+        """Check the gains."""
+        gains = np.array(self.gains, dtype=np.float64)
+        if gains.shape != (5, 3) or not np.isfinite(gains).all():
+            raise InputError(f"coupling gains: got {gains.shape}, wanted (5, 3) finite numbers")
+        gains.setflags(write=False)
+        object.__setattr__(self, "gains", gains)
+
+    def scaled(self, factor: ArrayLike) -> "Coupling":
+        """Return the same controllers with all gains times a factor."""
+        gains = self.gains * np.asarray(factor, dtype=np.float64)
+        return Coupling(self.position, self.orientation, gains, self.order)
+
+    @property
+    def core(self) -> tuple[str, str, Array, str]:
+        """Arguments of the core."""
+        return self.position, self.orientation, self.gains, self.order
+
+
+Controller: TypeAlias = Literal["independent", "existing", "proposed"] | Coupling
+
+
+def coupling_of(controller: Controller) -> Coupling | None:
+    """Return the coupling that a controller's name stands for; None: independent axes."""
+    if isinstance(controller, Coupling):
+        return controller
+    known = {
+        "independent": None,
+        "existing": Coupling(orientation="tangent"),
+        "proposed": Coupling(),
+    }
+    if controller not in known:
+        wanted = ", ".join(known)
+        raise UnknownNameError(f"controller {controller!r}; wanted one of {wanted} or a Coupling")
+    return known[controller]

@@ -1,0 +1,393 @@
+"""Simulation of the contouring loop: one run, or thousands in one call."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from html import escape
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion import _core
+from trunnion.contouring.paths import Path
+from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
+from trunnion.data.axis_log import AxisLog
+from trunnion.errors import InputError
+from trunnion.names import canonical_error_name
+
+__all__ = ["ContourRun", "ContourSweep", "Feed", "simulate", "sweep"]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Feed:
+    """How fast a path is travelled.
+
+    Attributes
+    ----------
+    feed_mm_min:
+        Feed of the tool tip in the part's frame.
+    acceleration_time_s:
+        Time from rest to the feed; the acceleration is constant. 0: starts at full feed.
+    decelerate:
+        Slow down to rest at the end with the same acceleration. Without it, as in the paper, the
+        samples end at full feed just before the end of the path.
+    normal_acceleration_mm_s2:
+        Largest v² times curvature; finite: the feed is reduced in curves and zero in corners.
+    dwell_s:
+        Rest at the end (with ``decelerate``), for the axes to settle.
+    """
+
+    feed_mm_min: float
+    acceleration_time_s: float = 0.15
+    decelerate: bool = False
+    normal_acceleration_mm_s2: float = inf
+    dwell_s: float = 0.0
+
+    @property
+    def core(self) -> tuple[float, float, bool, float, float]:
+        """Arguments of the core."""
+        return (
+            float(self.feed_mm_min),
+            float(self.acceleration_time_s),
+            bool(self.decelerate),
+            float(self.normal_acceleration_mm_s2),
+            float(self.dwell_s),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ContourRun:
+    """One simulated run: one row a control period, n in all.
+
+    Attributes
+    ----------
+    controller:
+        What controlled it.
+    period_ms:
+        Control period.
+    diverged:
+        The axes left the reference by more than 1000 mm or rad; rows end there.
+    u:
+        Path parameter of the reference samples.
+    point_mm, tip_mm:
+        Reference and actual tool tip in the part's frame, shape (n, 3).
+    reference, actual:
+        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5).
+    foot_u:
+        Path parameter of the true foot point of the tool tip: solved, not sampled.
+    contour_vector_um, contour_um:
+        From the tool tip to the foot point, shape (n, 3), and its length.
+    orientation_arcsec:
+        Angle between the tool axis and that of the path at the foot point.
+    following_um:
+        Distance from the tool tip to the reference sample.
+    circle_um, tangent_um:
+        How far the foot points of the two contour-error models are from the true one.
+    proposed_arcsec, tangent_arcsec:
+        How far the tool axes of the two orientation-error models are from the true one. The models
+        are evaluated along this run, whatever controlled it; 0 at the first two samples.
+    """
+
+    controller: str
+    period_ms: float
+    diverged: bool
+    u: Array
+    point_mm: Array
+    tip_mm: Array
+    reference: Array
+    actual: Array
+    foot_u: Array
+    contour_vector_um: Array
+    contour_um: Array
+    orientation_arcsec: Array
+    following_um: Array
+    circle_um: Array
+    tangent_um: Array
+    proposed_arcsec: Array
+    tangent_arcsec: Array
+
+    def __len__(self) -> int:
+        """Count of control periods."""
+        return len(self.u)
+
+    @property
+    def time_s(self) -> Array:
+        """Time of each row."""
+        return np.arange(len(self), dtype=np.float64) * (self.period_ms * 1e-3)
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Largest and root-mean-square errors, by name; inf where the loop diverged."""
+        largest = inf if self.diverged else 0.0
+
+        def top(values: Array) -> float:
+            return max(float(values.max(initial=0.0)), largest)
+
+        def rms(values: Array) -> float:
+            return max(float(np.sqrt(np.mean(values**2))) if len(values) else 0.0, largest)
+
+        return {
+            "contour_max_um": top(self.contour_um),
+            "contour_rms_um": rms(self.contour_um),
+            "orientation_max_arcsec": top(self.orientation_arcsec),
+            "orientation_rms_arcsec": rms(self.orientation_arcsec),
+            "following_max_um": top(self.following_um),
+            "circle_max_um": top(self.circle_um),
+            "tangent_max_um": top(self.tangent_um),
+            "proposed_max_arcsec": top(self.proposed_arcsec),
+            "tangent_max_arcsec": top(self.tangent_arcsec),
+        }
+
+    def axis_log(
+        self,
+        *,
+        noise_um: float = 0.0,
+        noise_arcsec: float = 0.0,
+        log_delay_ms: float = 0.0,
+        seed: int = 0,
+        run: str | int | None = None,
+    ) -> AxisLog:
+        """Return what a control would log: commanded and actual axis positions.
+
+        Noise is normal, 1 σ. ``log_delay_ms``: the actual positions are those of so much earlier
+        (cubic interpolation between samples).
+        """
+        rng = np.random.default_rng(seed)
+        actual: Array = self.actual
+        if log_delay_ms != 0.0:
+            actual = _earlier(self.time_s, actual, log_delay_ms * 1e-3)
+        sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600.0] * 2)
+        actual = actual + sigma * rng.standard_normal(actual.shape)
+        columns: dict[str, Any] = {"time_s": self.time_s}
+        for i, (axis, unit) in enumerate(zip("xyzac", ("mm",) * 3 + ("deg",) * 2, strict=True)):
+            columns[f"{axis}_cmd_{unit}"] = self.reference[:, i]
+            columns[f"{axis}_act_{unit}"] = actual[:, i]
+        if run is not None:
+            columns["run"] = [run] * len(self)
+        return AxisLog(**columns)
+
+    def summary(self) -> str:
+        """Return the figures as text."""
+        lines = [
+            f"{self.controller}: {len(self)} control periods of {self.period_ms:g} ms"
+            + (", diverged" if self.diverged else "")
+        ]
+        f = self.figures
+        lines += [
+            f"  contour error      max {f['contour_max_um']:9.3f} µm   "
+            f"rms {f['contour_rms_um']:9.3f} µm",
+            f"  orientation error  max {f['orientation_max_arcsec']:9.3f} arcsec   "
+            f"rms {f['orientation_rms_arcsec']:9.3f} arcsec",
+            f"  following error    max {f['following_max_um']:9.1f} µm",
+            f"  contour model      circle {f['circle_max_um']:.3g} µm, "
+            f"tangent {f['tangent_max_um']:.3g} µm from the truth",
+            f"  orientation model  proposed {f['proposed_max_arcsec']:.3g} arcsec, "
+            f"tangent {f['tangent_max_arcsec']:.3g} arcsec from the truth",
+        ]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as numbers, strings and lists."""
+        out: dict[str, Any] = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            out[f.name] = value.tolist() if isinstance(value, np.ndarray) else value
+        return out
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+    def __repr__(self) -> str:
+        f = self.figures
+        return (
+            f"ContourRun({self.controller}, n={len(self)}, contour "
+            f"{f['contour_max_um']:.3g} µm, orientation {f['orientation_max_arcsec']:.3g} arcsec)"
+        )
+
+
+def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
+    """Values so much earlier; before the first sample the axes rest."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(time_s, values, axis=0)
+    return np.asarray(spline(np.clip(time_s - delay_s, time_s[0], time_s[-1])))
+
+
+def _errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
+    return [(canonical_error_name(k), float(v)) for k, v in (errors or {}).items()]
+
+
+def _feed(feed: "Feed | float") -> Feed:
+    return feed if isinstance(feed, Feed) else Feed(float(feed))
+
+
+def _period(servo: Servo) -> float:
+    period = 1.0 if servo.period_ms is None else servo.period_ms
+    if not (isfinite(period) and period > 0):
+        raise InputError(f"control period: got {period} ms, wanted a finite number above 0")
+    return period
+
+
+def _name(controller: Controller) -> str:
+    if isinstance(controller, Coupling):
+        c = controller
+        words = {"jacobian_last": ", J⁻¹ last", "as_printed": ", as printed"}
+        order = words.get(c.order, "")
+        return f"coupled ({c.position}, {c.orientation}{order})"
+    return controller
+
+
+def simulate(
+    path: Path,
+    feed: Feed | float,
+    *,
+    controller: Controller = "proposed",
+    servo: Servo | None = None,
+    errors: Mapping[str, float] | None = None,
+    believed: Mapping[str, float] | None = None,
+) -> ContourRun:
+    """Simulate one run of the five-axis loop along a path.
+
+    Parameters
+    ----------
+    path:
+        In the part's frame.
+    feed:
+        A `Feed`, or a feed in mm/min with the paper's 0.15 s of acceleration and no deceleration.
+    controller:
+        "independent", "proposed" (circle and the paper's orientation model), "existing" (circle and
+        the reconstructed tangent-line orientation model), or a `Coupling`.
+    servo:
+        Axes; by default those of the paper's Table 1.
+    errors:
+        Location errors of the machine as it is (ISO names, µm and arcsec). They enter the true
+        errors of the tool on the part.
+    believed:
+        Location errors that the control knows: its reference axis positions and its error models
+        use the machine with them. Identified ones take out what ``errors`` do.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        A parameter out of range or unknown.
+    """
+    servo = servo or Servo.paper()
+    coupling = coupling_of(controller)
+    period = _period(servo)
+    columns = _core.contour_simulate(
+        path.core,
+        _feed(feed).core,
+        period * 1e-3,
+        servo.rows(),
+        servo.feedback,
+        None if coupling is None else coupling.core,
+        _errors(believed),
+        _errors(errors),
+    )
+    rest: dict[str, Any] = dict(columns)
+    return ContourRun(controller=_name(controller), period_ms=period, **rest)
+
+
+@dataclass(frozen=True, eq=False)
+class ContourSweep:
+    """Figures of many runs: one entry a combination, shape (paths, feeds, controllers).
+
+    Attributes
+    ----------
+    feeds_mm_min, controllers:
+        Axes of the arrays; paths are in the order given.
+    steps, diverged:
+        Control periods, and whether the loop diverged (its errors are inf).
+    contour_max_um, contour_rms_um, orientation_max_arcsec, orientation_rms_arcsec:
+        True errors.
+    following_max_um:
+        Following error of the tool tip.
+    circle_max_um, tangent_max_um, proposed_max_arcsec, tangent_max_arcsec:
+        Errors of the models along the run.
+    """
+
+    feeds_mm_min: Array
+    controllers: tuple[str, ...]
+    steps: NDArray[np.int64]
+    diverged: NDArray[np.bool_]
+    contour_max_um: Array
+    contour_rms_um: Array
+    orientation_max_arcsec: Array
+    orientation_rms_arcsec: Array
+    following_max_um: Array
+    circle_max_um: Array
+    tangent_max_um: Array
+    proposed_max_arcsec: Array
+    tangent_max_arcsec: Array
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as numbers, strings and lists."""
+        out = {}
+        for name, value in vars(self).items():
+            out[name] = value.tolist() if isinstance(value, np.ndarray) else list(value)
+        return out
+
+    def summary(self) -> str:
+        """Return one line a path, feed and controller."""
+        lines = [
+            f"{'path':>4} {'feed mm/min':>12} {'controller':<24} {'contour µm':>12} "
+            f"{'orientation arcsec':>20}"
+        ]
+        for i, j, k in np.ndindex(self.steps.shape):
+            lines.append(
+                f"{i:>4} {self.feeds_mm_min[j]:>12g} {self.controllers[k]:<24} "
+                f"{self.contour_max_um[i, j, k]:>12.4g} "
+                f"{self.orientation_max_arcsec[i, j, k]:>20.4g}"
+            )
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+
+def sweep(
+    paths: Sequence[Path],
+    feeds_mm_min: Sequence[float] | Array,
+    *,
+    controllers: Sequence[Controller] = ("independent", "existing", "proposed"),
+    servo: Servo | None = None,
+    feed: Feed | None = None,
+    errors: Mapping[str, float] | None = None,
+    believed: Mapping[str, float] | None = None,
+) -> ContourSweep:
+    """Simulate every combination of path, feed and controller, on all cores.
+
+    ``feed`` gives what is the same for all feeds (acceleration, deceleration, limit); other
+    parameters as in `simulate`. The interpreter lock is released.
+    """
+    servo = servo or Servo.paper()
+    common = feed or Feed(1.0)
+    shape = (len(paths), len(feeds_mm_min), len(controllers))
+    index = list(np.ndindex(*shape))
+    couplings = [coupling_of(c) for c in controllers]
+    feeds = [replace(common, feed_mm_min=float(f)).core for f in feeds_mm_min]
+    names, values = _core.contour_sweep(
+        [p.core for p in paths],
+        [i for i, _, _ in index],
+        [feeds[j] for _, j, _ in index],
+        _period(servo) * 1e-3,
+        np.tile(servo.rows(), (len(index), 1)),
+        servo.feedback,
+        [None if c is None else c.core for c in couplings],
+        [k for _, _, k in index],
+        _errors(believed),
+        _errors(errors),
+    )
+    columns: dict[str, Any] = {
+        name: values[:, i].reshape(shape).copy() for i, name in enumerate(names)
+    }
+    columns["steps"] = columns["steps"].astype(np.int64)
+    columns["diverged"] = columns["diverged"].astype(bool)
+    return ContourSweep(
+        feeds_mm_min=np.asarray(feeds_mm_min, dtype=np.float64),
+        controllers=tuple(_name(c) for c in controllers),
+        **columns,
+    )

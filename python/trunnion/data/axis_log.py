@@ -1,0 +1,91 @@
+"""Commanded and actual axis positions over time: ``axislog.csv``.
+
+The servo model (gain and time constant of each axis) is in the set-up file.
+"""
+
+from os import PathLike
+
+import numpy as np
+
+from trunnion.data.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+
+__all__ = ["AxisLog", "read_axis_log"]
+
+UNIT_OF_AXIS = {"x": "mm", "y": "mm", "z": "mm", "a": "deg", "b": "deg", "c": "deg"}
+
+
+class AxisLog(Table):
+    """Samples of the position loop, in order of time within each run.
+
+    Every axis that is there has its commanded and its actual position.
+    """
+
+    choice = "x_cmd_mm, x_act_mm or those of another axis"
+
+    time_s = Number("time of the sample, rising within a run")
+    x_cmd_mm = OptionalNumber("commanded X")
+    x_act_mm = OptionalNumber("actual X")
+    y_cmd_mm = OptionalNumber("commanded Y")
+    y_act_mm = OptionalNumber("actual Y")
+    z_cmd_mm = OptionalNumber("commanded Z")
+    z_act_mm = OptionalNumber("actual Z")
+    a_cmd_deg = OptionalNumber("commanded A")
+    a_act_deg = OptionalNumber("actual A")
+    b_cmd_deg = OptionalNumber("commanded B")
+    b_act_deg = OptionalNumber("actual B")
+    c_cmd_deg = OptionalNumber("commanded C")
+    c_act_deg = OptionalNumber("actual C")
+    run = OptionalLabel("which run of the program; rows of one run follow each other")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Letters of the axes that the log has, in the order x y z a b c."""
+        return tuple(axis for axis in UNIT_OF_AXIS if _name(axis, "cmd") in self.columns)
+
+    def commanded(self, axis: str) -> Float:
+        """Return the commanded positions of an axis, mm or deg."""
+        return self.columns[_name(axis, "cmd")]
+
+    def actual(self, axis: str) -> Float:
+        """Return the actual positions of an axis, mm or deg."""
+        return self.columns[_name(axis, "act")]
+
+    def _check(self) -> None:
+        for axis in UNIT_OF_AXIS:
+            self.all_or_none(_name(axis, "cmd"), _name(axis, "act"))
+        if not self.axes:
+            raise ColumnError(
+                "time_s",
+                None,
+                f"no axis among the columns {', '.join(self.columns)}",
+                "x_cmd_mm and x_act_mm, or the pair of another axis",
+            )
+        same_run = np.ones(max(len(self) - 1, 0), dtype=bool)
+        if self.run is not None:
+            same_run = self.run[1:] == self.run[:-1]
+        back = same_run & (np.diff(self.time_s) <= 0.0)
+        if back.any():
+            row = int(np.argmax(back)) + 1
+            raise ColumnError(
+                "time_s",
+                row,
+                f"{self.time_s[row]:.9g} after {self.time_s[row - 1]:.9g}",
+                "a later time in each row of a run",
+            )
+
+
+def _name(axis: str, what: str) -> str:
+    return f"{axis}_{what}_{UNIT_OF_AXIS[axis]}"
+
+
+def read_axis_log(path: str | PathLike[str]) -> AxisLog:
+    """Read ``axislog.csv``: columns as in `AxisLog`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, AxisLog)

@@ -1,0 +1,38 @@
+"""Diameters of a turned part: ``diameters.csv``. The overhang is in the set-up file."""
+
+from os import PathLike
+
+from trunnion.data.columns import Number, OptionalInteger, OptionalLabel, OptionalNumber
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+
+__all__ = ["Diameters", "read_diameters"]
+
+
+class Diameters(Table):
+    """Errors of a turned diameter along the part.
+
+    The label of the pass is the attribute `pass_`, as ``pass`` is a word of Python; the column is
+    ``pass``, in a file and in a mapping.
+    """
+
+    z_mm = Number("position along the part, from the chuck face outward")
+    error_um = Number("measured minus nominal diameter")
+    pass_ = OptionalLabel("which pass of the tool")
+    time_s = OptionalNumber("cutting time within the pass")
+    feed_sign = OptionalInteger("direction of feed, -1 towards the chuck", among=(-1, 1))
+    depth_mm = OptionalNumber("depth of cut", minimum=0.0)
+    diameter_mm = OptionalNumber("nominal diameter", positive=True)
+    spindle_rpm = OptionalNumber("speed of the spindle", minimum=0.0)
+    coolant = OptionalLabel("class of cooling, such as on and off")
+
+
+def read_diameters(path: str | PathLike[str]) -> Diameters:
+    """Read ``diameters.csv``: columns as in `Diameters`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, Diameters)

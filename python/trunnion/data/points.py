@@ -1,0 +1,51 @@
+"""Points that linear axes made or approached, measured outside the machine: ``points.csv``."""
+
+from os import PathLike
+
+from trunnion.data.columns import Float, Number, OptionalLabel, OptionalNumber, stack
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+
+__all__ = ["Points", "read_points"]
+
+
+class Points(Table):
+    """Nominal and measured coordinates, mm, in the plane (X, Y) or in space (X, Y, Z)."""
+
+    nominal_x_mm = Number("programmed X")
+    nominal_y_mm = Number("programmed Y")
+    nominal_z_mm = OptionalNumber("programmed Z")
+    x_mm = Number("measured X")
+    y_mm = Number("measured Y")
+    z_mm = OptionalNumber("measured Z")
+    time_s = OptionalNumber("time since the start, of making or approaching the point")
+    group = OptionalLabel("set-up of the part on the instrument, one rigid placement each")
+
+    @property
+    def dimension(self) -> int:
+        """2 for points in the plane, 3 in space."""
+        return 2 if self.z_mm is None else 3
+
+    @property
+    def nominal_mm(self) -> Float:
+        """Programmed coordinates, (n, 2) or (n, 3)."""
+        return stack(self.nominal_x_mm, self.nominal_y_mm, self.nominal_z_mm)
+
+    @property
+    def measured_mm(self) -> Float:
+        """Measured coordinates, (n, 2) or (n, 3)."""
+        return stack(self.x_mm, self.y_mm, self.z_mm)
+
+    def _check(self) -> None:
+        self.all_or_none("nominal_z_mm", "z_mm")
+
+
+def read_points(path: str | PathLike[str]) -> Points:
+    """Read ``points.csv``: columns as in `Points`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, Points)

@@ -1,0 +1,36 @@
+"""Targets on a turning axis, measured by an instrument at rest: ``sweep.csv``."""
+
+from os import PathLike
+
+from trunnion.data.columns import Float, Label, Number, OptionalNumber, stack
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+
+__all__ = ["Sweep", "read_sweep"]
+
+
+class Sweep(Table):
+    """Position of each target at each angle of the axis that carries them all."""
+
+    angle_deg = Number("commanded position of the axis")
+    target = Label("which target, fixed to the axis")
+    x_mm = Number("measured X, instrument frame")
+    y_mm = Number("measured Y, instrument frame")
+    z_mm = Number("measured Z, instrument frame")
+    time_s = OptionalNumber("time since the start")
+
+    @property
+    def position_mm(self) -> Float:
+        """Measured positions, instrument frame, (n, 3)."""
+        return stack(self.x_mm, self.y_mm, self.z_mm)
+
+
+def read_sweep(path: str | PathLike[str]) -> Sweep:
+    """Read ``sweep.csv``: columns as in `Sweep`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, Sweep)

@@ -1,0 +1,133 @@
+"""Touches of a probe: ``touches.csv``; the plan of a measurement has the same columns."""
+
+from collections.abc import Mapping
+from os import PathLike
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.data.columns import (
+    ColumnError,
+    Float,
+    Int,
+    Number,
+    OptionalInteger,
+    OptionalLabel,
+    OptionalNumber,
+    stack,
+)
+from trunnion.data.csv_file import read_table
+from trunnion.data.table import Table
+
+__all__ = ["Touches", "read_touches"]
+
+ROTARY_AXES = ("a", "b", "c")
+UNIT_TOLERANCE = 1e-6
+
+
+class Touches(Table):
+    """Touches in the order of measurement, one row a touch.
+
+    In a plan the position is where the ball centre is expected to be at the trigger, and
+    `start_mm` where the approach begins.
+
+    Examples
+    --------
+    >>> touches = Touches(a_deg=[0.0], c_deg=[90.0], x_mm=[1.0], y_mm=[2.0], z_mm=[26.0],
+    ...                   dir_x=[0.0], dir_y=[0.0], dir_z=[-1.0], point=[1])
+    >>> len(touches), touches.position_mm.shape, touches.feed_mm_min
+    (1, (1, 3), None)
+    """
+
+    choice = "at least one of a_deg, b_deg, c_deg"
+
+    a_deg = OptionalNumber("commanded position of the A axis, deg")
+    b_deg = OptionalNumber("commanded position of the B axis, deg")
+    c_deg = OptionalNumber("commanded position of the C axis, deg")
+    x_mm = Number("recorded X of the ball centre at the trigger, machine frame")
+    y_mm = Number("recorded Y of the ball centre at the trigger, machine frame")
+    z_mm = Number("recorded Z of the ball centre at the trigger, machine frame")
+    dir_x = Number("X component of the unit approach direction, machine frame")
+    dir_y = Number("Y component of the unit approach direction, machine frame")
+    dir_z = Number("Z component of the unit approach direction, machine frame")
+    cycle = OptionalLabel("which cycle of the plan the touch belongs to")
+    point = OptionalInteger("label of the touched point, 1 to 20 in the paper's plan")
+    feed_mm_min = OptionalNumber("feed of the approach", positive=True)
+    time_s = OptionalNumber("time since the start of the measurement")
+    a_dir = OptionalInteger("sense of A's last turn before the touch, 0 = none", among=(-1, 0, 1))
+    b_dir = OptionalInteger("sense of B's last turn before the touch, 0 = none", among=(-1, 0, 1))
+    c_dir = OptionalInteger("sense of C's last turn before the touch, 0 = none", among=(-1, 0, 1))
+    start_x_mm = OptionalNumber("X of the ball centre at the start of the approach")
+    start_y_mm = OptionalNumber("Y of the ball centre at the start of the approach")
+    start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach")
+
+    @property
+    def position_mm(self) -> Float:
+        """Ball centre at the trigger as recorded, machine frame, (n, 3)."""
+        return stack(self.x_mm, self.y_mm, self.z_mm)
+
+    @property
+    def direction(self) -> Float:
+        """Unit approach direction, machine frame, (n, 3)."""
+        return stack(self.dir_x, self.dir_y, self.dir_z)
+
+    @property
+    def start_mm(self) -> Float | None:
+        """Ball centre at the start of the approach, machine frame, (n, 3); None if not planned."""
+        x, y, z = self.start_x_mm, self.start_y_mm, self.start_z_mm
+        return None if x is None or y is None or z is None else stack(x, y, z)
+
+    @property
+    def rotary_deg(self) -> Mapping[str, Float]:
+        """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
+        return self._by_axis("deg")
+
+    @property
+    def rotary_dir(self) -> Mapping[str, Int]:
+        """Senses of the last turns that the data have, by the axis's letter: a, b, c."""
+        return self._by_axis("dir")
+
+    def _by_axis(self, what: str) -> Mapping[str, NDArray[Any]]:
+        names = {axis: f"{axis}_{what}" for axis in ROTARY_AXES}
+        return MappingProxyType(
+            {axis: self.columns[name] for axis, name in names.items() if name in self.columns}
+        )
+
+    def _check(self) -> None:
+        if not self.rotary_deg:
+            raise ColumnError(
+                "a_deg",
+                None,
+                f"no position of a rotary axis among {', '.join(self.columns)}",
+                "at least one of a_deg, b_deg, c_deg",
+            )
+        for axis in self.rotary_dir:
+            if axis not in self.rotary_deg:
+                raise ColumnError(
+                    f"{axis}_dir", None, f"no column {axis}_deg", "the axis's position too"
+                )
+        self.all_or_none("start_x_mm", "start_y_mm", "start_z_mm")
+        length = np.sqrt(np.sum(self.direction**2, axis=1))
+        bad = ~(np.abs(length - 1.0) <= UNIT_TOLERANCE)
+        if bad.any():
+            row = int(np.argmax(bad))
+            x, y, z = self.direction[row].tolist()
+            raise ColumnError(
+                "dir_x",
+                row,
+                f"the approach direction ({x!r}, {y!r}, {z!r}) of length {length[row]:.9g}",
+                f"a unit vector (to {UNIT_TOLERANCE:g})",
+            )
+
+
+def read_touches(path: str | PathLike[str]) -> Touches:
+    """Read ``touches.csv`` (measured touches, or a plan): columns as in `Touches`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, Touches)

@@ -1,0 +1,111 @@
+"""Readings that belong to no model: a chip under the probe, a false trigger.
+
+Heavy tails are no outliers. A reading is one only if it is too far out for the tail that the other
+readings show: their noise is taken as Student's t, its degrees of freedom weighed by the
+likelihood of the other readings, and the count of readings that far out is compared with what
+such noise gives.
+"""
+
+import numpy as np
+from scipy import special, stats
+
+from trunnion.diagnosis.protocol import Array, IntArray
+
+__all__ = ["OUTLIER_LEVEL", "far_out", "outlier_penalty", "robust_residuals"]
+
+OUTLIER_LEVEL = 0.01
+GAP_LEVEL = 0.02
+ALONE = 0.1  # readings as far out as this one that the others' noise may make, of all n
+MOST_SHARE = 0.2  # more than a fifth of the readings are no outliers
+
+# Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails as heavy as ν = 2.5.
+_NU = 1.0 / np.linspace(1e-3, 0.4, 12)
+_MAD = stats.t.ppf(0.75, _NU)  # median absolute deviation of each, per unit scale
+_NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
+
+
+def robust_residuals(design: Array, values: Array) -> Array:
+    """Residuals, per leverage, of a fit that a few readings cannot bend, shape (n,).
+
+    Least absolute deviations by reweighting, then Tukey's bisquare (c = 4.685) from there with the
+    scale held at the median absolute deviation.
+    """
+    n, p = design.shape
+    q = np.linalg.qr(design)[0]
+
+    def fit(weights: Array) -> Array:
+        root = np.sqrt(weights)
+        solution = np.linalg.lstsq(q * root[:, None], values * root, rcond=None)[0]
+        return np.asarray(values - q @ solution)
+
+    r = fit(np.ones(n))
+    for _ in range(25):
+        scale = np.median(np.abs(r)) / 0.6745
+        if scale <= 0:
+            break
+        r_new = fit(1.0 / np.maximum(np.abs(r), 0.05 * scale))
+        done = np.max(np.abs(r_new - r)) < 0.02 * scale
+        r = r_new
+        if done:
+            break
+    # p of the n absolute residuals vanish in this fit
+    scale = np.median(np.sort(np.abs(r))[p:]) / 0.6745
+    for _ in range(10):
+        if scale <= 0:
+            return r
+        u = r / (4.685 * scale)
+        r_new = fit(np.where(np.abs(u) < 1, (1 - u * u) ** 2, 1e-9))
+        done = np.max(np.abs(r_new - r)) < 0.02 * scale
+        r = r_new
+        if done:
+            break
+    return r
+
+
+def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray:
+    """Find readings that are too far out for the noise of the others (indices).
+
+    ``r``: residuals of a robust fit, shape (n,); ``leverage``: diagonal of the hat matrix of the
+    fit, by which residuals of ordinary readings are shrunk.
+    """
+    n = len(r)
+    dof = n - float(leverage.sum())
+    size = np.abs(r) / np.sqrt(np.maximum(1.0 - leverage, 0.05))
+    order = np.argsort(-size)
+    most = min(int(MOST_SHARE * n), n - 5)
+    tried = max(most, 1)
+    for k in range(most, 0, -1):
+        x = size[order[k - 1]]
+        # The tail itself leaves gaps: those of a tail of index 3 are exponential on a log scale
+        # (Rényi), and readings of one kind end without one.
+        if (size[order[k]] / x) ** (3.0 * k) > GAP_LEVEL:
+            continue
+        rest = size[order[k:]]
+        mad = np.median(rest)
+        if mad <= 0 or x < 3.5 * mad / 0.6745:
+            continue
+        scale = mad / _MAD
+        t = rest[:, None] / scale
+        bulk = (
+            len(rest) * (_NORM - np.log(scale))
+            - ((_NU + 1) / 2 * np.log1p(t * t / _NU)).sum(axis=0)
+        ) * (dof / n)
+        # For the group: without outliers k readings of the same noise lie beyond the rest, which
+        # speaks for heavy tails. For each alone: the noise that the rest shows.
+        beyond = k * np.log(np.maximum(2 * stats.t.sf(rest[0] / scale, _NU), 1e-300)) * (dof / n)
+        tail = 2 * stats.t.sf(x / scale, _NU)
+        chance = _weights(bulk + beyond) @ stats.binom.sf(k - 1, n, tail)
+        if chance < level / tried:
+            alone = 2 * stats.t.sf(size[order[:k], None] / scale, _NU) @ _weights(bulk)
+            return np.sort(order[:k][n * alone < ALONE])
+    return np.zeros(0, dtype=np.intp)
+
+
+def _weights(log_likelihood: Array) -> Array:
+    w = np.exp(log_likelihood - log_likelihood.max())
+    return np.asarray(w / w.sum())
+
+
+def outlier_penalty(n: int, level: float = OUTLIER_LEVEL) -> float:
+    """Penalty of taking one of n readings out, on the scale of the penalties of causes."""
+    return float(special.chdtri(1, level / n))

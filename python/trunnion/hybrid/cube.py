@@ -1,0 +1,288 @@
+"""Section 3 of the paper: what an error does to a cube of commanded tool points.
+
+The corners of a cube are commanded with the nominal inverse, the machine with the error goes there,
+and the moved corners are compared: a rigid part, which a ball-bar cannot see because its ball's
+centre is unknown, and the changes of the edges, which it can.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion.errors import InputError
+from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
+from trunnion.tables import Table, number
+
+__all__ = [
+    "CubeChange",
+    "CubeStudy",
+    "cube_study",
+    "transformed_cube",
+]
+
+Floats = NDArray[np.float64]
+
+CORNERS: Floats = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+#: Pairs of corners that an edge joins: those that differ in one coordinate.
+EDGES = tuple(
+    (i, j)
+    for i, j in itertools.combinations(range(8), 2)
+    if np.count_nonzero(CORNERS[i] != CORNERS[j]) == 1
+)
+
+
+@dataclass(frozen=True, eq=False)
+class CubeChange:
+    """A cube before and after one error.
+
+    Attributes
+    ----------
+    error, amount
+        Name with unit, and size in that unit.
+    nominal_mm, moved_mm
+        Corners, machine frame, (8, 3).
+    centre_um
+        Displacement of the cube's centre, (3,).
+    translation_um, rotation_arcsec
+        Rigid part: the motion (about the centre) that fits the corners' displacements best.
+    remainder_um
+        What the rigid part leaves at each corner, (8, 3).
+    edges_um
+        Change of length of each edge, (12,), in the order of `EDGES`.
+    circles_um
+        Ball-bar view: change of distance from the centre along circles of half the cube's side in
+        the planes XY, YZ, ZX through the centre, less the best circle centre, (3, 360).
+    """
+
+    error: str
+    amount: float
+    nominal_mm: Floats
+    moved_mm: Floats
+    centre_um: Floats
+    translation_um: Floats
+    rotation_arcsec: Floats
+    remainder_um: Floats
+    edges_um: Floats
+    circles_um: Floats
+
+    @property
+    def shift_um(self) -> float:
+        """How far the centre moves."""
+        return float(np.linalg.norm(self.centre_um))
+
+    @property
+    def largest_edge_um(self) -> float:
+        """Largest change of an edge."""
+        return float(np.abs(self.edges_um).max())
+
+    @property
+    def ratio(self) -> float:
+        """Largest change of an edge over the shift of the centre."""
+        return self.largest_edge_um / self.shift_um if self.shift_um > 0 else np.inf
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        return {
+            "error": self.error,
+            "amount": self.amount,
+            "centre_um": self.centre_um.tolist(),
+            "translation_um": self.translation_um.tolist(),
+            "rotation_arcsec": self.rotation_arcsec.tolist(),
+            "remainder_um": self.remainder_um.tolist(),
+            "edges_um": self.edges_um.tolist(),
+            "circles_um": self.circles_um.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CubeStudy:
+    """The transformed cube for several errors.
+
+    Attributes
+    ----------
+    side_mm, centre_mm, direction
+        The cube, and the tool's direction at every corner.
+    changes
+        One an error.
+    """
+
+    side_mm: float
+    centre_mm: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    changes: tuple[CubeChange, ...]
+
+    def __getitem__(self, error: str) -> CubeChange:
+        """Return the change under one error, by any spelling of its name."""
+        name = error_name(error)
+        for change in self.changes:
+            if change.error == name:
+                return change
+        raise InputError(f"error {error!r}: wanted one of {[c.error for c in self.changes]}")
+
+    def below(self, ratio: float = 0.2) -> int:
+        """Count the errors whose edges change by less than this fraction of the rigid motion."""
+        return sum(change.ratio < ratio for change in self.changes)
+
+    def table(self) -> Table:
+        """One row an error."""
+        rows = [
+            (
+                c.error,
+                number(c.amount, 0),
+                number(c.shift_um, 3),
+                number(c.largest_edge_um, 3),
+                number(c.ratio, 3),
+                number(float(np.linalg.norm(c.rotation_arcsec)), 3),
+                number(float(np.abs(c.circles_um).max()), 3),
+            )
+            for c in self.changes
+        ]
+        place = ", ".join(f"{v:g}" for v in self.centre_mm)
+        return Table.of(
+            f"Cube of {self.side_mm:g} mm at ({place}) mm, tool along "
+            f"({', '.join(f'{v:.3g}' for v in self.direction)})",
+            ("error", "amount", "centre µm", "edge µm", "edge/centre", "turn arcsec", "circle µm"),
+            rows,
+        )
+
+    def summary(self) -> str:
+        """Table, and what it says of the paper's conclusion."""
+        return (
+            f"{self.table().text(120)}\n"
+            f"{self.below()} of {len(self.changes)} errors change no edge by one fifth of the "
+            "rigid motion."
+        )
+
+    def _repr_html_(self) -> str:
+        return self.table().html()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        return {
+            "side_mm": self.side_mm,
+            "centre_mm": list(self.centre_mm),
+            "direction": list(self.direction),
+            "changes": [change.to_dict() for change in self.changes],
+        }
+
+
+def _point(what: str, value: ArrayLike) -> tuple[float, float, float]:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (3,) or not np.isfinite(array).all():
+        raise InputError(f"{what}: got {value!r}, wanted three finite numbers")
+    return (float(array[0]), float(array[1]), float(array[2]))
+
+
+def _circles(radius_mm: float) -> tuple[Floats, Floats]:
+    """Points of the three circles about the origin and their radial directions, (3, 360, 3)."""
+    angle = np.radians(np.arange(360.0))
+    units = np.zeros((3, 360, 3))
+    for k, (i, j) in enumerate(((0, 1), (1, 2), (2, 0))):
+        units[k, :, i], units[k, :, j] = np.cos(angle), np.sin(angle)
+    return units * radius_mm, units
+
+
+def cube_study(
+    mechanism: Mechanism,
+    errors: Sequence[str] | Mapping[str, float] = PAPER_ERRORS,
+    *,
+    side_mm: float = 200.0,
+    centre_mm: ArrayLike = (0.0, -350.0, -1400.0),
+    direction: ArrayLike = (0.0, 0.0, -1.0),
+    amount: float = 10.0,
+    wrist: int = 1,
+) -> CubeStudy:
+    """Move a cube by each error in turn, exactly (no linearisation).
+
+    Parameters
+    ----------
+    mechanism
+        The machine; errors that it already has act on both cubes.
+    errors
+        Names, each then of size `amount` (µm or arcsec), or names with sizes.
+    side_mm, centre_mm, direction
+        The cube, and the direction from spindle to tool point, kept at every corner.
+    wrist
+        Branch of the wrist, +1 or -1.
+
+    Raises
+    ------
+    KinematicsError
+        A corner out of reach.
+    """
+    centre, way = _point("centre_mm", centre_mm), _point("direction", direction)
+    if not (np.isfinite(side_mm) and side_mm > 0):
+        raise InputError(f"side_mm: got {side_mm!r}, wanted more than 0")
+    sizes = (
+        {error_name(n): float(v) for n, v in errors.items()}
+        if isinstance(errors, Mapping)
+        else {error_name(n): amount for n in errors}
+    )
+    points, units = _circles(side_mm / 2)
+    arms = np.vstack([CORNERS * side_mm / 2, np.zeros((1, 3)), points.reshape(-1, 3)])
+    commands = mechanism.nominal.inverse(arms + centre, way, wrist=wrist)
+    before = mechanism.forward(commands).tip_mm
+    changes = []
+    for name, value in sizes.items():
+        total = dict(mechanism.errors)
+        total[name] = total.get(name, 0.0) + value
+        after = mechanism.with_errors(total).forward(commands).tip_mm
+        shift = (after - before) * 1e3
+        changes.append(_change(name, value, arms, before, after, shift, units))
+    return CubeStudy(side_mm, centre, way, tuple(changes))
+
+
+def transformed_cube(
+    mechanism: Mechanism, error: str, amount: float = 10.0, **cube: Any
+) -> CubeChange:
+    """Move one cube by one error; keywords as in :func:`cube_study`."""
+    return cube_study(mechanism, {error: amount}, **cube).changes[0]
+
+
+def _change(
+    name: str,
+    value: float,
+    arms: Floats,
+    before: Floats,
+    after: Floats,
+    shift_um: Floats,
+    units: Floats,
+) -> CubeChange:
+    corners = shift_um[:8]
+    # Displacement = t + ω × arm, in µm, mm and mrad: linear least squares over the corners.
+    design = np.zeros((8, 3, 6))
+    design[:, :, :3] = np.eye(3)
+    for k in range(3):
+        design[:, :, 3 + k] = np.cross(np.eye(3)[k], arms[:8])
+    rigid, *_ = np.linalg.lstsq(design.reshape(24, 6), corners.reshape(24), rcond=None)
+    remainder = corners - design @ rigid
+    edges = [
+        np.linalg.norm(after[i] - after[j]) - np.linalg.norm(before[i] - before[j])
+        for i, j in EDGES
+    ]
+    circles = np.zeros((3, 360))
+    for k in range(3):
+        moved = (after[9 + 360 * k : 9 + 360 * (k + 1)] - after[8]) * 1e3
+        start = (before[9 + 360 * k : 9 + 360 * (k + 1)] - before[8]) * 1e3
+        growth = np.linalg.norm(moved, axis=1) - np.linalg.norm(start, axis=1)
+        # The centre of the circle is unknown to a ball-bar.
+        centre, *_ = np.linalg.lstsq(units[k], growth, rcond=1e-9)
+        circles[k] = growth - units[k] @ centre
+    return CubeChange(
+        error=name,
+        amount=value,
+        nominal_mm=before[:8],
+        moved_mm=after[:8],
+        centre_um=shift_um[8],
+        translation_um=np.asarray(rigid[:3], dtype=np.float64),
+        rotation_arcsec=np.asarray(rigid[3:] * 1e-3 * (648000 / np.pi), dtype=np.float64),
+        remainder_um=remainder,
+        edges_um=np.array(edges) * 1e3,
+        circles_um=circles,
+    )

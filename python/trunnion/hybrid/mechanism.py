@@ -1,0 +1,669 @@
+"""The mechanism: forward and inverse solution, sensitivities, over-constraint.
+
+Set-up file, table ``[hybrid]``; every key has the default shown (a machine of the size of the
+paper's, which prints no dimensions)::
+
+    [hybrid]
+    e1_mm = 0.0              # offsets between the u and v axes of legs 1, 2, 3
+    e2_mm = 0.0
+    e3_mm = 0.0
+    e4_mm = 350.0            # base joint of leg 2 at (0, e4, 0)
+    e8_mm = 600.0            # base joints of legs 1 and 3 at (-e8, 0, 0) and (e8, 0, 0)
+    e9_mm = 200.0            # revolutes of legs 1 and 3 in the platform at x = -e9 and +e11
+    e10_mm = 130.0           # revolute of leg 2 in the platform at (0, e10, e12)
+    e11_mm = 200.0
+    e12_mm = 0.0
+    e13_mm = 200.0           # platform to q5 axis
+    e14_mm = 0.0             # q4 axis to q5 axis
+    e15_mm = 250.0           # q5 axis to tool point
+    home_mm = [0, -350, -1400]   # a tool point in the middle of the working space: fixes the branch
+    closure_mm = [1000, 1000, 1000, 1000]   # weights of the angle equations, see below
+    [hybrid.errors]          # known beforehand, µm and arcsec, by name: e5_um, base3_y_um, ...
+
+Errors: ``e1_um`` .. ``e15_um``, ``e16_arcsec``, ``e17_arcsec`` are the paper's 17; e5, e6, e7, e16,
+e17 are zero offsets of the active joints L1, L2, L3, q4, q5. Any other error is a component x, y, z
+(µm) or a, b, c (arcsec) of the displacement translate(x, y, z) R(a, b, c) at a place: ``base1`` ..
+``base3`` (joint on the base), ``cross1`` .. (between u and v axis), ``leg1`` .. (before the
+telescopic travel), ``end1`` .. (after it), ``platform1`` .. (revolute in the platform), ``wrist4``
+(before q4), ``wrist5`` (before q5), ``tool``; thus ``base3_y_um``, ``wrist5_b_arcsec``.
+
+Closure: the loops give ten equations for eight passive joints. The 17 satisfy all ten; other errors
+strain the loops, and then the joints are found by least squares in which an angle misfit of the
+revolutes counts as ``closure_mm`` times itself against the distance misfit in mm: against leg 1,
+about leg 1, against leg 3, about leg 3. The paper's eight are ``closure_mm = [1000, 0, 1000, 0]``.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion import _core
+from trunnion.errors import InputError, UnknownNameError
+from trunnion.setup import Setup
+from trunnion.tables import Table, number
+
+__all__ = [
+    "OUTSIDE_ERRORS",
+    "PAPER_ERRORS",
+    "ClosureDependence",
+    "Constraint",
+    "Forward",
+    "Mechanism",
+    "Sensitivity",
+]
+
+Floats = NDArray[np.float64]
+
+_PAPER, _OUTSIDE = _core.hybrid_parameters()
+#: Names of the paper's 17 errors, with units.
+PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
+#: Names of every component at every place, with units.
+OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)
+JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
+PASSIVE = ("u1", "v1", "u2", "v2", "phi", "w2", "u3", "v3")
+_FORWARD_COLUMNS = 26
+
+
+def _dimension_keys() -> dict[str, int]:
+    return {f"e{i + 1}_mm": i for i in range(15) if i not in (4, 5, 6)}
+
+
+def joints_array(joints: ArrayLike) -> Floats:
+    """Return joints as (n, 5); one pose may be given as (5,)."""
+    array = np.atleast_2d(np.asarray(joints, dtype=np.float64))
+    if array.ndim != 2 or array.shape[1] != 5:
+        raise InputError(
+            f"joints: got shape {np.shape(joints)}, wanted (n, 5): {', '.join(JOINTS)}"
+        )
+    return np.ascontiguousarray(array)
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """Forward solutions, n poses.
+
+    Attributes
+    ----------
+    joints
+        L1, L2, L3 (mm), q4, q5 (deg), (n, 5).
+    tip_mm
+        Tool point, machine frame, (n, 3).
+    direction
+        Unit vector from the spindle to the tool point, (n, 3).
+    passive_deg
+        Y = u1, v1, u2, v2, φ, w2, u3, v3, (n, 8).
+    gap_um
+        What is left open between platform and legs 1 and 3, machine frame, (n, 2, 3).
+    misfit_arcsec
+        Revolute axis of the platform against legs 1 and 3: against the leg's direction, and about
+        it, (n, 2, 2). All zero where the loops close.
+    pivot_ratio
+        Smallest over largest pivot of ∂G/∂Y, (n,); 0 at a singular posture.
+    steps
+        Newton steps taken, (n,).
+    """
+
+    joints: Floats
+    tip_mm: Floats
+    direction: Floats
+    passive_deg: Floats
+    gap_um: Floats
+    misfit_arcsec: Floats
+    pivot_ratio: Floats
+    steps: NDArray[np.int64]
+
+    @classmethod
+    def _of(cls, joints: Floats, rows: Floats) -> Forward:
+        loops = rows[:, 14:24].reshape(-1, 2, 5)
+        return cls(
+            joints=joints,
+            tip_mm=rows[:, 0:3],
+            direction=rows[:, 3:6],
+            passive_deg=rows[:, 6:14],
+            gap_um=loops[:, :, :3],
+            misfit_arcsec=loops[:, :, 3:],
+            pivot_ratio=rows[:, 24],
+            steps=rows[:, 25].astype(np.int64),
+        )
+
+    def __len__(self) -> int:
+        return len(self.tip_mm)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """How errors move the tool: n poses, k parameters; equations (1) and (2).
+
+    Every derivative is in the face's units: µm or arcsec per unit of the parameter (its name says
+    which, µm or arcsec).
+
+    Attributes
+    ----------
+    parameters
+        Their names.
+    forward
+        The solutions at which it holds.
+    tip
+        dr/dE, (n, 3, k).
+    turn
+        Turn of the tool about X, Y, Z of the machine, arcsec per unit, (n, 3, k).
+    serial_tip, serial_turn
+        (∂r/∂E)_Y: the same with the outer legs taken off the platform.
+    passive
+        dY/dE, arcsec per unit, (n, 8, k).
+    """
+
+    parameters: tuple[str, ...]
+    forward: Forward
+    tip: Floats
+    turn: Floats
+    serial_tip: Floats
+    serial_turn: Floats
+    passive: Floats
+
+    def table(self, pose: int = 0) -> Table:
+        """Columns of dr/dE and of the tool's turn at one pose."""
+        rows = [
+            (name, *(number(v) for v in (*self.tip[pose, :, k], *self.turn[pose, :, k])))
+            for k, name in enumerate(self.parameters)
+        ]
+        joints = ", ".join(
+            f"{name[: -len(unit) - 1]} = {value:g} {unit}"
+            for name, value in zip(JOINTS, self.forward.joints[pose], strict=True)
+            for unit in [name.rsplit("_", 1)[1]]
+        )
+        title = f"Tool point (µm) and turn (arcsec) per unit of each error at {joints}"
+        return Table.of(title, ("", "x", "y", "z", "about X", "about Y", "about Z"), rows)
+
+    def summary(self) -> str:
+        """Table of the first pose as text."""
+        return self.table().text()
+
+    def _repr_html_(self) -> str:
+        return self.table().html()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        return {
+            "parameters": list(self.parameters),
+            "joints": self.forward.joints.tolist(),
+            "tip_mm": self.forward.tip_mm.tolist(),
+            "tip": self.tip.tolist(),
+            "turn": self.turn.tolist(),
+            "serial_tip": self.serial_tip.tolist(),
+            "serial_turn": self.serial_turn.tolist(),
+            "passive": self.passive.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """Over-constraint of the loops at one pose.
+
+    Attributes
+    ----------
+    rank
+        Of the 12 × 13 Jacobian of the loop equations (two loops, position and orientation) by the
+        joints (Y, L1, L2, L3 and the two outer platform revolutes).
+    mobility
+        Degrees of freedom, 13 - rank.
+    singular_values
+        Orientation rows times 1000 mm; mm per mm or rad, (12,).
+    self_stress
+        States of stress without load, one a redundant equation: (states, 2 loops, 6), force and
+        moment (times mm, about the seat) of legs 1 and 3 on the platform, machine frame, unit size.
+    jacobian
+        (12, 13), mm per mm or rad.
+    """
+
+    rank: int
+    mobility: int
+    singular_values: Floats
+    self_stress: Floats
+    jacobian: Floats
+
+    @property
+    def redundant(self) -> int:
+        """Redundant equations: states of self-stress."""
+        return len(self.self_stress)
+
+    def summary(self) -> str:
+        """One sentence."""
+        return (
+            f"Loop Jacobian 12 × 13 of rank {self.rank}: {self.mobility} degrees of freedom, "
+            f"{self.redundant} redundant equations, thus {self.redundant} states of self-stress; "
+            f"smallest non-zero singular value {self.singular_values[self.rank - 1]:.3g} mm/rad."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        return {
+            "rank": self.rank,
+            "mobility": self.mobility,
+            "singular_values": self.singular_values.tolist(),
+            "self_stress": self.self_stress.tolist(),
+            "jacobian": self.jacobian.tolist(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ClosureDependence:
+    """What errors strain, and how far the answer depends on which equations are believed.
+
+    Attributes
+    ----------
+    errors
+        The errors looked at, name and amount.
+    closures
+        Names of the closures compared.
+    tip_um
+        Displacement of the tool point under each, (closures, 3).
+    misfit_arcsec, gap_um
+        What each leaves in the loops, (closures, 2, 2) and (closures, 2, 3).
+    spread_um
+        Largest distance between two of the answers.
+    """
+
+    errors: Mapping[str, float]
+    closures: tuple[str, ...]
+    tip_um: Floats
+    misfit_arcsec: Floats
+    gap_um: Floats
+    spread_um: float
+
+    @property
+    def depends(self) -> bool:
+        """Whether the loops are strained, beyond rounding, so that joint stiffness decides."""
+        return bool(np.abs(self.misfit_arcsec).max() > 1e-6 or np.abs(self.gap_um).max() > 1e-6)
+
+    def table(self) -> Table:
+        """One row a closure."""
+        rows = [
+            (
+                name,
+                *(number(v, 3) for v in self.tip_um[i]),
+                number(float(np.abs(self.misfit_arcsec[i]).max()), 3),
+                number(float(np.abs(self.gap_um[i]).max()), 3),
+            )
+            for i, name in enumerate(self.closures)
+        ]
+        amounts = ", ".join(f"{name} = {value:g}" for name, value in self.errors.items())
+        columns = ("closure", "dx µm", "dy µm", "dz µm", "misfit arcsec", "gap µm")
+        return Table.of(f"Displacement of the tool point under {amounts}", columns, rows)
+
+    def summary(self) -> str:
+        """Table and verdict."""
+        verdict = (
+            f"The loops are strained: answers differ by {self.spread_um:.3f} µm, and only the "
+            "stiffness of the joints decides between them."
+            if self.depends
+            else "All equations stay satisfied: the answer does not depend on the closure."
+        )
+        return f"{self.table().text()}\n{verdict}"
+
+    def _repr_html_(self) -> str:
+        return self.table().html() + f"<p>{html.escape(self.summary().splitlines()[-1])}</p>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        return {
+            "errors": dict(self.errors),
+            "closures": list(self.closures),
+            "tip_um": self.tip_um.tolist(),
+            "misfit_arcsec": self.misfit_arcsec.tolist(),
+            "gap_um": self.gap_um.tolist(),
+            "spread_um": self.spread_um,
+            "depends": self.depends,
+        }
+
+
+Weights: TypeAlias = tuple[float, float, float, float]
+LEAST_SQUARES: Weights = (1000.0, 1000.0, 1000.0, 1000.0)
+
+#: Closures that :meth:`Mechanism.closure_dependence` compares, by weights in mm.
+CLOSURES: Mapping[str, Weights] = MappingProxyType(
+    {
+        "least squares": LEAST_SQUARES,
+        "paper's eight: about legs 1, 3 dropped": (1000.0, 0.0, 1000.0, 0.0),
+        "about leg 1, against leg 3 dropped": (1000.0, 0.0, 0.0, 1000.0),
+        "against leg 1, about leg 3 dropped": (0.0, 1000.0, 1000.0, 0.0),
+        "against legs 1, 3 dropped": (0.0, 1000.0, 0.0, 1000.0),
+    }
+)
+
+
+def error_name(name: str) -> str:
+    """Return the full name with unit of an error: ``e5`` → ``e5_um``.
+
+    Raises
+    ------
+    UnknownNameError
+        A name that is none.
+    """
+    try:
+        return _core.hybrid_parameter(name)
+    except InputError as error:
+        raise UnknownNameError(str(error)) from None
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A hybrid machine: dimensions, errors, closure. Immutable; see the module for the meanings.
+
+    Attributes
+    ----------
+    dimensions
+        Nominal e1 to e15 (mm) by the keys of the set-up file, where they differ from the example.
+    errors
+        Added to the dimensions, µm and arcsec by name.
+    home_mm
+        A tool point in the middle of the working space, tool vertical.
+    closure_mm
+        Weights of the angle equations against the distance equations: against and about leg 1,
+        against and about leg 3.
+
+    Raises
+    ------
+    UnknownNameError
+        An unknown dimension or error.
+    InputError, KinematicsError
+        Values that are not finite, or a home point where the loops do not close.
+    """
+
+    dimensions: Mapping[str, float] = field(default_factory=dict)
+    errors: Mapping[str, float] = field(default_factory=dict)
+    home_mm: tuple[float, float, float] = (0.0, -350.0, -1400.0)
+    closure_mm: Weights = LEAST_SQUARES
+
+    def __post_init__(self) -> None:
+        """Check by building the core's object."""
+        keys = _dimension_keys()
+        for name in self.dimensions:
+            if name not in keys:
+                known = ", ".join(keys)
+                raise UnknownNameError(f"unknown dimension {name!r}; wanted one of: {known}")
+        named = {error_name(name): float(value) for name, value in self.errors.items()}
+        object.__setattr__(self, "errors", MappingProxyType(named))
+        object.__setattr__(self, "dimensions", MappingProxyType(dict(self.dimensions)))
+        object.__setattr__(self, "home_mm", tuple(map(float, self.home_mm)))
+        object.__setattr__(self, "closure_mm", tuple(map(float, self.closure_mm)))
+        _ = self._core
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            "dimensions": dict(self.dimensions),
+            "errors": dict(self.errors),
+            "home_mm": self.home_mm,
+            "closure_mm": self.closure_mm,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            frozen = MappingProxyType(value) if isinstance(value, dict) else value
+            object.__setattr__(self, name, frozen)
+
+    def __hash__(self) -> int:
+        return hash((*sorted(self.dimensions.items()), *sorted(self.errors.items()), self.home_mm))
+
+    @cached_property
+    def _core(self) -> _core.Hybrid:
+        values = _core.hybrid_example()
+        for name, index in _dimension_keys().items():
+            values[index] = float(self.dimensions.get(name, values[index]))
+        return _core.Hybrid(
+            values, list(self.home_mm), list(self.errors.items()), list(self.closure_mm)
+        )
+
+    @classmethod
+    def from_setup(cls, setup: Setup) -> Mechanism:
+        """Read the table ``[hybrid]`` of a set-up.
+
+        Raises
+        ------
+        UnknownNameError
+            A key that is none of those in the module's docstring.
+        InputError
+            A value of the wrong kind.
+        """
+        table = dict(setup.hybrid)
+        errors = table.pop("errors", {})
+        arguments: dict[str, Any] = {"errors": _numbers("[hybrid.errors]", errors)}
+        for key, count in (("home_mm", 3), ("closure_mm", 4)):
+            if key in table:
+                value = table.pop(key)
+                if not isinstance(value, Sequence) or len(value) != count:
+                    raise InputError(f"[hybrid] {key}: got {value!r}, wanted {count} numbers")
+                values = _numbers(f"[hybrid] {key}", dict(enumerate(value)))
+                arguments[key] = tuple(values.values())
+        keys = _dimension_keys()
+        for key in table:
+            if key not in keys:
+                known = ", ".join((*keys, "home_mm", "closure_mm", "errors"))
+                raise UnknownNameError(f"[hybrid] key {key!r}; wanted one of: {known}")
+        return cls(dimensions=_numbers("[hybrid]", table), **arguments)
+
+    def with_errors(self, errors: Mapping[str, float]) -> Mechanism:
+        """Return the same machine with these errors (µm, arcsec) instead of its own."""
+        return replace(self, errors=dict(errors))
+
+    @property
+    def nominal(self) -> Mechanism:
+        """The same machine without errors."""
+        return self.with_errors({})
+
+    @property
+    def home_legs_mm(self) -> tuple[float, float, float]:
+        """Nominal leg lengths at home."""
+        first, second, third = self._core.home_legs_mm
+        return (first, second, third)
+
+    def forward(self, joints: ArrayLike, *, threads: int | None = 1) -> Forward:
+        """Solve the loops: G(Y, E) = 0, then the way to the tool through leg 2.
+
+        Parameters
+        ----------
+        joints
+            L1, L2, L3 (mm), q4, q5 (deg), (n, 5) or (5,).
+        threads
+            How many; None: all cores.
+
+        Raises
+        ------
+        KinematicsError
+            Out of reach, on another branch, or singular; the message names the row.
+        InputError
+            Another shape, or values that are not finite.
+        """
+        array = joints_array(joints)
+        return Forward._of(array, self._core.forward(array, threads))
+
+    def sensitivity(
+        self,
+        joints: ArrayLike,
+        parameters: Sequence[str] = PAPER_ERRORS,
+        *,
+        threads: int | None = 1,
+    ) -> Sensitivity:
+        """Differentiate the closed loops by errors: dY/dE, serial part, dr/dE, turn of the tool.
+
+        Exact where the loops close. Where errors outside the 17 strain them by ρ, a term of
+        relative size ρ / leg length (1e-5 for 10 µm) is left out.
+
+        Parameters
+        ----------
+        joints
+            L1, L2, L3 (mm), q4, q5 (deg), (n, 5) or (5,).
+        parameters
+            Names of errors; the paper's 17 by default.
+        threads
+            How many; None: all cores.
+        """
+        array = joints_array(joints)
+        names = tuple(error_name(p) for p in parameters)
+        k = len(names)
+        rows = self._core.sensitivity(array, list(names), threads)
+        rates = rows[:, _FORWARD_COLUMNS:].reshape(len(array), 20, k)
+        return Sensitivity(
+            parameters=names,
+            forward=Forward._of(array, rows[:, :_FORWARD_COLUMNS]),
+            tip=rates[:, 0:3],
+            turn=rates[:, 3:6],
+            serial_tip=rates[:, 6:9],
+            serial_turn=rates[:, 9:12],
+            passive=rates[:, 12:20],
+        )
+
+    def inverse(
+        self,
+        tip_mm: ArrayLike,
+        direction: ArrayLike = (0.0, 0.0, -1.0),
+        *,
+        wrist: int = 1,
+        reference_deg: float = 0.0,
+        threads: int | None = 1,
+    ) -> Floats:
+        """Find the joints for tool points: closed form, or Newton where the machine has errors.
+
+        Parameters
+        ----------
+        tip_mm
+            Tool points, (n, 3) or (3,).
+        direction
+            Unit vectors from the spindle to the tool point, (n, 3) or one for all.
+        wrist
+            +1 for the branch with q5 ≥ 0, -1 for the other.
+        reference_deg
+            q4 where the tool lies on its axis (q5 = 0) and it is free.
+        threads
+            How many; None: all cores.
+
+        Returns
+        -------
+        ndarray, shape (n, 5)
+            L1, L2, L3 (mm), q4, q5 (deg).
+        """
+        if wrist not in (1, -1):
+            raise InputError(f"wrist branch: got {wrist!r}, wanted 1 or -1")
+        tips = np.atleast_2d(np.asarray(tip_mm, dtype=np.float64))
+        directions = np.broadcast_to(np.asarray(direction, dtype=np.float64), tips.shape)
+        offsets = any(self.dimensions.get(f"e{i}_mm", 0.0) for i in (1, 2, 3, 14))
+        exact = bool(self.errors) or offsets
+        rows = self._core.inverse(
+            tips, np.ascontiguousarray(directions), reference_deg, wrist < 0, exact, threads
+        )
+        return rows[:, :5]
+
+    def constraint(self, joints: ArrayLike) -> Constraint:
+        """Rank, mobility and self-stress of the loops at one pose, (5,)."""
+        (pose,) = joints_array(joints)
+        rank, values, stress, jacobian = self._core.constraint(list(pose))
+        return Constraint(
+            rank=rank,
+            mobility=13 - rank,
+            singular_values=np.asarray(values),
+            self_stress=stress.reshape(-1, 2, 6),
+            jacobian=jacobian,
+        )
+
+    def strain(
+        self, joints: ArrayLike, parameters: Sequence[str], *, threads: int | None = 1
+    ) -> Floats:
+        """First-order misfit that errors leave in the loops, per unit, (n, 2, 5, k).
+
+        For the loops of legs 1 and 3: gap x, y, z (µm), misfit against and about the leg (arcsec).
+        Zero for the 17.
+        """
+        array = joints_array(joints)
+        names = [error_name(p) for p in parameters]
+        rows = self._core.strain(array, names, threads)
+        return rows.reshape(len(array), 2, 5, len(names))
+
+    def closure_dependence(
+        self,
+        joints: ArrayLike,
+        errors: Mapping[str, float],
+        closures: Mapping[str, Weights] = CLOSURES,
+    ) -> ClosureDependence:
+        """Compare the answer under several closures at one pose.
+
+        Parameters
+        ----------
+        joints
+            (5,): L1, L2, L3 (mm), q4, q5 (deg).
+        errors
+            Added to the machine's own, µm and arcsec.
+        closures
+            Name and weights (mm) of each.
+        """
+        (pose,) = joints_array(joints)
+        named = {error_name(name): float(value) for name, value in errors.items()}
+        total = dict(self.errors)
+        for name, value in named.items():
+            total[name] = total.get(name, 0.0) + value
+        moved, left = [], []
+        for weights in closures.values():
+            plain = replace(self, closure_mm=weights)
+            before = plain.forward(pose)
+            after = plain.with_errors(total).forward(pose)
+            moved.append((after.tip_mm[0] - before.tip_mm[0]) * 1e3)
+            left.append(after)
+        tips = np.array(moved)
+        spread = max((float(np.linalg.norm(a - b)) for a in tips for b in tips), default=0.0)
+        return ClosureDependence(
+            errors=MappingProxyType(named),
+            closures=tuple(closures),
+            tip_um=tips,
+            misfit_arcsec=np.array([f.misfit_arcsec[0] for f in left]),
+            gap_um=np.array([f.gap_um[0] for f in left]),
+            spread_um=spread,
+        )
+
+    def ballbar(
+        self,
+        joints: ArrayLike,
+        centres_mm: ArrayLike,
+        parameters: Sequence[str] = PAPER_ERRORS,
+        *,
+        threads: int | None = 1,
+    ) -> tuple[Floats, Floats, Floats]:
+        """What a ball-bar reads between a ball at rest and the tool point.
+
+        Parameters
+        ----------
+        joints, centres_mm
+            (n, 5) and the ball's centre, (n, 3) or one for all.
+        parameters
+            Errors to differentiate by.
+
+        Returns
+        -------
+        length_mm : ndarray, shape (n,)
+        direction : ndarray, shape (n, 3)
+            Unit vector from the ball to the tool point; the gradient by the centre is its negative.
+        gradient : ndarray, shape (n, k)
+            µm per unit of each parameter.
+        """
+        array = joints_array(joints)
+        centres = np.broadcast_to(np.asarray(centres_mm, dtype=np.float64), (len(array), 3))
+        names = [error_name(p) for p in parameters]
+        rows = self._core.ballbar(array, np.ascontiguousarray(centres), names, threads)
+        return rows[:, 0], rows[:, 1:4], rows[:, 4:]
+
+
+def _numbers(what: str, table: object) -> dict[str, float]:
+    if not isinstance(table, Mapping):
+        raise InputError(f"{what}: got {table!r}, wanted a table of numbers")
+    numbers = {}
+    for key, value in table.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{what} {key}: got {value!r}, wanted a number")
+        numbers[str(key)] = float(value)
+    return numbers

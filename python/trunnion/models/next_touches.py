@@ -1,0 +1,236 @@
+"""What to touch next: the touches that best part what a diagnosis calls alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.data.touches import Touches
+from trunnion.diagnosis.fit import Flags, fit
+from trunnion.diagnosis.parting import Hypothesis, Parting
+from trunnion.diagnosis.protocol import Array, Effect, EffectValues, IntArray, Values
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.errors import InputError
+from trunnion.models.touches import TouchDiagnosisModel
+from trunnion.planning import plan
+
+__all__ = ["Prospect", "next_touches", "prospect"]
+
+MOST_SETS = 8
+MANY = (16, 32, 64, 128)
+PAUSE_S = 60.0
+SURE = 0.9
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """New touches and what they promise.
+
+    Attributes
+    ----------
+    plan:
+        The touches, in an order that turns the axes little; time runs on from the measurement.
+    sets:
+        How many sets of causes are to be parted.
+    chance:
+        That all sets of causes but one are ruled out; 1 if there is only one set to begin with.
+    enough:
+        How many such touches would do it with 90 %, or None if none of those tried would.
+    alike:
+        Pairs of sets that no reachable touch parts.
+    std_before, std_after:
+        Standard errors of the named causes' parameters ("id.parameter"), now and with the touches.
+    """
+
+    plan: Touches
+    sets: int
+    chance: float
+    enough: int | None
+    alike: tuple[tuple[frozenset[str], frozenset[str]], ...]
+    std_before: dict[str, float]
+    std_after: dict[str, float]
+
+    def summary(self) -> str:
+        """Say it in words."""
+        n = len(self.plan)
+        if self.sets < 2:
+            lines = [f"There is nothing to part; {n} touches sharpen what is named."]
+        else:
+            lines = [f"{n} touches part the {self.sets} sets of causes with {self.chance:.0%}."]
+        if self.chance < SURE:
+            if self.enough is not None:
+                lines.append(f"About {self.enough} would do it with {SURE:.0%}.")
+            else:
+                lines.append(f"Not even {MANY[-1]} would do it with {SURE:.0%}.")
+        for a, b in self.alike:
+            left, right = " + ".join(sorted(a)), " + ".join(sorted(b))
+            lines.append(f"No reachable touch parts {left} from {right}.")
+        lines += [
+            f"{name}: ± {now:.2g} becomes ± {self.std_after[name]:.2g}."
+            for name, now in self.std_before.items()
+            if np.isfinite(now)
+        ]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        """Return the summary."""
+        return self.summary()
+
+
+def next_touches(d: Diagnosis, n: int = 8) -> Touches:
+    """Plan the n touches that best part the alternatives of a diagnosis, or sharpen its cause.
+
+    Chosen from what the machine can reach: the artefact's faces at C and the tilting axis every
+    30 degrees and at combinations, from both senses of turning, at two feeds, after the
+    measurement. What they promise is in :func:`prospect`.
+
+    Raises
+    ------
+    InputError
+        The diagnosis is not one of touches, or n is no positive number.
+    """
+    return prospect(d, n).plan
+
+
+def prospect(d: Diagnosis, n: int = 8) -> Prospect:
+    """Plan as :func:`next_touches`, and say what the touches promise.
+
+    Raises
+    ------
+    InputError
+        The diagnosis is not one of touches, or n is no positive number.
+    """
+    model = d.source
+    if not isinstance(model, TouchDiagnosisModel):
+        raise InputError("diagnosis: got one of other data, wanted a diagnosis of touches")
+    if not isinstance(n, int) or isinstance(n, bool) or n < 1:
+        raise InputError(f"n: got {n!r}, wanted a whole number from 1")
+    pool = _pool(model)
+    old = model.data[d.kept]
+    both = TouchDiagnosisModel(_joined(old, pool), model.setup, model.own_effects)
+    is_old = np.arange(len(both.data)) < len(old)
+    sets = [_hypothesis(model, both, d, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
+    if not sets:
+        sets = [_hypothesis(model, both, d, {}, 0.0)]
+    nuisance = both.jacobian(d.nuisance_after, {})
+    if len(sets) > 1:
+        parting = Parting(nuisance, is_old, sets, d.sigma)
+        many = parting.choose(max(n, MANY[-1]))
+        chosen = many[:n]
+        chance = parting.chance(chosen)
+        enough = next((k for k in MANY if k > n and parting.chance(many[:k]) >= SURE), None)
+        pairs = parting.unparted(many)
+        alike = tuple((d.alternatives[i], d.alternatives[j]) for i, j in pairs)
+    else:
+        chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
+        chance, enough, alike = 1.0, None, ()
+    before, after = _std(d, nuisance, sets[0].columns, is_old, chosen)
+    return Prospect(
+        _ordered(both.data, chosen, old), len(sets), chance, enough, alike, before, after
+    )
+
+
+def _pool(model: TouchDiagnosisModel) -> Touches:
+    """Every touch that is reachable, timed as if it were done after the measurement."""
+    setup = model.setup
+    feeds = model.data.feed_mm_min
+    usual = float(np.median(feeds)) if feeds is not None else 600.0
+    tilting = next((x for x in model.data.rotary_deg if x != "c"), None)
+    tilts = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
+    pairs = [(t, c) for t in (-60.0, -30.0, 30.0, 60.0) for c in (45.0, 90.0, 180.0, 270.0)]
+    turn = {f"{tilting}_deg": tilts} if tilting else {}
+    made = plan(
+        setup,
+        c_deg=tuple(float(c) for c in range(0, 360, 30)),
+        feeds_mm_min=(usual, usual / 3),
+        both_senses=True,
+        positions_deg=pairs if tilting else (),
+        all_faces=True,
+        **turn,  # type: ignore[arg-type]
+    )
+    if model.data.time_s is None or made.time_s is None:
+        return made
+    end = float(np.max(model.data.time_s))
+    pace = (end - float(np.min(model.data.time_s))) / max(len(model.data) - 1, 1)
+    return made.with_columns(time_s=np.full(len(made), end + PAUSE_S + 4 * pace))
+
+
+def _joined(a: Touches, b: Touches) -> Touches:
+    """One after the other, with the columns that both have."""
+    names = [c for c in a.columns if c in b.columns and not c.startswith("start_")]
+    return Touches({c: np.concatenate([a.columns[c], b.columns[c]]) for c in names})
+
+
+def _hypothesis(
+    model: TouchDiagnosisModel,
+    both: TouchDiagnosisModel,
+    d: Diagnosis,
+    start: EffectValues,
+    distance: float,
+) -> Hypothesis:
+    """Fit a set to the measurement; give its columns on old and possible touches."""
+    effects = [e for e in model.effects if e.id in start]
+    at = {k: Values(v) for k, v in start.items()}
+    f = fit(model, d.kept, effects, d.nuisance_after, at, lambda a: a)
+    named: dict[str, Effect] = {e.id: e for e in both.effects}
+    parts = [both.effect_jacobian(f.nuisance, named[e.id], f.effects[e.id]) for e in effects]
+    columns = np.concatenate([np.zeros((len(both.data), 0)), *parts], axis=1)
+    return Hypothesis(both.predict(f.nuisance, f.effects), columns, distance)
+
+
+def _sharpest(nuisance: Array, columns: Array, old: Flags, n: int) -> IntArray:
+    """Choose the touches after which the parameters of interest are best known (D-optimal)."""
+    new = np.flatnonzero(~old)
+    d = np.concatenate([nuisance, columns], axis=1)
+    size = np.linalg.norm(d, axis=0)
+    d = d / np.where(size > 0, size, 1.0)
+    p = nuisance.shape[1] if columns.shape[1] else 0
+    c = np.linalg.inv(d[old].T @ d[old] + 1e-9 * np.eye(d.shape[1]))
+    chosen = []
+    for _ in range(n):
+        cd = d[new] @ c
+        spread = 1.0 + np.einsum("ij,ij->i", cd, d[new])
+        own = np.linalg.inv(c[p:, p:])
+        worth = np.einsum("ij,jk,ik->i", cd[:, p:], own, cd[:, p:]) / spread
+        best = int(np.argmax(worth))
+        chosen.append(int(new[best]))
+        c = c - np.outer(cd[best], cd[best]) / spread[best]
+    return np.array(chosen, dtype=np.intp)
+
+
+def _std(
+    d: Diagnosis, nuisance: Array, columns: Array, old: Flags, chosen: IntArray
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Standard errors of the named causes' parameters before and after."""
+    source = d.source
+    order = [] if source is None else [e for e in source.effects if e.id in d.effects]
+    names = [f"{e.id}.{q.name}" for e in order for q in e.parameters]
+    if len(names) != columns.shape[1]:
+        return {}, {}
+    full = np.concatenate([nuisance, columns], axis=1)
+    size = np.linalg.norm(full, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    out = []
+    for rows in (np.flatnonzero(old), np.concatenate([np.flatnonzero(old), chosen])):
+        x = full[rows] / size
+        w, v = np.linalg.eigh(x.T @ x)
+        seen = w > 1e-8
+        variance = np.einsum("ij,j,ij->i", v[:, seen], 1 / w[seen], v[:, seen])
+        lost = np.einsum("ij,ij->i", v[:, ~seen], v[:, ~seen]) > 1e-6
+        std = np.where(lost, np.inf, d.sigma * np.sqrt(variance)) / size
+        out.append(dict(zip(names, map(float, std[nuisance.shape[1] :]), strict=True)))
+    return out[0], out[1]
+
+
+def _ordered(touches: Touches, chosen: IntArray, old: Touches) -> Touches:
+    """Sort by position of the axes; let time run on."""
+    letters = list(touches.rotary_deg)
+    keys = [touches.rotary_deg[x][chosen] for x in letters]
+    rows = np.asarray(chosen)[np.lexsort(keys)]
+    out = touches[rows]
+    if old.time_s is None:
+        return out
+    end = float(np.max(np.asarray(old.time_s)))
+    pace = (end - float(np.min(np.asarray(old.time_s)))) / max(len(old) - 1, 1)
+    return out.with_columns(time_s=end + PAUSE_S + pace * np.arange(1, len(out) + 1))

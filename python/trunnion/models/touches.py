@@ -1,0 +1,381 @@
+"""Touches on the diagnosis engine.
+
+A reading is the recorded coordinate along the approach, in µm. Location errors belong to the
+machine and are kept on other touches; the placement of the artefact is fitted anew. Candidates are
+the whole catalogue of effects for which the touches have the columns, and a user's own. Readings
+and derivatives are the core's, exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion import _core
+from trunnion.data.touches import Touches
+from trunnion.diagnosis.protocol import (
+    Array,
+    BaseModel,
+    Covariate,
+    Effect,
+    EffectLike,
+    EffectScope,
+    EffectValues,
+    IntArray,
+    Nuisance,
+    Parameter,
+    Readings,
+    Values,
+)
+from trunnion.diagnosis.registry import register
+from trunnion.errors import DataError, InputError
+from trunnion.models.candidates import own_effects
+from trunnion.setup import Setup
+from trunnion.touch_model import EffectInfo, TouchModel, catalogue
+
+__all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
+
+MOST_MOMENTS = 48
+DURATIONS = 10
+FEW = 5
+FAR_OFF_UM = 5000.0
+UNITS = {"um": "µm", "um/h": "µm/h"}
+SCOPES: dict[str, EffectScope] = {"probe": "instrument", "artefact": "instrument"}
+
+
+@dataclass(frozen=True)
+class ExtendedTouchModel:
+    """What a diagnosis of touches says of the machine, ready for the other functions.
+
+    ``tn.identify(data, m.setup, effects=m.effects)``,
+    ``tn.simulate(plan, m.setup, m.errors, m.placement, m.effects)`` and
+    ``tn.volumetric_error(m.setup, m.errors, m.effects)`` take its parts.
+
+    Attributes
+    ----------
+    setup
+        The set-up of the measurement.
+    errors
+        Location errors, µm and arcsec.
+    placement
+        Placement of the artefact.
+    effects
+        Id (or the user's own effect) → parameter → value.
+    """
+
+    setup: Setup
+    errors: dict[str, float]
+    placement: dict[str, float]
+    effects: dict[Any, dict[str, float]]
+
+    def simulate(self, plan: Touches, **more: Any) -> Touches:
+        """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
+        from trunnion.simulation import simulate
+
+        return simulate(plan, self.setup, self.errors, self.placement, self.effects, **more)
+
+
+class TouchDiagnosisModel(BaseModel):
+    """Touches of an artefact, as the diagnosis engine wants them.
+
+    Parameters
+    ----------
+    data
+        Measured touches.
+    setup
+        Machine, artefact and probe.
+    effects
+        Further candidates: a user's own effects, or ids.
+    """
+
+    def __init__(
+        self, data: Touches, setup: Setup, effects: Sequence[EffectLike | str] = ()
+    ) -> None:
+        self.data = data
+        self.setup = setup
+        infos = [i for i in catalogue(setup) if all(_has(data, need) for need in i.needs)]
+        self._ids = [i.id for i in infos]
+        self._own = own_effects(effects, [i.id for i in catalogue(setup)])
+        self._full = TouchModel(setup, self._ids)
+        self._moves = self._full.moves(data)
+        self._plain = self._full.names.index("rc_arcsec") + 1
+        self._columns = {
+            i.id: [self._full.names.index(f"{i.id}.{p.name}") for p in i.parameters] for i in infos
+        }
+        self._durations = [n for n, kind in enumerate(self._full.kinds) if kind == "duration"]
+        self.nuisance = tuple(
+            Nuisance(name, UNITS.get(unit, unit), "machine" if n < error_count else "setup")
+            for error_count in [len(self._full.error_names)]
+            for n, (name, unit) in enumerate(
+                zip(self._full.names[: self._plain], self._full.units, strict=False)
+            )
+        )
+        along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
+        self.readings = Readings(
+            along,
+            np.arange(len(data)),
+            "µm",
+            _stated_noise(setup, len(data)),
+            setup.probe.tick_um,
+        )
+        self._start = self._full.values()[: self._plain]
+        self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
+        self._at: tuple[bytes, Array, Array] | None = None
+        self.effects = (*(self._effect(i) for i in infos), *self._own)
+        self._check_on_surface()
+
+    # --- the model
+
+    @property
+    def own_effects(self) -> tuple[Effect, ...]:
+        """The user's own effects among the candidates."""
+        return self._own
+
+    @property
+    def start(self) -> Array:
+        """Location errors known beforehand, artefact where it should be."""
+        return self._start.copy()
+
+    @property
+    def visible(self) -> float:
+        """Errors and placement of 1e-3 rad break exact dependencies in second order."""
+        return 0.02
+
+    def predict(self, nuisance: Array, effects: EffectValues) -> Array:
+        """Return readings, µm; built-in effects act together in the core, a user's own is added."""
+        ids, values = self._vector(nuisance, effects)
+        residuals = self._model(ids).core.residuals(self._moves, values)
+        out: Array = self.readings.values - residuals
+        for e in self._own:
+            if e.id in effects:
+                out = out + np.asarray(e.change(self.data, Values(effects[e.id])), dtype=np.float64)
+        return out
+
+    def jacobian(self, nuisance: Array, effects: EffectValues) -> Array:
+        """Exact derivative by location errors and placement."""
+        ids, values = self._vector(nuisance, effects)
+        _, jac = self._model(ids).core.linearise(self._moves, values)
+        return np.asarray(jac[:, : self._plain])
+
+    def effect_jacobian(
+        self, nuisance: Array, effect: Effect, values: Mapping[str, float]
+    ) -> Array:
+        """Exact derivative by an effect's parameters."""
+        if effect.id not in self._columns:
+            return effect.columns(self.data, values)
+        kinds = [self._full.kinds[c] for c in self._columns[effect.id]]
+        if "duration" in kinds:
+            ids, at = self._vector(nuisance, {effect.id: values})
+            _, jac = self._model(ids).core.linearise(self._moves, at)
+            return np.asarray(jac[:, self._plain :])
+        columns = self._all_columns(nuisance)[:, self._columns[effect.id]]
+        if "moment" in kinds:
+            # after the moment as if it had always been so, before it nothing
+            moment = next(p.name for p in effect.parameters if not p.linear)
+            after = np.asarray(self.data.time_s) >= values[moment]
+            columns = columns * after[:, None]
+        return columns
+
+    def _vector(self, nuisance: Array, effects: EffectValues) -> tuple[tuple[str, ...], Array]:
+        """Built-in effects among these, and the core's parameter vector for them."""
+        ids = tuple(i for i in self._ids if i in effects)
+        names = [self._full.names[c].split(".", 1) for i in ids for c in self._columns[i]]
+        return ids, np.concatenate([nuisance, [float(effects[i][name]) for i, name in names]])
+
+    def _all_columns(self, nuisance: Array) -> Array:
+        """Return the derivative by every parameter of the catalogue, no effect acting (kept)."""
+        key = nuisance.tobytes()
+        if self._at is None or self._at[0] != key:
+            values = np.zeros(len(self._full.names))
+            values[: self._plain] = nuisance
+            values[self._durations] = 1.0
+            for n, kind in enumerate(self._full.kinds):
+                if kind == "moment":
+                    values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
+            residuals, jac = self._full.core.linearise(self._moves, values)
+            self._at = (key, np.asarray(residuals), np.asarray(jac))
+        return self._at[2]
+
+    def _model(self, ids: tuple[str, ...]) -> TouchModel:
+        if ids not in self._models:
+            self._models[ids] = TouchModel(self.setup, ids)
+        return self._models[ids]
+
+    def _effect(self, info: EffectInfo) -> Effect:
+        """Present an entry of the catalogue to the engine."""
+        start = self._start
+
+        def change(data: Any, values: Mapping[str, float]) -> Array:
+            model = self if data is self.data else TouchDiagnosisModel(data, self.setup)
+            return model.predict(start, {info.id: values}) - model.predict(start, {})
+
+        return Effect(
+            info.id,
+            tuple(self._parameter(p.name, p.unit, p.kind) for p in info.parameters),
+            change,
+            scope="workpiece"
+            if "time_s" in info.needs and info.owner == "artefact"
+            else SCOPES.get(info.owner, "machine"),
+            words=info.title,
+        )
+
+    def _parameter(self, name: str, unit: str, kind: str) -> Parameter:
+        unit = UNITS.get(unit, unit)
+        if kind == "linear":
+            return Parameter(name, unit)
+        times = np.unique(np.asarray(self.data.time_s))
+        length = max(float(times[-1] - times[0]), 1.0)
+        if kind == "moment":
+            between = (times[1:] + times[:-1]) / 2
+            if len(between) > 4 * FEW:  # among the first or last touches it looks like bad ones
+                between = between[FEW - 1 : -(FEW - 1)]
+            grid = between[:: max(1, len(between) // MOST_MOMENTS)]
+            return Parameter(name, unit, tuple(map(float, grid)) or (float(times[0]),))
+        minutes = length / 60.0
+        grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
+        return Parameter(name, unit, tuple(map(float, grid)), (minutes / 100, 20 * minutes))
+
+    # --- what the engine looks for structure in
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """Axis positions, senses, time or order, feed, place, direction, point, face."""
+        data = self.data
+        out = [
+            Covariate(f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0)
+            for letter, deg in data.rotary_deg.items()
+        ]
+        if data.time_s is not None:
+            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
+        out.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
+        if data.feed_mm_min is not None:
+            out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
+        nominal = self._nominal
+        out += [Covariate(f"{axis} place", nominal[:, i], "mm") for i, axis in enumerate("XYZ")]
+        azimuth = np.degrees(np.arctan2(data.dir_y, data.dir_x))
+        flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
+        out.append(Covariate("approach azimuth", np.where(flat, azimuth, 0.0), "deg", period=360.0))
+        out += [
+            Covariate(f"sense of {letter.upper()}", np.asarray(sense))
+            for letter, sense in data.rotary_dir.items()
+        ]
+        out.append(Covariate("face", self._faces, classes=True))
+        if data.point is not None:
+            out.append(Covariate("point", np.asarray(data.point), classes=True))
+        return tuple(out)
+
+    @property
+    def components(self) -> Mapping[str, Array]:
+        """A displacement along a machine axis enters with the approach's component."""
+        d = self.data.direction
+        return {"X": d[:, 0], "Y": d[:, 1], "Z": d[:, 2]}
+
+    @property
+    def groups(self) -> IntArray:
+        """One position of the rotary axes is left out at a time."""
+        positions = np.round(np.stack(list(self.data.rotary_deg.values()), axis=1), 3)
+        return np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+
+    @property
+    def replicates(self) -> IntArray | None:
+        """Touches of the same place from the same side, at the same feed and sense of turning."""
+        data = self.data
+        parts = [
+            *(np.round(x, 3) for x in data.rotary_deg.values()),
+            *(np.asarray(x, dtype=float) for x in data.rotary_dir.values()),
+            *np.round(data.direction.T, 6),
+            *np.round(self._nominal.T, 1),
+        ]
+        if data.feed_mm_min is not None:
+            parts.append(np.asarray(data.feed_mm_min))
+        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+        several = np.bincount(label)[label] > 1
+        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+
+    @property
+    def _nominal(self) -> Array:
+        """Ball centre at contact, mm, rounded to what a plan may have asked for."""
+        return np.asarray(np.round(self.data.position_mm * 2) / 2)
+
+    @property
+    def _faces(self) -> NDArray[np.str_]:
+        """Name of the touched face, from the nominal pose: "+X arm, top", "+Y side", ..."""
+        setup, data = self.setup, self.data
+        machine = _core.Machine(setup.machine.preset, setup.probe.length_mm, [])
+        letters = machine.letters.lower()
+        rotary = np.column_stack(
+            [data.rotary_deg[x] * float(setup.sense(x.upper())) for x in letters]
+        )
+        pose = machine.table_pose(np.ascontiguousarray(rotary, dtype=float)).reshape(-1, 3, 4)
+        turn, shift = pose[:, :, :3], pose[:, :, 3]
+        contact = data.position_mm + setup.probe.ball_radius_mm * data.direction - shift
+        at = np.einsum("nji,nj->ni", turn, contact)
+        normal = -np.einsum("nji,nj->ni", turn, data.direction)
+        axis = np.argmax(np.abs(normal), axis=1)
+        sign = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] > 0
+        side = np.where(axis == 2, "top", np.where(axis == 0, "X side", "Y side"))
+        side = np.char.add(np.where(axis == 2, "", np.where(sign, "+", "-")), side)
+        if setup.artefact.kind == "sphere":
+            return np.full(len(side), "sphere")
+        if setup.artefact.kind != "cross":
+            return side
+        along = np.argmax(np.abs(at[:, :2]), axis=1)
+        out = np.take_along_axis(at, along[:, None], axis=1)[:, 0] > 0
+        arm = np.char.add(np.where(out, "+", "-"), np.where(along == 0, "X arm, ", "Y arm, "))
+        return np.char.add(arm, side)
+
+    # --- what a user gets
+
+    def bind(self, data: Any) -> TouchDiagnosisModel:
+        """Return the same model on other touches of the same set-up."""
+        if not isinstance(data, Touches):
+            raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Touches")
+        return TouchDiagnosisModel(data, self.setup, self._own)
+
+    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedTouchModel:
+        """Return errors, placement and effects by name, with the set-up."""
+        named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
+        own = {e.id: e for e in self._own}
+        return ExtendedTouchModel(
+            self.setup,
+            {n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
+            {n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
+            {own.get(k, k): dict(v) for k, v in effects.items()},
+        )
+
+    def _check_on_surface(self) -> None:
+        off = np.abs(self.readings.values - self.predict(self._start, {}))
+        worst = int(np.argmax(off))
+        if off[worst] > FAR_OFF_UM:
+            raise DataError(
+                f"touch of row {worst}: got a point {off[worst] / 1e3:.1f} mm from the modelled "
+                f"surface, wanted at most {FAR_OFF_UM / 1e3:.0f} mm"
+            )
+
+
+def _has(data: Touches, column: str) -> bool:
+    return getattr(data, column, None) is not None
+
+
+def _stated_noise(setup: Setup, n: int) -> Array | None:
+    """Noise of a reading, µm, if the set-up states the probe's repeatability."""
+    sigma = setup.probe.repeatability_um
+    if sigma <= 0:
+        return None
+    return np.full(n, float(np.hypot(sigma, setup.probe.tick_um / np.sqrt(12))))
+
+
+def build(
+    data: Touches, setup: Setup | None, effects: Sequence[EffectLike | str] = ()
+) -> TouchDiagnosisModel:
+    """Build the model of touches; the set-up is needed."""
+    if not isinstance(setup, Setup):
+        raise InputError(f"setup: got {type(setup).__name__}, wanted the Setup of these touches")
+    return TouchDiagnosisModel(data, setup, effects)
+
+
+register(Touches, build)

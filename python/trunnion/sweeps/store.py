@@ -1,0 +1,125 @@
+"""Where the blocks of a sweep go: arrays in memory, and a file that survives an interruption.
+
+While a sweep runs, its blocks are rows of an SQLite database beside the result (``.part``): each
+is there wholly or not at all, whatever stops the process, and the file may be read meanwhile. The
+end is one netCDF file.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trunnion.errors import DataError, InputError
+from trunnion.sweeps.study import Block, Floats
+
+__all__ = ["Blocks", "Journal"]
+
+Place = tuple[int, int, int]
+"""Node, first sample, number of samples."""
+
+
+class Blocks:
+    """All outputs in memory, (nodes, samples, columns), and the samples that failed."""
+
+    def __init__(self, nodes: int, samples: int, columns: int) -> None:
+        self.columns: Floats = np.full((nodes, samples, columns), np.nan)
+        self.done = np.zeros((nodes, samples), dtype=bool)
+        self.failures: dict[tuple[int, int], str] = {}
+
+    def put(self, place: Place, block: Block) -> None:
+        """Take a block."""
+        node, first, count = place
+        if block.columns.shape != (count, self.columns.shape[2]):
+            # A block in which every sample failed cannot know how many outputs there are.
+            if len(block.failures) < count:
+                raise InputError(
+                    f"study: got outputs of shape {block.columns.shape}, wanted "
+                    f"{(count, self.columns.shape[2])}: the same names at every node"
+                )
+        else:
+            self.columns[node, first : first + count] = block.columns
+        self.done[node, first : first + count] = True
+        for index, why in block.failures:
+            self.failures[node, first + index] = why
+
+    def has(self, place: Place) -> bool:
+        """Whether all of a place is there."""
+        node, first, count = place
+        return bool(self.done[node, first : first + count].all())
+
+
+class Journal:
+    """Blocks on disk, each written at once or not at all."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def start(self, described: dict[str, Any]) -> None:
+        """Create it, or check that it belongs to the same sweep.
+
+        Raises
+        ------
+        DataError
+            The file holds another sweep, or is none.
+        """
+        with closing(self._open()) as base, base:
+            base.execute("CREATE TABLE IF NOT EXISTS sweep (described TEXT)")
+            base.execute(
+                "CREATE TABLE IF NOT EXISTS block (node INTEGER, first INTEGER, count INTEGER, "
+                "columns BLOB, width INTEGER, failures TEXT, PRIMARY KEY (node, first))"
+            )
+            found = base.execute("SELECT described FROM sweep").fetchone()
+            if found is None:
+                text = json.dumps(described, sort_keys=True)
+                base.execute("INSERT INTO sweep VALUES (?)", (text,))
+            else:
+                check_same(self.path, json.loads(found[0]), described)
+
+    def described(self) -> dict[str, Any]:
+        """What the sweep is."""
+        with closing(self._open()) as base:
+            found: dict[str, Any] = json.loads(
+                base.execute("SELECT described FROM sweep").fetchone()[0]
+            )
+        return found
+
+    def write(self, place: Place, block: Block) -> None:
+        """Add a block; one that is there already stays."""
+        columns = np.ascontiguousarray(block.columns, dtype="<f8")
+        row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
+        with closing(self._open()) as base, base:
+            base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
+
+    def read(self) -> Iterator[tuple[Place, Block]]:
+        """All blocks so far."""
+        with closing(self._open()) as base:
+            rows = base.execute("SELECT node, first, count, columns, width, failures FROM block")
+            for node, first, count, data, width, failures in rows:
+                columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
+                told = tuple((int(index), str(why)) for index, why in json.loads(failures))
+                yield (node, first, count), Block(columns, told)
+
+    def _open(self) -> sqlite3.Connection:
+        try:
+            base = sqlite3.connect(self.path, timeout=60)
+            base.execute("PRAGMA synchronous=NORMAL")
+        except sqlite3.Error as error:
+            raise DataError(f"{self.path}: {error}; wanted the file of a running sweep") from None
+        return base
+
+
+def check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Refuse to go on with the file of another sweep."""
+    for key, value in json.loads(json.dumps(wanted)).items():
+        if found.get(key) != value:
+            raise DataError(
+                f"{path}: holds another sweep: {key} is {found.get(key)!r} there, {value!r} here; "
+                "wanted the same sweep to go on with, or another file"
+            )

@@ -1,0 +1,37 @@
+"""Turning: probe the part, correct its finishing program, predict what the correction leaves.
+
+After C. K. Park and D. S. Park, "A Study on the Automatic Compensation of Machining Error in NC
+Turning", Transactions of the KSME, 1990. Coordinates are z from the chuck face outward and x, the
+**radius**, in mm; diameter errors are measured minus nominal, in µm on the diameter, negative where
+the part is too thin.
+
+>>> profile = Profile.from_points([(100, 20), (50, 20), (50, 30), (0, 30)])
+>>> path = probe_path(profile, TurningProbe(ball_diameter_mm=3.0), retract_x_mm=60)
+>>> print(path.program("linuxcnc-lathe", feed=200).text())   # doctest: +SKIP
+"""
+
+from trunnion.turning.correction import Correction, change_um, correct
+from trunnion.turning.gauge import Gauge
+from trunnion.turning.listing import Crossing, crossings
+from trunnion.turning.plots import plot_correction, plot_probe_path, plot_profile
+from trunnion.turning.probing import Interval, ProbePath, TurningProbe, probe_path
+from trunnion.turning.profile import Corner, Finishing, Profile
+
+__all__ = [
+    "Corner",
+    "Correction",
+    "Crossing",
+    "Finishing",
+    "Gauge",
+    "Interval",
+    "ProbePath",
+    "Profile",
+    "TurningProbe",
+    "change_um",
+    "correct",
+    "crossings",
+    "plot_correction",
+    "plot_probe_path",
+    "plot_profile",
+    "probe_path",
+]

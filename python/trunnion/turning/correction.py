@@ -1,0 +1,232 @@
+"""Correction of a finishing program for a measured diameter error (section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from trunnion._core import Program, turning_change, turning_correct
+from trunnion.data.diameters import Diameters
+from trunnion.errors import InputError
+from trunnion.turning.profile import Follows
+
+__all__ = ["Correction", "Rule", "change_um", "correct"]
+
+Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """A corrected program and what it leaves of the error.
+
+    Attributes
+    ----------
+    program, original : Program
+        After and before.
+    inserted : ndarray of int
+        Indices of the blocks put in, in the new program.
+    window_z_mm, window_mean_um, window_k : ndarray
+        The windows used: place of the middle reading, mean, mean in units.
+    z_mm, error_um : ndarray, shape (n,)
+        The readings, as given.
+    remaining_um : ndarray, shape (n,)
+        Error predicted at each reading if it repeats exactly: the reading plus the change of the
+        diameter there, replayed from the text of the new program.
+    covered : ndarray of bool, shape (n,)
+        Does the program cut at this reading? Where not, the remaining error is the reading.
+    bound_um : float or None
+        No window mean is left with more; only the rule ``"bounded"`` promises something. Between
+        two means the error may leave their straight line by its own curvature, and so may what
+        is left.
+    """
+
+    program: Program
+    original: Program
+    rule: Rule
+    unit_um: float
+    window: int
+    inserted: npt.NDArray[np.int64]
+    window_z_mm: FloatArray
+    window_mean_um: FloatArray
+    window_k: npt.NDArray[np.int64]
+    z_mm: FloatArray
+    error_um: FloatArray
+    remaining_um: FloatArray
+    covered: npt.NDArray[np.bool_]
+    bound_um: float | None
+
+    def summary(self) -> str:
+        """Say what was done and what is left."""
+        on = self.covered
+        before, after = self.error_um[on], self.remaining_um[on]
+        lines = [
+            f"{len(self.inserted)} blocks put in (rule {self.rule!r}, unit {self.unit_um:g} µm, "
+            f"windows of {self.window})",
+            f"  error before: {before.min():+.1f} to {before.max():+.1f} µm, "
+            f"rms {np.sqrt(np.mean(before**2)):.2f} µm",
+            f"  left if it repeats: {after.min():+.1f} to {after.max():+.1f} µm, "
+            f"rms {np.sqrt(np.mean(after**2)):.2f} µm",
+        ]
+        if self.bound_um is not None:
+            lines.append(f"  bound: no window mean is left with more than {self.bound_um:.2f} µm")
+        if not on.all():
+            lines.append(f"  {int((~on).sum())} readings lie where the program does not cut")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, lists and the program's text."""
+        return {
+            "rule": self.rule,
+            "unit_um": self.unit_um,
+            "window": self.window,
+            "inserted": self.inserted.tolist(),
+            "z_mm": self.z_mm.tolist(),
+            "error_um": self.error_um.tolist(),
+            "remaining_um": self.remaining_um.tolist(),
+            "bound_um": self.bound_um,
+            "program": self.program.text(),
+        }
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{self.summary()}</pre>"
+
+
+def correct(
+    program: Program,
+    readings: Diameters | tuple[npt.ArrayLike, npt.ArrayLike],
+    *,
+    rule: Rule = "bounded",
+    unit_um: float = 1.0,
+    bound_um: float = 1.0,
+    window: int = 5,
+    look_ahead: bool = True,
+    follows: Follows = "contour",
+    nose_mm: float = 0.0,
+    feed: float | None = None,
+    machine_codes: Sequence[tuple[str, float]] = (),
+    keep_numbers: bool = False,
+) -> Correction:
+    """Correct a finishing program so that the measured error does not come back.
+
+    Readings are averaged over windows and the means rounded to whole units (k = trunc(mean/unit ±
+    0.5), halves away from zero); X changes by -k units on the diameter. Rapids stay as they are,
+    but one that ends above a plunge goes with it.
+
+    Parameters
+    ----------
+    program
+        In any lathe dialect, absolute positions. With a G71 P Q its finishing contour is corrected.
+    readings
+        `Diameters` of one pass, or (z_mm, error_um): place of contact from the chuck face, measured
+        minus nominal diameter. Several readings at one z are averaged.
+    rule
+        Where blocks go. ``"paper"``: on a cylinder at the first window of every new k, on a cone at
+        every window; the last window's k goes to the end of the line. ``"every-window"``.
+        ``"mid-run"``: in the middle of every run of equal k. ``"bounded"``: the project's own, the
+        fewest blocks that leave no window mean more than half a unit and `bound_um`.
+    unit_um
+        Smallest correction (CU of the paper: 10 µm).
+    bound_um
+        What the rule ``"bounded"`` may leave beyond half a unit.
+    window
+        Readings N in a window; the last of a line may have fewer.
+    look_ahead
+        For the paper's rules: the corner at which the first measured line begins has the k of its
+        first block (Fig. 14) or, if False, none (Figs. 18 and 20).
+    follows, nose_mm
+        What the program holds, as in `Profile.from_program`; on cones the block that cuts at z then
+        stands beside z. (Fig. 14 holds a nose centre but does not see to this.)
+    feed, machine_codes
+        As in `trunnion.nc.follow`.
+    keep_numbers
+        Leave N as it is. Otherwise, if every block is numbered evenly, all are numbered anew.
+
+    Raises
+    ------
+    trunnion.ProgramError
+        With line and column, for a program that cannot be followed, or increments that would have
+        to be corrected.
+    trunnion.DataError
+        If no reading lies on a feed move.
+    trunnion.InputError
+        For readings of several passes or numbers that are not usable.
+    """
+    z, error = _columns(readings)
+    got = turning_correct(
+        program,
+        z,
+        error,
+        unit_um=unit_um,
+        window=window,
+        rule=rule,
+        bound_um=bound_um,
+        look_ahead=look_ahead,
+        follows=follows,
+        nose_mm=nose_mm,
+        position=None,
+        feed=feed,
+        machine_codes=list(machine_codes),
+        keep_numbers=keep_numbers,
+    )
+    return Correction(
+        program=got["program"],
+        original=program,
+        rule=rule,
+        unit_um=unit_um,
+        window=window,
+        inserted=got["inserted"].astype(np.int64),
+        window_z_mm=got["window_z_mm"],
+        window_mean_um=got["window_mean_um"],
+        window_k=got["window_k"],
+        z_mm=z,
+        error_um=error,
+        remaining_um=error + got["change_um"],
+        covered=got["covered"],
+        bound_um=got["bound_um"],
+    )
+
+
+def change_um(
+    before: Program,
+    after: Program,
+    z_mm: npt.ArrayLike,
+    *,
+    follows: Follows = "contour",
+    nose_mm: float = 0.0,
+    feed: float | None = None,
+    machine_codes: Sequence[tuple[str, float]] = (),
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """How two programs differ: diameter of the second minus that of the first at each z.
+
+    Add it to an error that repeats to see what the second program leaves. Also says where both cut;
+    elsewhere the change is 0.
+    """
+    return turning_change(
+        before,
+        after,
+        np.atleast_1d(np.asarray(z_mm, dtype=float)),
+        follows=follows,
+        nose_mm=nose_mm,
+        position=None,
+        feed=feed,
+        machine_codes=list(machine_codes),
+    )
+
+
+def _columns(
+    readings: Diameters | tuple[npt.ArrayLike, npt.ArrayLike],
+) -> tuple[FloatArray, FloatArray]:
+    if isinstance(readings, Diameters):
+        if readings.pass_ is not None and len(np.unique(readings.pass_)) > 1:
+            raise InputError(
+                "readings: got several passes, wanted those of one: select them, or correct for "
+                "the law of a diagnosis"
+            )
+        return np.array(readings.z_mm), np.array(readings.error_um)
+    z, error = (np.atleast_1d(np.asarray(column, dtype=float)) for column in readings)
+    return z, error

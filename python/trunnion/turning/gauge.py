@@ -1,0 +1,146 @@
+"""The gauge that reads the part: range, resolution, sampling rate and response (2.3(6), 5.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from trunnion.errors import DataError, InputError
+
+__all__ = ["Gauge"]
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """An electric micrometer on the tool post.
+
+    It touches one side of the part, so that half of a diameter's error moves its stylus, and it
+    rides on the slides that cut: what the slides do on the way is in the part and in the gauge's
+    own path alike, and is not seen.
+
+    Parameters
+    ----------
+    range_um
+        Travel of the stylus; it is set to the middle on the nominal surface.
+    resolution_um
+        Step of the reading, of the stylus: 0.5 µm is 1 µm on the diameter.
+    rate_hz
+        Samples a second that are stored with the position.
+    response_s
+        Time constant of the stylus and its filter.
+    """
+
+    range_um: float = 150.0
+    resolution_um: float = 0.5
+    rate_hz: float = 50.0
+    response_s: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("range_um", "rate_hz"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"{name}: got {getattr(self, name)}, wanted more than zero")
+        for name in ("resolution_um", "response_s"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"{name}: got {getattr(self, name)}, wanted not below zero")
+
+    def feed_limit_mm_min(
+        self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
+    ) -> float:
+        """Fastest measuring feed.
+
+        Parameters
+        ----------
+        pitch_mm
+            Distance wanted between readings: feed <= pitch · rate.
+        slope_um_mm
+            Steepest change of the diameter error along z that is to be followed.
+        lag_um
+            How far the reading of the diameter may lag on it: feed <= lag / (slope · response).
+        """
+        if not pitch_mm > 0 or not lag_um > 0 or not slope_um_mm >= 0:
+            raise InputError(
+                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, wanted "
+                "more than zero (slope: not below zero)"
+            )
+        limit = pitch_mm * self.rate_hz
+        if slope_um_mm * self.response_s > 0:
+            limit = min(limit, lag_um / (slope_um_mm * self.response_s))
+        return 60.0 * limit
+
+    def read(
+        self,
+        z_mm: npt.ArrayLike,
+        error_um: npt.ArrayLike,
+        *,
+        feed_mm_min: float,
+        noise_um: float = 0.0,
+        seed: int | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Give what the gauge stores on one interval.
+
+        Parameters
+        ----------
+        z_mm, error_um
+            The error of the diameter along the interval, in the order of travel, straight between
+            the places given.
+        feed_mm_min
+            Measuring feed.
+        noise_um
+            Standard deviation of one reading of the diameter, before rounding.
+        seed
+            Of the noise.
+
+        Returns
+        -------
+        z_mm, error_um : ndarray
+            Places and readings, feed / rate apart, the first at the start of the interval.
+
+        Raises
+        ------
+        trunnion.DataError
+            If the stylus leaves its range; the message has the place.
+        """
+        z, error = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (z_mm, error_um))
+        way = np.abs(z - z[0])
+        if not feed_mm_min > 0 or z.size != error.size or (np.diff(way) <= 0).any():
+            raise InputError(
+                "z_mm, error_um, feed_mm_min: wanted equally many places in the order of travel "
+                f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
+            )
+        pitch = feed_mm_min / 60.0 / self.rate_hz
+        at: FloatArray = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
+        read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
+        if noise_um > 0:
+            read = read + np.random.default_rng(seed).normal(0.0, noise_um, read.size)
+        stylus = read / 2
+        beyond = np.abs(stylus) > self.range_um / 2
+        if beyond.any():
+            first = int(np.argmax(beyond))
+            place = float(np.interp(at[first], way, z))
+            raise DataError(
+                f"gauge at z {place:.3f} mm: got {stylus[first]:.1f} µm on the stylus, wanted "
+                f"within ±{self.range_um / 2:g} µm"
+            )
+        if self.resolution_um > 0:
+            read = 2 * self.resolution_um * np.round(stylus / self.resolution_um)
+        return np.interp(at, way, z), read
+
+    def _lag(
+        self, at: FloatArray, way: FloatArray, error: FloatArray, feed_mm_s: float
+    ) -> FloatArray:
+        """Give what a first-order response still lacks; exact for an error straight by pieces."""
+        if self.response_s == 0:
+            return np.zeros_like(at)
+        nodes = np.union1d(at, way)
+        slope = np.diff(np.interp(nodes, way, error)) / np.diff(nodes)
+        span = feed_mm_s * self.response_s
+        lag = np.zeros_like(nodes)
+        for i, (rise, step) in enumerate(zip(slope, np.diff(nodes), strict=True)):
+            settled = rise * span
+            lag[i + 1] = settled + (lag[i] - settled) * np.exp(-step / span)
+        return np.interp(at, nodes, lag)

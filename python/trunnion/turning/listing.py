@@ -1,0 +1,84 @@
+"""What a corrected listing tells of the error behind it: where it crossed (k ± 1/2) units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from trunnion._core import Program
+from trunnion.errors import DataError
+from trunnion.nc import follow
+
+__all__ = ["Crossing", "crossings"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """The window mean passed a half unit between two windows.
+
+    Attributes
+    ----------
+    z_mm : tuple of float
+        Middle of the window before and of the window at which it had passed.
+    level_um : float
+        What it passed, on the diameter.
+    """
+
+    z_mm: tuple[float, float]
+    level_um: float
+
+
+def crossings(
+    listing: Program,
+    *,
+    unit_um: float,
+    window_mm: float,
+    nominal_mm: float,
+    machine_codes: Sequence[tuple[str, float]] = (),
+) -> tuple[Crossing, ...]:
+    """Read the crossings out of a listing corrected on one cylinder by the paper's rule.
+
+    A block that changes X by one unit stands at the middle of the first window of the new k: the
+    mean lay on one side of the half unit in the window before and on the other in this one. The end
+    of the line has the last window's k; where that window stood is not in the listing, and a
+    change there gives no crossing.
+
+    Parameters
+    ----------
+    listing
+        The corrected program.
+    unit_um
+        CU.
+    window_mm
+        Distance from window to window, N times the pitch of the readings.
+    nominal_mm
+        Diameter of the cylinder.
+
+    Raises
+    ------
+    trunnion.DataError
+        If a block changes by other than one unit.
+    """
+    moves = follow(listing, machine_codes=machine_codes)
+    found: list[Crossing] = []
+    before = 0
+    runs = (moves.code == 1) & (moves.start[:, 2] != moves.end[:, 2])
+    places = np.flatnonzero(runs)
+    for place in places[:-1]:
+        diameter = 2 * moves.end[place, 0]
+        k = round((nominal_mm - diameter) * 1e3 / unit_um)
+        if abs(k - before) > 1:
+            raise DataError(
+                f"line {moves.line[place]}: got a change of {k - before} units, wanted one: the "
+                "readings between are not in the listing"
+            )
+        if k != before:
+            z = float(moves.end[place, 2])
+            found.append(Crossing((z + window_mm, z), (k + before) / 2 * unit_um))
+        before = k
+    return tuple(found)

@@ -1,0 +1,252 @@
+"""The path of the measuring probe along a turned part, and its program (section 2.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from trunnion._core import Program, TurnedProbePath
+from trunnion.errors import InputError
+from trunnion.turning.profile import Blocks, Profile
+
+__all__ = ["Interval", "ProbePath", "TurningProbe", "probe_path"]
+
+
+@dataclass(frozen=True)
+class TurningProbe:
+    """The probe of Fig. 4: a ball on a cone below a cylindrical body.
+
+    Parameters
+    ----------
+    ball_diameter_mm
+        d.
+    contact_angle_deg
+        θ, full angle of the cone: slopes below tan((180° - θ)/2) touch the ball and not the cone.
+    body_diameter_mm
+        D.
+
+    Notes
+    -----
+    The paper's text gives 3.175 mm, 89° and 4.9 mm; its Fig. 12 was made with D = 12 mm, an offset
+    of 5.5 mm (ball and allowance together) and an angle between 94.9° and 125°.
+    """
+
+    ball_diameter_mm: float = 3.175
+    contact_angle_deg: float = 89.0
+    body_diameter_mm: float = 4.9
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A stretch of one line along which the part is measured; positions of the ball's centre.
+
+    Attributes
+    ----------
+    element : int
+        Index of the line in ``profile.elements``.
+    start_mm, end_mm : tuple of float
+        z, x (radius) of the ball's centre.
+    slope : float
+        dx/dz of the line.
+    """
+
+    element: int
+    start_mm: tuple[float, float]
+    end_mm: tuple[float, float]
+    slope: float
+
+
+@dataclass(frozen=True, eq=False)
+class ProbePath:
+    """The probe's path.
+
+    Attributes
+    ----------
+    intervals : tuple of Interval
+        In the order of measurement.
+    left_out : dict
+        Index of an element to the reason why it is not measured, or not all of it.
+    moves_mm : ndarray, shape (n, 4)
+        z, x from and z, x to of the ball's centre; the first comes down from the retract height.
+    feed, measures : ndarray of bool, shape (n,)
+        At feed; reading the surface.
+    clearance_mm : ndarray, shape (n, 2)
+        Least distance between the part with its allowance and the ball; cone and body. 0 while
+        measuring, never negative.
+    """
+
+    profile: Profile
+    probe: TurningProbe
+    options: dict[str, Any]
+    intervals: tuple[Interval, ...]
+    left_out: dict[int, str]
+    moves_mm: npt.NDArray[np.float64]
+    feed: npt.NDArray[np.bool_]
+    measures: npt.NDArray[np.bool_]
+    clearance_mm: npt.NDArray[np.float64]
+
+    def _core(self) -> TurnedProbePath:
+        return self.profile.core.probe_path(**self.options)
+
+    def contact_z_mm(self, interval: int, z_mm: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Z of the point of contact for centres at `z_mm` (equation of 2.3(5)).
+
+        Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
+        the ball.
+        """
+        z = np.atleast_1d(np.asarray(z_mm, dtype=float))
+        return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
+
+    def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
+        """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
+        if not pitch_mm > 0:
+            raise InputError(f"pitch_mm: got {pitch_mm}, wanted more than zero")
+        rows = []
+        for index, interval in enumerate(self.intervals):
+            count = int((interval.start_mm[0] - interval.end_mm[0]) / pitch_mm + 1e-9) + 1
+            z = interval.start_mm[0] - pitch_mm * np.arange(count)
+            rows.append(np.c_[np.full(count, index), z, self.contact_z_mm(index, z)])
+        return np.concatenate(rows) if rows else np.empty((0, 3))
+
+    def program(
+        self,
+        dialect: str,
+        *,
+        feed: float | None = None,
+        first_number: int | None = None,
+        head: Blocks = (),
+        tail: Blocks = (),
+        retract_last: bool = True,
+    ) -> Program:
+        """Write the probe program: rapids between, feed along the surface.
+
+        The first block moves X and Z at once to the place above the first interval, as in Fig. 12;
+        the probe has to stand free of the part before it.
+
+        Parameters
+        ----------
+        dialect
+            One of `trunnion.nc.DIALECTS` for lathes. Programs for LinuxCNC want G7, G18, G21, G90
+            in `head`: X is written as a diameter.
+        feed
+            Measuring feed as the dialect counts it; None writes no F (Fig. 12). `Gauge.feed_limit`
+            says how fast the gauge follows.
+        first_number
+            Number of the first block; None writes none.
+        head, tail
+            Blocks before and behind, as lists of (letter, value).
+        retract_last
+            Draw back behind the last interval.
+        """
+        return self._core().program(
+            dialect=dialect,
+            feed=feed,
+            first_number=first_number,
+            head=head,
+            tail=tail,
+            retract_last=retract_last,
+        )
+
+    def summary(self) -> str:
+        """List the intervals and what was left out."""
+        lines = [f"{len(self.intervals)} intervals, ball centre (Z, diameter), mm:"]
+        for i in self.intervals:
+            (z0, x0), (z1, x1) = i.start_mm, i.end_mm
+            lines.append(
+                f"  element {i.element}: Z {z0:.3f} X {2 * x0:.3f} to Z {z1:.3f} X {2 * x1:.3f}"
+            )
+        lines += [f"  element {index}: {reason}" for index, reason in self.left_out.items()]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers and lists."""
+        return {
+            "intervals": [
+                {"element": i.element, "start_mm": list(i.start_mm), "end_mm": list(i.end_mm)}
+                for i in self.intervals
+            ],
+            "left_out": {str(index): reason for index, reason in self.left_out.items()},
+            "moves_mm": self.moves_mm.tolist(),
+        }
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{self.summary()}</pre>"
+
+
+def probe_path(
+    profile: Profile,
+    probe: TurningProbe | None = None,
+    *,
+    allowance_mm: float = 0.5,
+    skip: Sequence[int] = (),
+    retract_x_mm: float | None = None,
+    approach_mm: float = 1.0,
+    chuck_radius_mm: float = 0.0,
+    shortest_mm: float = 1.0,
+) -> ProbePath:
+    """Lay out the path of the probe (section 2.3) and check every move of it.
+
+    Lines are measured between their change points (Fig. 5) as far as slope (2.3(2)) and the corners
+    before and behind (2.3(3), (4); Fig. 6) allow. Then ball, cone and body are checked on every
+    move against the part with its allowance and the chuck; an interval on which they would touch
+    is shortened or left out, and told.
+
+    Parameters
+    ----------
+    profile
+        The finished contour.
+    probe
+        The probe; by default as in the paper's text.
+    allowance_mm
+        T, what is still on the part, normal to the contour.
+    skip
+        Elements not to be measured. (Fig. 12 does not measure the flange, by no printed rule.)
+    retract_x_mm
+        Radius at which the ball's centre crosses; by default 5 mm above what is needed.
+    approach_mm
+        Height (radius) above the surface from which the ball goes down at feed.
+    chuck_radius_mm
+        Of the chuck at z <= 0; 0 if it needs no watching.
+    shortest_mm
+        Shortest interval worth measuring.
+
+    Raises
+    ------
+    trunnion.InputError
+        For a probe that cannot be, an allowance that closes a groove, a retract radius too small.
+    """
+    probe = probe or TurningProbe()
+    if retract_x_mm is None:
+        top = max(float(profile.outline_mm()[:, 1].max()) + allowance_mm, chuck_radius_mm)
+        retract_x_mm = top + probe.ball_diameter_mm / 2 + approach_mm + 5.0
+    options: dict[str, Any] = {
+        "ball_radius_mm": probe.ball_diameter_mm / 2,
+        "contact_angle_deg": probe.contact_angle_deg,
+        "body_diameter_mm": probe.body_diameter_mm,
+        "allowance_mm": allowance_mm,
+        "skip": list(skip),
+        "retract_x_mm": retract_x_mm,
+        "approach_mm": approach_mm,
+        "chuck_radius_mm": chuck_radius_mm,
+        "shortest_mm": shortest_mm,
+    }
+    core = profile.core.probe_path(**options)
+    moves = core.moves()
+    return ProbePath(
+        profile=profile,
+        probe=probe,
+        options=options,
+        intervals=tuple(
+            Interval(int(row[0]), (row[1], row[2]), (row[3], row[4]), row[5])
+            for row in core.intervals().tolist()
+        ),
+        left_out=dict(core.left_out()),
+        moves_mm=moves[:, :4],
+        feed=moves[:, 4] > 0,
+        measures=moves[:, 5] > 0,
+        clearance_mm=moves[:, 6:],
+    )

@@ -1,0 +1,378 @@
+//! One axis: a servo of first order with gain, and what real axes add to it.
+//!
+//! ```text
+//! τ dv/dt + v = w(t - delay) - friction,   dy/dt = v          drive (motor position y)
+//! q'' + 2 ζ ω q' + ω² q = ω² y                                structure, if it resonates
+//! load = play(q) + A sin(2π y / pitch + φ)                    screw or gear, if it is not exact
+//! ```
+//!
+//! w is the velocity command, held over a control period (exact zero-order hold, so that a step has
+//! no discretisation error), with the loop closed in the motor's or in the load's position.
+
+use std::f64::consts::TAU;
+
+use crate::error::{Error, Result};
+
+/// Longest delay in control periods.
+pub const MAX_DELAY: usize = 64;
+
+/// Which position the loop is closed on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feedback {
+    /// Motor encoder: backlash, cyclic error and resonance of what follows are not seen by the loop.
+    Motor,
+    /// Scale at the load: the loop sees them.
+    Load,
+}
+
+/// Friction as the velocity command it eats up, mm/s or rad/s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Friction {
+    /// Level at speed (Coulomb).
+    pub coulomb: f64,
+    /// Level at rest, at least `coulomb`.
+    pub breakaway: f64,
+    /// Speed over which one goes into the other (Stribeck), mm/s or rad/s.
+    pub stribeck: f64,
+}
+
+/// Parameters of one axis, in mm (rad) and s. Zero switches a part off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Axis {
+    /// Loop gain K_v = open-loop gain times axial controller gain, 1/s.
+    pub gain: f64,
+    /// Time constant τ, s.
+    pub time_constant: f64,
+    /// Friction.
+    pub friction: Friction,
+    /// Width b of the play: the load lies b/2 behind.
+    pub backlash: f64,
+    /// Amplitude A of the cyclic error.
+    pub cyclic: f64,
+    /// Its pitch.
+    pub pitch: f64,
+    /// Its phase φ, rad.
+    pub phase: f64,
+    /// Delay of the velocity command, s; need not be a multiple of the period.
+    pub delay: f64,
+    /// Natural frequency ω of the structure, rad/s.
+    pub resonance: f64,
+    /// Its damping ratio ζ, below 1.
+    pub damping: f64,
+    /// Largest velocity command; infinite for none.
+    pub limit: f64,
+}
+
+/// Number of parameters in a row that describes an axis, in the order of the fields of [`Axis`].
+pub const AXIS_FIELDS: usize = 13;
+
+impl Axis {
+    /// A linear axis: gain and time constant.
+    #[must_use]
+    pub const fn linear(gain: f64, time_constant: f64) -> Self {
+        Self {
+            gain,
+            time_constant,
+            friction: Friction { coulomb: 0.0, breakaway: 0.0, stribeck: 0.0 },
+            backlash: 0.0,
+            cyclic: 0.0,
+            pitch: 0.0,
+            phase: 0.0,
+            delay: 0.0,
+            resonance: 0.0,
+            damping: 0.0,
+            limit: f64::INFINITY,
+        }
+    }
+
+    /// From numbers in the order of the fields: gain, time constant, coulomb, breakaway, stribeck,
+    /// backlash, cyclic, pitch, phase, delay, resonance, damping, limit.
+    #[must_use]
+    pub const fn from_row(row: &[f64; AXIS_FIELDS]) -> Self {
+        Self {
+            gain: row[0],
+            time_constant: row[1],
+            friction: Friction { coulomb: row[2], breakaway: row[3], stribeck: row[4] },
+            backlash: row[5],
+            cyclic: row[6],
+            pitch: row[7],
+            phase: row[8],
+            delay: row[9],
+            resonance: row[10],
+            damping: row[11],
+            limit: row[12],
+        }
+    }
+
+    fn check(&self, name: char, period: f64) -> Result<()> {
+        let fail = |what: &str, got: f64, wanted: &str| {
+            Err(Error::input(format!("axis {name}: {what}"), got, wanted))
+        };
+        if !(self.gain.is_finite() && self.gain > 0.0) {
+            return fail("gain, 1/s", self.gain, "a finite number above 0");
+        }
+        let levels = [
+            ("time constant, s", self.time_constant),
+            ("coulomb friction", self.friction.coulomb),
+            ("breakaway friction", self.friction.breakaway),
+            ("stribeck speed", self.friction.stribeck),
+            ("backlash", self.backlash),
+            ("pitch", self.pitch),
+            ("delay, s", self.delay),
+            ("resonance, rad/s", self.resonance),
+        ];
+        for (what, value) in levels {
+            if !(value.is_finite() && value >= 0.0) {
+                return fail(what, value, "a finite number, 0 or more");
+            }
+        }
+        if !(self.cyclic.is_finite() && self.phase.is_finite()) {
+            return fail("cyclic error", self.cyclic, "finite numbers");
+        }
+        if self.friction.breakaway < self.friction.coulomb {
+            return fail("breakaway friction", self.friction.breakaway, "at least coulomb");
+        }
+        if self.cyclic != 0.0 && self.pitch == 0.0 {
+            return fail("pitch of the cyclic error", self.pitch, "above 0");
+        }
+        if self.resonance > 0.0 && !(0.0..1.0).contains(&self.damping) {
+            return fail("damping ratio", self.damping, "0 to below 1");
+        }
+        if self.delay >= period * (MAX_DELAY - 1) as f64 {
+            let wanted = format!("below {} control periods", MAX_DELAY - 1);
+            return fail("delay, s", self.delay, &wanted);
+        }
+        if self.limit.is_nan() || self.limit <= 0.0 {
+            return fail("limit of the velocity command", self.limit, "above 0, or infinite");
+        }
+        Ok(())
+    }
+}
+
+/// Free and forced response of the drive over a stretch dt of constant command:
+/// y += g v + h w, v ← E v + (1-E) w.
+#[derive(Clone, Copy, Debug)]
+struct Hold {
+    dt: f64,
+    e: f64,
+    g: f64,
+    h: f64,
+}
+
+impl Hold {
+    fn new(tau: f64, dt: f64) -> Self {
+        let e = (-dt / tau).exp();
+        // g = τ (1 - E); h = dt - g. exp_m1 keeps both exact for dt « τ.
+        let g = if tau == 0.0 { 0.0 } else { -tau * (-dt / tau).exp_m1() };
+        Self { dt, e: if tau == 0.0 { 0.0 } else { e }, g, h: dt - g }
+    }
+}
+
+/// Response of the structure q'' + 2ζω q' + ω² q = ω² y over a period in which y is the cubic
+/// through both ends' position and velocity. Exact for a cubic; between samples the drive differs
+/// from it by less than T⁴ y''''/384.
+#[derive(Clone, Copy, Debug)]
+struct Structure {
+    period: f64,
+    alpha: f64,
+    beta: f64,
+    /// Free response [q, q'] ← [[f11, f12], [f21, f22]] [q, q'].
+    free: [[f64; 2]; 2],
+}
+
+impl Structure {
+    fn new(omega: f64, zeta: f64, period: f64) -> Self {
+        let damped = omega * (1.0 - zeta * zeta).sqrt();
+        let decay = (-zeta * omega * period).exp();
+        let (sin, cos) = (damped * period).sin_cos();
+        let ratio = zeta * omega / damped;
+        let free = [
+            [decay * (cos + ratio * sin), decay * sin / damped],
+            [-decay * omega * omega / damped * sin, decay * (cos - ratio * sin)],
+        ];
+        Self { period, alpha: 2.0 * zeta / omega, beta: 1.0 / (omega * omega), free }
+    }
+
+    /// New [q, q'] from the old ones and the motor's position and velocity at both ends.
+    fn step(&self, q: [f64; 2], y0: f64, v0: f64, y1: f64, v1: f64) -> [f64; 2] {
+        let t = self.period;
+        let (alpha, beta) = (self.alpha, self.beta);
+        // y = y0 + v0 s + c2 s² + c3 s³
+        let slope = (y1 - y0) / t;
+        let c2 = (3.0 * slope - 2.0 * v0 - v1) / t;
+        let c3 = (v0 + v1 - 2.0 * slope) / (t * t);
+        // Particular solution (1 + α D + β D²)⁻¹ y, exact for a cubic.
+        let (k1, k2, k3) =
+            (-alpha, alpha * alpha - beta, 2.0 * alpha * beta - alpha * alpha * alpha);
+        let particular = |y: f64, d1: f64, d2: f64, d3: f64| {
+            [y + k1 * d1 + k2 * d2 + k3 * d3, d1 + k1 * d2 + k2 * d3]
+        };
+        let p0 = particular(y0, v0, 2.0 * c2, 6.0 * c3);
+        let p1 = particular(y1, v1, 2.0 * c2 + 6.0 * c3 * t, 6.0 * c3);
+        let z = [q[0] - p0[0], q[1] - p0[1]];
+        let f = &self.free;
+        [p1[0] + f[0][0] * z[0] + f[0][1] * z[1], p1[1] + f[1][0] * z[0] + f[1][1] * z[1]]
+    }
+}
+
+/// An axis in motion.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    axis: Axis,
+    /// First stretch (with the older command) and second stretch of a period.
+    early: Hold,
+    late: Hold,
+    /// Whole periods of delay before the late command.
+    periods: usize,
+    commands: [f64; MAX_DELAY],
+    next: usize,
+    structure: Option<Structure>,
+    has_friction: bool,
+    feedback: Feedback,
+    y: f64,
+    v: f64,
+    q: [f64; 2],
+    play: f64,
+    load: f64,
+}
+
+impl Drive {
+    /// An axis at rest at `position` under a control period.
+    ///
+    /// # Errors
+    /// Parameters out of range; the message names the axis by `name`.
+    pub fn new(
+        axis: &Axis,
+        name: char,
+        period: f64,
+        feedback: Feedback,
+        position: f64,
+    ) -> Result<Self> {
+        axis.check(name, period)?;
+        let whole = (axis.delay / period).floor();
+        let fraction = axis.delay - whole * period;
+        let mut drive = Self {
+            axis: *axis,
+            early: Hold::new(axis.time_constant, fraction),
+            late: Hold::new(axis.time_constant, period - fraction),
+            periods: whole as usize,
+            commands: [0.0; MAX_DELAY],
+            next: 0,
+            structure: (axis.resonance > 0.0)
+                .then(|| Structure::new(axis.resonance, axis.damping, period)),
+            has_friction: axis.friction.breakaway > 0.0,
+            feedback,
+            y: position,
+            v: 0.0,
+            q: [position, 0.0],
+            play: position,
+            load: position,
+        };
+        drive.load = drive.load_position();
+        Ok(drive)
+    }
+
+    /// Position the loop is closed on.
+    #[must_use]
+    pub fn measured(&self) -> f64 {
+        match self.feedback {
+            Feedback::Motor => self.y,
+            Feedback::Load => self.load,
+        }
+    }
+
+    /// Position of the load: where the axis really is.
+    #[must_use]
+    pub fn load(&self) -> f64 {
+        self.load
+    }
+
+    /// Largest velocity command.
+    #[must_use]
+    pub fn limit(&self) -> f64 {
+        self.axis.limit
+    }
+
+    /// Loop gain, 1/s.
+    #[must_use]
+    pub fn gain(&self) -> f64 {
+        self.axis.gain
+    }
+
+    /// One control period under velocity command `w` (mm/s, rad/s).
+    pub fn step(&mut self, w: f64) {
+        let (y0, v0) = (self.y, self.v);
+        let w = w.clamp(-self.axis.limit, self.axis.limit);
+        if self.axis.delay == 0.0 {
+            self.drive(w, self.late);
+        } else {
+            self.commands[self.next] = w;
+            let back = |n: usize| (self.next + MAX_DELAY - n) % MAX_DELAY;
+            let (late, early) =
+                (self.commands[back(self.periods)], self.commands[back(self.periods + 1)]);
+            self.next = (self.next + 1) % MAX_DELAY;
+            if self.early.dt > 0.0 {
+                self.drive(early, self.early);
+            }
+            self.drive(late, self.late);
+        }
+        if let Some(structure) = &self.structure {
+            self.q = structure.step(self.q, y0, v0, self.y, self.v);
+        } else {
+            self.q[0] = self.y;
+        }
+        self.load = self.load_position();
+    }
+
+    fn load_position(&mut self) -> f64 {
+        let half = 0.5 * self.axis.backlash;
+        self.play = self.play.clamp(self.q[0] - half, self.q[0] + half);
+        if self.axis.cyclic == 0.0 {
+            return self.play;
+        }
+        self.play + self.axis.cyclic * (TAU * self.y / self.axis.pitch + self.axis.phase).sin()
+    }
+
+    fn drive(&mut self, w: f64, hold: Hold) {
+        if self.has_friction {
+            self.drive_with_friction(w, hold);
+        } else {
+            self.y += hold.g * self.v + hold.h * w;
+            self.v = hold.e * self.v + (1.0 - hold.e) * w;
+        }
+    }
+
+    /// Motion with friction: the level is that of the speed at the beginning of the stretch (the
+    /// Stribeck curve moves within a period by less than dt·|dv/dt|/stribeck of its drop); the
+    /// instant at which the axis stops is exact, and there it stays unless the command exceeds the
+    /// level at rest.
+    fn drive_with_friction(&mut self, w: f64, hold: Hold) {
+        let f = self.axis.friction;
+        let tau = self.axis.time_constant;
+        let mut hold = hold;
+        // At most: run until the stop, then start the other way.
+        for _ in 0..3 {
+            let direction = if self.v != 0.0 {
+                self.v.signum()
+            } else if w.abs() > f.breakaway {
+                w.signum()
+            } else {
+                return;
+            };
+            let drop = if f.stribeck > 0.0 { (-(self.v / f.stribeck).powi(2)).exp() } else { 0.0 };
+            let level = f.coulomb + (f.breakaway - f.coulomb) * drop;
+            let target = w - direction * level;
+            let end = hold.e * self.v + (1.0 - hold.e) * target;
+            if end * direction >= 0.0 {
+                self.y += hold.g * self.v + hold.h * target;
+                self.v = end;
+                return;
+            }
+            let stop = tau * ((self.v - target) / -target).ln();
+            let until = Hold::new(tau, stop.clamp(0.0, hold.dt));
+            self.y += until.g * self.v + until.h * target;
+            self.v = 0.0;
+            hold = Hold::new(tau, hold.dt - until.dt);
+        }
+    }
+}

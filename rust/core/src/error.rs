@@ -1,0 +1,62 @@
+//! What can go wrong, said once for the whole core. A message says what, got what, wanted what.
+
+/// An error of the core. Each variant becomes one Python exception in the binding.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Error {
+    /// A value the caller gave is not usable.
+    #[error("{what}: got {got}, wanted {wanted}")]
+    Input {
+        /// The quantity, with its place (row, parameter).
+        what: String,
+        /// What was given.
+        got: String,
+        /// What would have been right.
+        wanted: String,
+    },
+    /// A name that is in no list.
+    #[error("unknown {kind} {got:?}; wanted one of: {known}")]
+    Unknown {
+        /// Kind of thing named: effect, machine preset, location error.
+        kind: &'static str,
+        /// The name given.
+        got: String,
+        /// The names there are, separated by commas.
+        known: String,
+    },
+    /// Measured data that cannot belong to the model.
+    #[error("{0}")]
+    Data(String),
+    /// A pose that the machine or mechanism cannot take.
+    #[error("{0}")]
+    Kinematics(String),
+    /// A program that cannot be read or cut.
+    #[error("line {line}, column {column}: {message}")]
+    Program {
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What stood there and what was wanted.
+        message: String,
+    },
+}
+
+/// Result of the core.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An [`Error::Input`] from anything printable.
+    pub fn input(what: impl Into<String>, got: impl ToString, wanted: impl Into<String>) -> Self {
+        Self::Input { what: what.into(), got: got.to_string(), wanted: wanted.into() }
+    }
+
+    /// An [`Error::Unknown`] that lists the names there are.
+    pub fn unknown<'a>(
+        kind: &'static str,
+        got: &str,
+        known: impl IntoIterator<Item = &'a str>,
+    ) -> Self {
+        let known = known.into_iter().collect::<Vec<_>>().join(", ");
+        Self::Unknown { kind, got: got.to_owned(), known }
+    }
+}

@@ -1,0 +1,4 @@
+//! From readings to parameters: [`closed_form`] for the paper's 72 touches, [`least_squares`] for any.
+
+pub mod closed_form;
+pub mod least_squares;

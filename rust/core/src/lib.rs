@@ -1,0 +1,82 @@
+//! # trunnion-core
+//!
+//! A model says what an instrument would read; an effect is a named group of parameters that
+//! changes it; identification estimates parameters; diagnosis decides which effects the data
+//! demand; compensation turns parameters into corrected commands.
+//!
+//! ```text
+//! reading = model(plan; location errors, placement, artefact, probe, effects) + noise
+//! ```
+//!
+//! A table whose C axis lies 15 µm off in X, probed on one arm of the cross:
+//!
+//! ```
+//! use trunnion_core::artefact::Artefact;
+//! use trunnion_core::machine::Machine;
+//! use trunnion_core::moves::MoveTable;
+//! use trunnion_core::probe::Probe;
+//! use trunnion_core::touch::TouchModel;
+//!
+//! # fn main() -> trunnion_core::Result<()> {
+//! let machine = Machine::preset("trt-ca", 150.0)?;
+//! let cross = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }.checked()?;
+//! let model = TouchModel::new(machine, cross, Probe::new(1.0, 0.0)?, vec![]);
+//! // The end of the +X arm, recorded where the nominal artefact is: x = 50 mm + ball radius.
+//! let touches = MoveTable::from_face(
+//!     2, vec![0.0, 0.0], vec![51.0, 0.0, 12.5], vec![-1.0, 0.0, 0.0], None, None, None)?;
+//! let mut values = vec![0.0; model.parameter_count()];
+//! values[6] = 15.0; // EX0C in µm
+//! let values = model.from_face(&values)?;
+//! let mut deviation = [None];
+//! model.deviations(&touches.view(), &values, &mut deviation);
+//! // The arm is 15 µm nearer, so the touch comes 15 µm earlier along −X.
+//! assert!((deviation[0].unwrap_or(0.0) + 0.015).abs() < 1e-12);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Each room may use only the ones above it:
+//!
+//! | room | what it knows |
+//! |---|---|
+//! | [`units`] | µm, arcsec, ppm ↔ mm, rad |
+//! | [`pose`] | rigid poses, rotations, signs |
+//! | [`machine`] | chain of axes, location errors, where errors act, kinematics |
+//! | [`artefact`], [`probe`] | what is touched, and with what |
+//! | [`moves`] | touches and planned moves as arrays |
+//! | [`effects`] | the catalogue: id → parameters → places |
+//! | [`plan`] | which touches, in which order; clearance |
+//! | [`touch`] | the reading of a touch, its derivative, simulation |
+//! | [`identification`] | closed forms, least squares |
+//! | [`studies`] | many virtual calibrations at once |
+//! | [`compensation`] | volumetric error, corrected commands |
+//! | [`nc`] | part programs: read, written, followed |
+//! | [`turning`] | the lathe: probe path, correction, diameter errors |
+//! | [`hybrid`] | the hybrid parallel machine: closed loops, sensitivities, ball-bar |
+//! | [`contouring`] | five-axis cross-coupled control: path, servos, true errors |
+
+pub mod artefact;
+pub mod compensation;
+pub mod effects;
+pub mod error;
+pub mod hybrid;
+pub mod identification;
+pub mod machine;
+pub mod moves;
+pub mod plan;
+pub mod pose;
+pub mod probe;
+pub mod studies;
+pub mod touch;
+pub mod units;
+
+// --- programs
+pub mod nc;
+
+// --- turning
+pub mod turning;
+
+// --- contouring (paper 003)
+pub mod contouring;
+
+pub use error::{Error, Result};

@@ -1,0 +1,124 @@
+//! A machine: a chain of axes from the bed to the table and from the bed to the spindle.
+//!
+//! - [`location`]: location errors of the rotary axes, with their ISO 230-1 names;
+//! - [`places`]: every place where an error can act, and the state of all of them;
+//! - [`posture`]: the pose of the table and the spindle for given axis positions and places;
+//! - [`kinematics`]: forward, inverse and Jacobian for programs in work coordinates.
+
+pub mod kinematics;
+pub mod location;
+pub mod places;
+pub mod posture;
+
+use crate::pose::Direction;
+use crate::{Error, Result};
+
+pub use location::LocationError;
+pub use places::{Component, MAX_ROTARY, Place, Places};
+pub use posture::{Frames, Posture};
+
+/// Which end of the chain an axis carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Between bed and table.
+    Workpiece,
+    /// Between bed and spindle.
+    Tool,
+}
+
+/// A rotary axis. A positive position turns the part it carries right-handed about +`direction`,
+/// on the workpiece side as on the tool side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rotary {
+    /// Nominal direction of the axis average line at zero of all axes.
+    pub direction: Direction,
+    /// Table or head.
+    pub side: Side,
+}
+
+impl Rotary {
+    /// A, B or C.
+    #[must_use]
+    pub const fn letter(&self) -> char {
+        self.direction.turn_letter()
+    }
+}
+
+/// A machine with X, Y, Z and up to [`MAX_ROTARY`] rotary axes. The nominal axis average lines of
+/// the table's rotary axes meet in the origin; those of a head meet in the pivot, `tool_length`
+/// above the tool point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Machine {
+    rotary: Vec<Rotary>,
+    tool_length: f64,
+}
+
+/// The names of the machines that come with the project.
+pub const PRESETS: [&str; 3] = ["trt-ca", "trt-bc", "table-c-head-b"];
+
+impl Machine {
+    /// A machine from its rotary axes: those of the workpiece side in order from the bed to the
+    /// table, those of the tool side in order from the bed to the spindle. `tool_length` in mm is
+    /// the distance from the pivot of a head to the tool point (or the centre of the probe's ball).
+    ///
+    /// # Errors
+    /// More than [`MAX_ROTARY`] rotary axes, two about one direction (they could not be told
+    /// apart by name), or a tool length that is not positive.
+    pub fn new(rotary: Vec<Rotary>, tool_length: f64) -> Result<Self> {
+        if rotary.len() > MAX_ROTARY {
+            let wanted = format!("at most {MAX_ROTARY}");
+            return Err(Error::input("number of rotary axes", rotary.len(), wanted));
+        }
+        for (i, axis) in rotary.iter().enumerate() {
+            if rotary[..i].iter().any(|other| other.direction == axis.direction) {
+                let what = "rotary axes";
+                return Err(Error::input(what, format!("two {}", axis.letter()), "one each"));
+            }
+        }
+        if !(tool_length.is_finite() && tool_length > 0.0) {
+            return Err(Error::input("tool length in mm", tool_length, "a positive number"));
+        }
+        Ok(Self { rotary, tool_length })
+    }
+
+    /// One of [`PRESETS`]: `trt-ca` (A carries C, both under the table), `trt-bc` (B carries C),
+    /// `table-c-head-b` (C under the table, B in the head).
+    ///
+    /// # Errors
+    /// An unknown name.
+    pub fn preset(name: &str, tool_length: f64) -> Result<Self> {
+        use Direction::{X, Y, Z};
+        let axis = |direction, side| Rotary { direction, side };
+        let rotary = match name {
+            "trt-ca" => vec![axis(X, Side::Workpiece), axis(Z, Side::Workpiece)],
+            "trt-bc" => vec![axis(Y, Side::Workpiece), axis(Z, Side::Workpiece)],
+            "table-c-head-b" => vec![axis(Y, Side::Tool), axis(Z, Side::Workpiece)],
+            _ => return Err(Error::unknown("machine preset", name, PRESETS)),
+        };
+        Self::new(rotary, tool_length)
+    }
+
+    /// The rotary axes, in the order in which their positions are given everywhere.
+    #[must_use]
+    pub fn rotary(&self) -> &[Rotary] {
+        &self.rotary
+    }
+
+    /// Distance from a head's pivot to the tool point in mm.
+    #[must_use]
+    pub const fn tool_length(&self) -> f64 {
+        self.tool_length
+    }
+
+    /// Index of the rotary axis with this letter.
+    ///
+    /// # Errors
+    /// The machine has no such axis.
+    pub fn axis(&self, letter: char) -> Result<usize> {
+        let position = self.rotary.iter().position(|axis| axis.letter() == letter);
+        position.ok_or_else(|| {
+            let known: Vec<String> = self.rotary.iter().map(|a| a.letter().to_string()).collect();
+            Error::unknown("rotary axis", &letter.to_string(), known.iter().map(String::as_str))
+        })
+    }
+}

@@ -1,0 +1,137 @@
+//! Touches and planned moves as arrays, one row each.
+
+use nalgebra::Vector3;
+
+use crate::units::{DEG, MM_PER_MIN};
+use crate::{Error, Result};
+
+/// Owned rows in mm, rad, s, made from the face's units.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MoveTable {
+    axes: usize,
+    rotary: Vec<f64>,
+    point: Vec<f64>,
+    direction: Vec<f64>,
+    feed: Option<Vec<f64>>,
+    time: Option<Vec<f64>>,
+    sense: Option<Vec<f64>>,
+}
+
+impl MoveTable {
+    /// Rows from degrees, mm, mm/min and s; row-major, `axes` rotary positions a row.
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite, directions that are not unit vectors (1e-6).
+    pub fn from_face(
+        axes: usize,
+        rotary_deg: Vec<f64>,
+        point_mm: Vec<f64>,
+        direction: Vec<f64>,
+        feed_mm_min: Option<Vec<f64>>,
+        time_s: Option<Vec<f64>>,
+        sense: Option<Vec<f64>>,
+    ) -> Result<Self> {
+        let scaled = |values: Vec<f64>, unit: f64| values.into_iter().map(|v| v * unit).collect();
+        let table = Self {
+            axes,
+            rotary: scaled(rotary_deg, DEG),
+            point: point_mm,
+            direction,
+            feed: feed_mm_min.map(|feed| scaled(feed, MM_PER_MIN)),
+            time: time_s,
+            sense,
+        };
+        table.view().check(axes)?;
+        Ok(table)
+    }
+
+    /// Rotary positions in a row.
+    #[must_use]
+    pub const fn axes(&self) -> usize {
+        self.axes
+    }
+
+    /// The rows, borrowed.
+    #[must_use]
+    pub fn view(&self) -> Moves<'_> {
+        Moves {
+            rotary: &self.rotary,
+            point: &self.point,
+            direction: &self.direction,
+            feed: self.feed.as_deref(),
+            time: self.time.as_deref(),
+            sense: self.sense.as_deref(),
+        }
+    }
+}
+
+/// Touches or planned moves, one row each, in mm, rad, s. Borrowed row-major arrays.
+#[derive(Clone, Copy, Debug)]
+pub struct Moves<'a> {
+    /// Commanded positions of the machine's rotary axes, n × number of axes.
+    pub rotary: &'a [f64],
+    /// A point of the line: the recorded ball centre, or the start of a planned move; n × 3.
+    pub point: &'a [f64],
+    /// Approach direction, unit vectors, n × 3.
+    pub direction: &'a [f64],
+    /// Feed of the approach, or nothing.
+    pub feed: Option<&'a [f64]>,
+    /// Time since the start, or nothing.
+    pub time: Option<&'a [f64]>,
+    /// Sense of the last turn of each axis, n × number of axes, or nothing.
+    pub sense: Option<&'a [f64]>,
+}
+
+impl Moves<'_> {
+    /// Number of rows.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.point.len() / 3
+    }
+
+    /// Whether there is no row.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.point.is_empty()
+    }
+
+    /// Checks lengths, finiteness and unit directions.
+    ///
+    /// # Errors
+    /// The first row that is not as it should be.
+    pub fn check(&self, axes: usize) -> Result<()> {
+        let n = self.len();
+        let lengths = [
+            ("rotary positions", Some(self.rotary), axes),
+            ("points", Some(self.point), 3),
+            ("approach directions", Some(self.direction), 3),
+            ("feeds", self.feed, 1),
+            ("times", self.time, 1),
+            ("senses of turning", self.sense, axes),
+        ];
+        for (what, values, width) in lengths {
+            let Some(values) = values else { continue };
+            if values.len() != n * width {
+                return Err(Error::input(what, values.len(), format!("{n} rows of {width}")));
+            }
+            if let Some(i) = values.iter().position(|value| !value.is_finite()) {
+                let what = format!("{what}, row {}", i / width);
+                return Err(Error::input(what, values[i], "a finite number"));
+            }
+        }
+        for (row, d) in self.direction.chunks_exact(3).enumerate() {
+            let norm = d[0].hypot(d[1]).hypot(d[2]);
+            if (norm - 1.0).abs() > 1e-6 {
+                let what = format!("length of the approach direction, row {row}");
+                return Err(Error::input(what, norm, "1 within 1e-6"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Row of an n × 3 array.
+    #[must_use]
+    pub fn vector(values: &[f64], row: usize) -> Vector3<f64> {
+        Vector3::new(values[3 * row], values[3 * row + 1], values[3 * row + 2])
+    }
+}

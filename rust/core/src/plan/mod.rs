@@ -1,0 +1,488 @@
+//! Which touches, in which order, on which approach.
+//!
+//! - [`targets`]: the places on the artefact that are worth a touch, with the paper's labels;
+//! - [`collision`]: whether ball and stem get there and back without touching anything else;
+//! - here: positions of the axes, senses of turning, feeds and times; commands rounded to the
+//!   resolution of the axes.
+//!
+//! Between touches the probe retracts to the start of its approach, moves along the stem to a
+//! level above everything at this position of the axes, across, and down to the next start.
+
+pub mod collision;
+pub mod targets;
+
+use nalgebra::Vector3;
+
+use crate::artefact::{Artefact, Line, Search};
+use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
+use crate::pose::Direction;
+use crate::{Error, Result};
+
+use collision::{Stylus, Surroundings};
+use targets::{Layout, Target, targets};
+
+/// How a plan is made; mm, rad, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlanOptions {
+    /// Distance of the start of an approach from the nominal contact.
+    pub clearance: f64,
+    /// How far the commanded end lies beyond it.
+    pub overtravel: f64,
+    /// Resolution of linear commands; 0: exact.
+    pub linear_resolution: f64,
+    /// Resolution of rotary commands; 0: exact.
+    pub rotary_resolution: f64,
+    /// Speed of moves between touches.
+    pub rapid: f64,
+    /// Speed of the rotary axes, rad/s.
+    pub rotary_speed: f64,
+    /// Ball and stem.
+    pub stylus: Stylus,
+    /// Radius of the table's top.
+    pub table_radius: f64,
+    /// Thickness of the table.
+    pub table_thickness: f64,
+    /// Where the touches 17 and 20 of the tilted cross lie.
+    pub layout: Layout,
+    /// At ±90° touch every reachable face, not only the paper's four (Fig. 4).
+    pub all_faces: bool,
+}
+
+impl PlanOptions {
+    /// How far the ball's centre stays over everything it crosses.
+    const fn above(&self) -> f64 {
+        self.stylus.ball_radius + self.clearance
+    }
+}
+
+/// What is to be measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanRequest {
+    /// Positions of the axis under the artefact (C) with the tilting axis at zero, rad.
+    pub turning: Vec<f64>,
+    /// Positions of the tilting axis (A or B) with C at zero, rad.
+    pub tilting: Vec<f64>,
+    /// Pairs (tilting, turning) beyond these two cycles, rad.
+    pub pairs: Vec<(f64, f64)>,
+    /// Feeds of the approaches, mm/s; with several, every touch is made at each.
+    pub feeds: Vec<f64>,
+    /// Every position from both senses of turning.
+    pub both_senses: bool,
+    /// How often all of it is done.
+    pub repeats: usize,
+}
+
+/// One planned touch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedTouch {
+    /// Commanded positions of the rotary axes, rad.
+    pub rotary: [f64; MAX_ROTARY],
+    /// Sense of the last turn of each axis before the touch; 0: not turned.
+    pub sense: [f64; MAX_ROTARY],
+    /// The paper's cycle, 1 to 3 (4: further pairs of angles).
+    pub cycle: i64,
+    /// The paper's label of the touch, 1 to 20.
+    pub label: i64,
+    /// Commanded start of the approach, ball centre, machine frame.
+    pub start: Vector3<f64>,
+    /// Nominal ball centre at contact, machine frame.
+    pub contact: Vector3<f64>,
+    /// Unit approach direction of the rounded commands.
+    pub direction: Vector3<f64>,
+    /// Feed of the approach, mm/s.
+    pub feed: f64,
+    /// When it happens, s after the start.
+    pub time: f64,
+}
+
+/// Coordinate along the stem that is `above` mm over everything at one posture.
+#[must_use]
+pub fn safe_level(
+    machine: &Machine,
+    surroundings: &Surroundings,
+    rotary: &[f64],
+    above: f64,
+) -> f64 {
+    let posture = Posture::new(machine, rotary, &Places::default());
+    surroundings.highest(&posture.table, &(posture.head.rotation * Vector3::z())) + above
+}
+
+/// Distance from the origin that is `above` mm over everything whatever the rotary axes do.
+#[must_use]
+pub fn swing_level(surroundings: &Surroundings, above: f64) -> f64 {
+    surroundings.farthest() + above
+}
+
+fn surroundings(artefact: &Artefact, options: &PlanOptions) -> Surroundings {
+    Surroundings::new(artefact, options.table_radius, options.table_thickness)
+}
+
+struct Position {
+    tilt: f64,
+    turn: f64,
+    cycle: i64,
+}
+
+/// The axes that a plan moves: the one under the artefact and the one that tilts.
+struct PlanAxes {
+    turning: Option<usize>,
+    tilting: Option<usize>,
+}
+
+impl PlanAxes {
+    fn of(machine: &Machine) -> Self {
+        let find = |wanted: &dyn Fn(Direction, Side) -> bool| {
+            machine.rotary().iter().position(|axis| wanted(axis.direction, axis.side))
+        };
+        Self {
+            turning: find(&|direction, _| direction == Direction::Z),
+            tilting: find(&|direction, _| direction != Direction::Z),
+        }
+    }
+
+    fn rotary(&self, position: &Position, resolution: f64) -> [f64; MAX_ROTARY] {
+        let mut rotary = [0.0; MAX_ROTARY];
+        if let Some(axis) = self.turning {
+            rotary[axis] = round(position.turn, resolution);
+        }
+        if let Some(axis) = self.tilting {
+            rotary[axis] = round(position.tilt, resolution);
+        }
+        rotary
+    }
+}
+
+/// To a whole number of steps; 0: as it is.
+#[must_use]
+pub fn round(value: f64, step: f64) -> f64 {
+    if step > 0.0 { (value / step).round() * step } else { value }
+}
+
+/// Makes a plan: only touches whose faces can be reached, each with a free way in and out.
+///
+/// # Errors
+/// No angle or no feed given, a value that is not finite, or no face that can be reached.
+pub fn plan(
+    machine: &Machine,
+    artefact: &Artefact,
+    request: &PlanRequest,
+    options: &PlanOptions,
+) -> Result<Vec<PlannedTouch>> {
+    check(request)?;
+    let axes = PlanAxes::of(machine);
+    if axes.tilting.is_none() && (!request.tilting.is_empty() || !request.pairs.is_empty()) {
+        return Err(Error::input("tilting angles", "some", "none: this machine has no such axis"));
+    }
+    let positions = positions(request);
+    let surroundings = surroundings(artefact, options);
+    let planner = Planner { machine, artefact, options, surroundings: &surroundings };
+    let mut reached: Vec<Vec<PlannedTouch>> = Vec::with_capacity(positions.len());
+    for position in &positions {
+        reached.push(planner.touches(position, axes.rotary(position, options.rotary_resolution)));
+    }
+    if reached.iter().all(Vec::is_empty) {
+        return Err(Error::Data(
+            "no face of the artefact can be reached at any of these positions: check the \
+             clearance, the stylus and the artefact's size"
+                .into(),
+        ));
+    }
+    let rounds = request.feeds.len().max(if request.both_senses { 2 } else { 1 });
+    let mut clock = Clock::new(options, swing_level(&surroundings, options.above()));
+    let mut touches = Vec::new();
+    for round in 0..rounds * request.repeats {
+        let upward = !request.both_senses || round % 2 == 0;
+        let order: Vec<usize> = if upward {
+            (0..positions.len()).collect()
+        } else {
+            (0..positions.len()).rev().collect()
+        };
+        for index in order {
+            let Some(first) = reached[index].first() else { continue };
+            let sense = sense_of_round(upward);
+            clock.turn(&axes, &first.rotary, sense, request.both_senses);
+            let feed = request.feeds[(round + index) % request.feeds.len()];
+            for touch in &reached[index] {
+                let mut touch = touch.clone();
+                touch.sense = clock.sense;
+                touch.feed = feed;
+                touch.time = clock.touch(&touch);
+                touches.push(touch);
+            }
+        }
+    }
+    Ok(touches)
+}
+
+const fn sense_of_round(upward: bool) -> f64 {
+    if upward { 1.0 } else { -1.0 }
+}
+
+fn check(request: &PlanRequest) -> Result<()> {
+    let angles = request.turning.iter().chain(&request.tilting);
+    let angles = angles.chain(request.pairs.iter().flat_map(|(a, c)| [a, c]));
+    for angle in angles {
+        if !angle.is_finite() {
+            return Err(Error::input("angle of a plan", angle, "a finite number"));
+        }
+    }
+    if request.turning.is_empty() && request.tilting.is_empty() && request.pairs.is_empty() {
+        return Err(Error::input("angles of a plan", "none", "at least one"));
+    }
+    if request.feeds.is_empty() {
+        return Err(Error::input("feeds of a plan", "none", "at least one"));
+    }
+    if let Some(feed) = request.feeds.iter().find(|feed| !(feed.is_finite() && **feed > 0.0)) {
+        return Err(Error::input("feed of a plan", feed, "a positive number"));
+    }
+    if request.repeats == 0 {
+        return Err(Error::input("repeats of a plan", 0, "at least 1"));
+    }
+    Ok(())
+}
+
+fn positions(request: &PlanRequest) -> Vec<Position> {
+    let mut positions: Vec<Position> = Vec::new();
+    let turning = request.turning.iter().enumerate();
+    positions.extend(turning.map(|(i, &turn)| Position {
+        tilt: 0.0,
+        turn,
+        cycle: if i == 0 { 1 } else { 2 },
+    }));
+    let tilting = request.tilting.iter().map(|&tilt| Position { tilt, turn: 0.0, cycle: 3 });
+    let pairs = request.pairs.iter().map(|&(tilt, turn)| Position { tilt, turn, cycle: 4 });
+    for position in tilting.chain(pairs) {
+        let twice = positions
+            .iter()
+            .any(|other| other.tilt == position.tilt && other.turn == position.turn);
+        if !twice {
+            positions.push(position);
+        }
+    }
+    positions
+}
+
+struct Planner<'a> {
+    machine: &'a Machine,
+    artefact: &'a Artefact,
+    options: &'a PlanOptions,
+    surroundings: &'a Surroundings,
+}
+
+impl Planner<'_> {
+    /// Every touch that can be made at one position of the axes.
+    fn touches(&self, position: &Position, rotary: [f64; MAX_ROTARY]) -> Vec<PlannedTouch> {
+        let axes = &rotary[..self.machine.rotary().len()];
+        let posture = Posture::new(self.machine, axes, &Places::default());
+        let stem = posture.head.rotation * Vector3::z();
+        let found = targets(self.artefact, &posture.table, &stem, self.options);
+        let touches = found.into_iter().filter_map(|target| {
+            self.touch(&posture, &stem, &target).map(|mut touch| {
+                touch.rotary = rotary;
+                touch.cycle = position.cycle;
+                touch
+            })
+        });
+        touches.collect()
+    }
+
+    /// The touch of one target, if the probe can get there and back.
+    fn touch(
+        &self,
+        posture: &Posture,
+        stem: &Vector3<f64>,
+        target: &Target,
+    ) -> Option<PlannedTouch> {
+        let options = self.options;
+        let normal = clean(posture.table.rotation * target.normal);
+        // The stem must not come from below the face.
+        if normal.dot(stem) < -1e-9 {
+            return None;
+        }
+        let contact = posture.table.apply(&target.point) + normal * options.stylus.ball_radius;
+        let command = |point: Vector3<f64>| {
+            let linear = point - posture.head_nominal;
+            linear.map(|value| round(value, options.linear_resolution)) + posture.head_nominal
+        };
+        let start = command(contact + normal * options.clearance);
+        let end = command(contact - normal * options.overtravel);
+        let direction = clean((end - start).normalize());
+        // The first contact on the way is the one that is meant.
+        let line = Line {
+            origin: posture.table.undo(&start),
+            direction: posture.table.rotation.tr_mul(&direction),
+        };
+        let solid = self.artefact.solid(&Places::default());
+        let met = solid.first_contact(&line, options.stylus.ball_radius, Search::Ahead)?;
+        let slack = 2.0 * options.linear_resolution + 1e-9;
+        if (met.travel - (contact - start).norm()).abs() > slack {
+            return None;
+        }
+        let to_table = |v: &Vector3<f64>| posture.table.undo(v);
+        let stem_on_table = posture.table.rotation.tr_mul(stem);
+        let level = self.surroundings.highest(&posture.table, stem) + options.above();
+        let up = start + stem * (level - start.dot(stem)).max(0.0);
+        let short = start + direction * (met.travel - NEARLY_MM);
+        let free = |from: &Vector3<f64>, to: &Vector3<f64>| {
+            let (from, to) = (to_table(from), to_table(to));
+            self.surroundings.is_free(&from, &to, &stem_on_table, &options.stylus)
+        };
+        (free(&up, &start) && free(&start, &short)).then(|| PlannedTouch {
+            rotary: [0.0; MAX_ROTARY],
+            sense: [0.0; MAX_ROTARY],
+            cycle: 0,
+            label: target.label,
+            start,
+            contact: start + direction * met.travel,
+            direction,
+            feed: 0.0,
+            time: 0.0,
+        })
+    }
+}
+
+/// The way in is checked up to this distance from the contact.
+const NEARLY_MM: f64 = 0.01;
+
+/// Removes rounding from a direction that is square to an axis.
+fn clean(direction: Vector3<f64>) -> Vector3<f64> {
+    direction.map(|value| if value.abs() < 1e-12 { 0.0 } else { value }).normalize()
+}
+
+/// How far an axis backs off to come from the wanted sense, rad.
+pub const BACK_OFF: f64 = 5.0 * crate::units::DEG;
+
+/// Keeps time, and where the axes came from.
+struct Clock<'a> {
+    options: &'a PlanOptions,
+    swing: f64,
+    time: f64,
+    at: Option<Vector3<f64>>,
+    rotary: Option<[f64; MAX_ROTARY]>,
+    sense: [f64; MAX_ROTARY],
+}
+
+impl<'a> Clock<'a> {
+    const fn new(options: &'a PlanOptions, swing: f64) -> Self {
+        Self { options, swing, time: 0.0, at: None, rotary: None, sense: [0.0; MAX_ROTARY] }
+    }
+
+    /// Turns the axes. C always comes from the round's sense (it has no ends); a tilting axis does
+    /// where both senses are wanted, and otherwise goes straight there.
+    fn turn(&mut self, axes: &PlanAxes, to: &[f64; MAX_ROTARY], sense: f64, both_senses: bool) {
+        let from = self.rotary.unwrap_or([0.0; MAX_ROTARY]);
+        let first = self.rotary.is_none();
+        let mut longest: f64 = 0.0;
+        for axis in [axes.turning, axes.tilting].into_iter().flatten() {
+            let way = to[axis] - from[axis];
+            let is_turning = axes.turning == Some(axis);
+            let moves = way != 0.0 || (is_turning && first) || (both_senses && !first);
+            if !moves {
+                continue;
+            }
+            let wanted = if is_turning || both_senses { sense } else { way.signum() };
+            let back = if way * wanted > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
+            longest = longest.max(way.abs() + back);
+            self.sense[axis] = wanted;
+        }
+        self.rotary = Some(*to);
+        if longest > 0.0 {
+            let lift = self.at.take().map_or(0.0, |at| (self.swing - at.z).abs());
+            self.time += longest / self.options.rotary_speed + lift / self.options.rapid;
+        }
+    }
+
+    /// The time of the trigger; afterwards the probe stands at the start of its approach.
+    fn touch(&mut self, touch: &PlannedTouch) -> f64 {
+        let way = match self.at {
+            Some(at) => (touch.start - at).norm() + 4.0 * self.options.clearance,
+            None => (self.swing - touch.start.z).abs(),
+        };
+        let approach = (touch.contact - touch.start).norm() / touch.feed;
+        self.time += way / self.options.rapid + approach;
+        let triggered = self.time;
+        self.time += approach.min((touch.contact - touch.start).norm() / self.options.rapid);
+        self.at = Some(touch.start);
+        triggered
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::DEG;
+
+    pub(super) fn options() -> PlanOptions {
+        PlanOptions {
+            clearance: 5.0,
+            overtravel: 5.0,
+            linear_resolution: 1e-4,
+            rotary_resolution: 0.36 * crate::units::ARCSEC,
+            rapid: 10_000.0 / 60.0,
+            rotary_speed: 3600.0 / 60.0 * DEG,
+            stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
+            table_radius: 150.0,
+            table_thickness: 30.0,
+            layout: Layout::Side,
+            all_faces: false,
+        }
+    }
+
+    fn degrees(values: &[f64]) -> Vec<f64> {
+        values.iter().map(|value| value * DEG).collect()
+    }
+
+    fn request(c: &[f64], a: &[f64]) -> PlanRequest {
+        PlanRequest {
+            turning: degrees(c),
+            tilting: degrees(a),
+            pairs: Vec::new(),
+            feeds: vec![10.0],
+            both_senses: false,
+            repeats: 1,
+        }
+    }
+
+    fn cross() -> Artefact {
+        Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }
+    }
+
+    #[test]
+    fn the_papers_plan_has_72_touches() {
+        for preset in ["trt-ca", "trt-bc"] {
+            let machine = Machine::preset(preset, 150.0).unwrap();
+            let request = request(&[0.0, 90.0, 180.0, 270.0], &[90.0, -90.0]);
+            let touches = plan(&machine, &cross(), &request, &options()).unwrap();
+            assert_eq!(touches.len(), 72, "{preset}");
+            for position in touches[..64].chunks(16) {
+                let labels: Vec<i64> = position.iter().map(|touch| touch.label).collect();
+                assert_eq!(labels, (1..=16).collect::<Vec<_>>());
+            }
+            for position in touches[64..].chunks(4) {
+                let labels: Vec<i64> = position.iter().map(|touch| touch.label).collect();
+                assert_eq!(labels, [17, 18, 19, 20]);
+            }
+            assert!(touches.windows(2).all(|pair| pair[0].time < pair[1].time));
+        }
+    }
+
+    #[test]
+    fn a_rich_plan_reaches_no_face_from_below() {
+        let machine = Machine::preset("trt-ca", 150.0).unwrap();
+        let c: Vec<f64> = (0..12).map(|i| 30.0 * f64::from(i)).collect();
+        let a: Vec<f64> = (-3..=3).map(|i| 30.0 * f64::from(i)).collect();
+        let mut request = request(&c, &a);
+        request.feeds = vec![5.0, 15.0];
+        request.both_senses = true;
+        let touches = plan(&machine, &cross(), &request, &options()).unwrap();
+        assert!((450..560).contains(&touches.len()), "{}", touches.len());
+        assert!(touches.iter().all(|touch| touch.direction.z <= 1e-9));
+        for sense in [-1.0, 1.0] {
+            for feed in [5.0, 15.0] {
+                let share = touches.iter().filter(|t| t.sense[1] == sense && t.feed == feed);
+                let share = share.count() as f64 / touches.len() as f64;
+                assert!((share - 0.25).abs() < 0.1, "{sense} {feed} {share}");
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Python binding of `trunnion-core`: flat, thin, no arithmetic.
+//!
+//! Errors become exceptions in [`errors`], numpy becomes slices in [`arrays`], each in one file.
+
+// A flat binding hands arrays over one by one: long signatures and tuples are its nature.
+#![allow(clippy::too_many_arguments, clippy::type_complexity)]
+
+mod arrays;
+mod compensation;
+mod contouring;
+mod errors;
+mod hybrid;
+mod machine;
+mod nc;
+mod plan;
+mod threads;
+mod touch;
+mod turning;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _core {
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+
+    // --- trunnion (paper 000)
+    #[pymodule_export]
+    use crate::compensation::{MachineModel, field_at, field_on_grid, field_statistics};
+    #[pymodule_export]
+    use crate::machine::{Machine, presets};
+    #[pymodule_export]
+    use crate::plan::{plan, safe_levels};
+    #[pymodule_export]
+    use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
+
+    // --- turning (paper 001), part programs
+    #[pymodule_export]
+    use crate::nc::PyProgram;
+    #[pymodule_export]
+    use crate::turning::{PyProbePath, PyProfile, turning_cause, turning_change, turning_correct};
+
+    // --- contouring (paper 003)
+    #[pymodule_export]
+    use crate::contouring::{
+        ContourPath, contour_axis_margins, contour_axis_response, contour_path_margins,
+        contour_simulate, contour_sweep,
+    };
+
+    // --- hybrid (paper 004)
+    #[pymodule_export]
+    use crate::hybrid::{Hybrid, hybrid_example, hybrid_parameter, hybrid_parameters};
+}

@@ -1,0 +1,233 @@
+//! Machines: location errors and kinematics.
+
+use nalgebra::Vector3;
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
+use trunnion_core::machine::{self, MAX_ROTARY, Places};
+use trunnion_core::units::{DEG, Unit};
+use trunnion_core::{Error, Result};
+
+use crate::arrays::{matrix, rows, vector};
+use crate::errors::IntoPy;
+
+/// Poses that one thread takes at a time.
+const CHUNK: usize = 2048;
+
+/// A machine: X, Y, Z and rotary axes, nominal or with location errors.
+#[pyclass(frozen, module = "trunnion._core")]
+pub struct Machine {
+    pub inner: machine::Machine,
+    places: Places,
+}
+
+/// Named location errors, µm and arcsec, as amounts at places.
+fn places(machine: &machine::Machine, errors: &[(String, f64)]) -> Result<Places> {
+    let mut places = Places::default();
+    for (name, value) in errors {
+        let error = machine.location_error(name)?;
+        if !value.is_finite() {
+            return Err(Error::input(name.as_str(), value, "a finite number"));
+        }
+        machine.add_location_error(&mut places, &error, value * error.unit().to_internal());
+    }
+    Ok(places)
+}
+
+fn positions(row: &[f64]) -> AxisPositions {
+    let mut rotary = [0.0; MAX_ROTARY];
+    for (slot, value) in rotary.iter_mut().zip(&row[3..]) {
+        *slot = value * DEG;
+    }
+    AxisPositions { linear: Vector3::new(row[0], row[1], row[2]), rotary }
+}
+
+fn tool(row: &[f64]) -> Tool {
+    Tool {
+        point: Vector3::new(row[0], row[1], row[2]),
+        direction: Vector3::new(row[3], row[4], row[5]),
+    }
+}
+
+/// Prefixes the row to what a pose cannot do.
+fn at_row(row: usize) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::Kinematics(message) => Error::Kinematics(format!("row {row}: {message}")),
+        Error::Input { what, got, wanted } => {
+            Error::Input { what: format!("row {row}: {what}"), got, wanted }
+        }
+        other => other,
+    }
+}
+
+#[pymethods]
+impl Machine {
+    #[new]
+    #[pyo3(signature = (preset, tool_length_mm, errors))]
+    fn new(preset: &str, tool_length_mm: f64, errors: Vec<(String, f64)>) -> PyResult<Self> {
+        let inner = machine::Machine::preset(preset, tool_length_mm).into_py()?;
+        let places = places(&inner, &errors).into_py()?;
+        Ok(Self { inner, places })
+    }
+
+    #[getter]
+    fn letters(&self) -> String {
+        self.inner.rotary().iter().map(machine::Rotary::letter).collect()
+    }
+
+    #[getter]
+    fn location_errors(&self) -> Vec<(String, &'static str)> {
+        let errors = self.inner.location_errors();
+        errors.iter().map(|error| (error.name(), error.unit().symbol())).collect()
+    }
+
+    fn forward<'py>(
+        &self,
+        py: Python<'py>,
+        axes: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let width = 3 + self.inner.rotary().len();
+        let axes = rows("axis positions", &axes, width)?;
+        let tools = py.detach(|| {
+            let forward = self.inner.forward_many(&self.places);
+            let mut tools = vec![0.0; axes.len() / width * 6];
+            let chunks = tools.par_chunks_mut(6 * CHUNK).zip(axes.par_chunks(width * CHUNK));
+            chunks.for_each(|(tools, axes)| {
+                let rows = tools.chunks_exact_mut(6).zip(axes.chunks_exact(width));
+                for (slot, row) in rows {
+                    let tool = forward(&positions(row));
+                    slot[..3].copy_from_slice(tool.point.as_slice());
+                    slot[3..].copy_from_slice(tool.direction.as_slice());
+                }
+            });
+            tools
+        });
+        matrix(py, tools, 6)
+    }
+
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        axes: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let width = 3 + self.inner.rotary().len();
+        let axes = rows("axis positions", &axes, width)?;
+        let all = py.detach(|| {
+            let mut all = Vec::with_capacity(axes.len() * 6);
+            for row in axes.chunks_exact(width) {
+                let (_, jacobian) = self.inner.forward_jacobian(&positions(row), &self.places);
+                for i in 0..6 {
+                    let scale = |k: usize| if k < 3 { 1.0 } else { Unit::Deg.to_internal() };
+                    all.extend((0..width).map(|k| jacobian[(i, k)] * scale(k)));
+                }
+            }
+            all
+        });
+        debug_assert!(width <= MAX_AXES);
+        matrix(py, all, 6 * width)
+    }
+
+    /// Both branches of the nominal machine, row-major (n, 2 × axes), and whether singular.
+    fn inverse<'py>(
+        &self,
+        py: Python<'py>,
+        tools: PyReadonlyArray2<'py, f64>,
+        reference_deg: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)> {
+        let tools = rows("tool points and directions", &tools, 6)?;
+        let reference: Vec<f64> = vector(&reference_deg).iter().map(|v| v * DEG).collect();
+        let width = 3 + self.inner.rotary().len();
+        let solved = py.detach(|| -> Result<(Vec<f64>, Vec<bool>)> {
+            let mut all = Vec::with_capacity(tools.len() / 6 * 2 * width);
+            let mut singular = Vec::with_capacity(tools.len() / 6);
+            for (i, row) in tools.chunks_exact(6).enumerate() {
+                let branches = self.inner.inverse(&tool(row), &reference).map_err(at_row(i))?;
+                for branch in branches.positions {
+                    all.extend(branch.linear.iter());
+                    all.extend(branch.rotary[..width - 3].iter().map(|angle| angle / DEG));
+                }
+                singular.push(branches.singular);
+            }
+            Ok((all, singular))
+        });
+        let (all, singular) = solved.into_py()?;
+        Ok((matrix(py, all, 2 * width)?, PyArray1::from_vec(py, singular)))
+    }
+
+    /// Axis positions that reach the tool poses on the machine with its errors, from starts nearby.
+    fn inverse_exact<'py>(
+        &self,
+        py: Python<'py>,
+        tools: PyReadonlyArray2<'py, f64>,
+        starts: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let width = 3 + self.inner.rotary().len();
+        let tools = rows("tool points and directions", &tools, 6)?;
+        let starts = rows("start positions", &starts, width)?;
+        let solved = py.detach(|| -> Result<Vec<f64>> {
+            let mut all = Vec::with_capacity(starts.len());
+            let pairs = tools.chunks_exact(6).zip(starts.chunks_exact(width));
+            for (i, (row, start)) in pairs.enumerate() {
+                let reached =
+                    self.inner.inverse_with_errors(&tool(row), &positions(start), &self.places);
+                let reached = reached.map_err(at_row(i))?;
+                all.extend(reached.linear.iter());
+                all.extend(reached.rotary[..width - 3].iter().map(|angle| angle / DEG));
+            }
+            Ok(all)
+        });
+        matrix(py, solved.into_py()?, width)
+    }
+
+    /// X, Y, Z that bring the tool points to their place at these rotary positions.
+    fn linear_axes_for<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f64>,
+        rotary_deg: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = rows("tool points", &points, 3)?;
+        let axes = self.inner.rotary().len();
+        let rotary = rows("rotary positions", &rotary_deg, axes)?;
+        let solved = py.detach(|| -> Result<Vec<f64>> {
+            let mut all = Vec::with_capacity(points.len());
+            for (i, (point, angles)) in
+                points.chunks_exact(3).zip(rotary.chunks_exact(axes)).enumerate()
+            {
+                let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
+                let point = Vector3::new(point[0], point[1], point[2]);
+                let linear = self.inner.linear_axes_for(&point, &angles, &self.places);
+                all.extend(linear.map_err(at_row(i))?.iter());
+            }
+            Ok(all)
+        });
+        matrix(py, solved.into_py()?, 3)
+    }
+
+    /// Pose of the table, machine from table: row-major 3 × 4 (R | t in mm), one row a pose.
+    fn table_pose<'py>(
+        &self,
+        py: Python<'py>,
+        rotary_deg: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let axes = self.inner.rotary().len();
+        let rotary = rows("rotary positions", &rotary_deg, axes)?;
+        let mut all = Vec::with_capacity(rotary.len() / axes.max(1) * 12);
+        for angles in rotary.chunks_exact(axes) {
+            let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
+            let posture = machine::Posture::new(&self.inner, &angles, &self.places);
+            for i in 0..3 {
+                all.extend(posture.table.rotation.row(i).iter());
+                all.push(posture.table.translation[i]);
+            }
+        }
+        matrix(py, all, 12)
+    }
+}
+
+/// Names of the machines that come with the project.
+#[pyfunction]
+pub fn presets() -> Vec<&'static str> {
+    machine::PRESETS.to_vec()
+}

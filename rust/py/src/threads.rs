@@ -1,0 +1,23 @@
+//! How many threads a long call may use.
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+use trunnion_core::Error;
+
+use crate::errors::to_py;
+
+/// Runs `work` on this many threads; `None`: on all cores.
+pub fn with_threads<T: Send>(
+    threads: Option<usize>,
+    work: impl FnOnce() -> T + Send,
+) -> PyResult<T> {
+    match threads {
+        None => Ok(work()),
+        Some(0) => Err(to_py(&Error::input("threads", 0, "at least 1, or None for all cores"))),
+        Some(count) => rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .build()
+            .map(|pool| pool.install(work))
+            .map_err(|error| PyRuntimeError::new_err(error.to_string())),
+    }
+}

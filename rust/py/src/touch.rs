@@ -1,0 +1,443 @@
+//! Touches: model, plan, simulation, closed forms, least squares.
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use trunnion_core::artefact::{Artefact, Search};
+use trunnion_core::effects::{self, Kind, Need};
+use trunnion_core::identification::{closed_form, least_squares};
+use trunnion_core::machine::{self, Machine};
+use trunnion_core::moves::MoveTable;
+use trunnion_core::probe::Probe;
+use trunnion_core::studies;
+use trunnion_core::touch::{self, Simulation};
+use trunnion_core::units::{ARCSEC, DEG, UM};
+use trunnion_core::{Error, Result};
+
+use crate::arrays::{array, matrix, rows, vector};
+use crate::errors::IntoPy;
+use crate::threads::with_threads;
+
+/// An artefact from its kind and dimensions (mm).
+pub fn artefact(kind: &str, dimensions: &[f64]) -> Result<Artefact> {
+    match (kind, dimensions) {
+        ("cross", &[length, width, height]) => Artefact::Cross { length, width, height },
+        ("cuboid", &[length, width, height]) => Artefact::Cuboid { length, width, height },
+        ("sphere", &[diameter, x, y, z]) => Artefact::Sphere { diameter, centre: [x, y, z] },
+        ("cross" | "cuboid" | "sphere", _) => {
+            let got = format!("{} numbers", dimensions.len());
+            return Err(Error::input(format!("dimensions of a {kind}"), got, "3, of a sphere 4"));
+        }
+        _ => return Err(Error::unknown("artefact", kind, ["cross", "cuboid", "sphere"])),
+    }
+    .checked()
+}
+
+fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Linear => "linear",
+        Kind::Moment => "moment",
+        Kind::Duration => "duration",
+    }
+}
+
+/// One entry of the catalogue: id, title, owner, parameters (name, unit, kind), needed columns.
+type Entry =
+    (String, String, &'static str, Vec<(&'static str, &'static str, &'static str)>, Vec<String>);
+
+fn need_name(machine: &Machine, need: Need) -> String {
+    match need {
+        Need::Feed => "feed_mm_min".to_owned(),
+        Need::Time => "time_s".to_owned(),
+        Need::Sense(axis) => {
+            format!("{}_dir", machine.rotary()[axis].letter().to_ascii_lowercase())
+        }
+    }
+}
+
+/// Every effect that can act on touches of this artefact on this machine.
+#[pyfunction]
+pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec<Entry>> {
+    let machine = Machine::preset(preset, 1.0).into_py()?;
+    let artefact = artefact(kind, &dimensions).into_py()?;
+    let entries = effects::catalogue(&machine, &artefact).into_iter().map(|effect| {
+        let parameters = effect.parameters.iter();
+        let parameters = parameters.map(|p| (p.name, p.unit.symbol(), kind_name(p.kind))).collect();
+        let needs = effect.needs.iter().map(|need| need_name(&machine, *need)).collect();
+        (effect.id, effect.title, effect.owner.word(), parameters, needs)
+    });
+    Ok(entries.collect())
+}
+
+/// Touches or planned moves in the core's units.
+#[pyclass(frozen, module = "trunnion._core")]
+pub struct Moves {
+    inner: MoveTable,
+}
+
+#[pymethods]
+impl Moves {
+    #[new]
+    #[pyo3(signature = (rotary_deg, point_mm, direction, feed_mm_min=None, time_s=None, sense=None))]
+    fn new(
+        rotary_deg: PyReadonlyArray2<'_, f64>,
+        point_mm: PyReadonlyArray2<'_, f64>,
+        direction: PyReadonlyArray2<'_, f64>,
+        feed_mm_min: Option<PyReadonlyArray1<'_, f64>>,
+        time_s: Option<PyReadonlyArray1<'_, f64>>,
+        sense: Option<PyReadonlyArray2<'_, f64>>,
+    ) -> PyResult<Self> {
+        let axes = rotary_deg.as_array().ncols();
+        let inner = MoveTable::from_face(
+            axes,
+            rows("rotary positions", &rotary_deg, axes)?,
+            rows("points", &point_mm, 3)?,
+            rows("approach directions", &direction, 3)?,
+            feed_mm_min.map(|feed| vector(&feed)),
+            time_s.map(|time| vector(&time)),
+            sense.map(|sense| rows("senses of turning", &sense, axes)).transpose()?,
+        );
+        Ok(Self { inner: inner.into_py()? })
+    }
+
+    fn __len__(&self) -> usize {
+        self.inner.view().len()
+    }
+}
+
+/// The model of touches: location errors, placement and effects as parameters, in this order.
+#[pyclass(frozen, module = "trunnion._core")]
+pub struct TouchModel {
+    inner: touch::TouchModel,
+}
+
+impl TouchModel {
+    fn fit_options(
+        &self,
+        huber: Option<f64>,
+        sigma_um: f64,
+        priors: &[(usize, f64, f64)],
+        max_steps: usize,
+    ) -> Result<least_squares::Options> {
+        let units = self.inner.units();
+        let prior = |&(parameter, mean, sigma): &(usize, f64, f64)| {
+            let unit = units.get(parameter).copied().ok_or_else(|| {
+                Error::input("prior's parameter", parameter, format!("below {}", units.len()))
+            })?;
+            if !(mean.is_finite() && sigma.is_finite() && sigma > 0.0) {
+                let got = format!("{mean} ± {sigma}");
+                return Err(Error::input(
+                    "prior",
+                    got,
+                    "a finite value and a positive uncertainty",
+                ));
+            }
+            Ok(least_squares::Prior { parameter, mean: mean * unit, sigma: sigma * unit })
+        };
+        Ok(least_squares::Options {
+            loss: huber.map_or(least_squares::Loss::Squares, least_squares::Loss::Huber),
+            sigma: sigma_um * UM,
+            priors: priors.iter().map(prior).collect::<Result<_>>()?,
+            max_steps,
+        })
+    }
+
+    /// Rows of a linear map from readings in mm, in the face's units per µm.
+    fn operator_to_face(&self, mut operator: Vec<f64>, readings: usize) -> Vec<f64> {
+        for (row, unit) in operator.chunks_exact_mut(readings).zip(self.inner.units()) {
+            row.iter_mut().for_each(|value| *value *= UM / unit);
+        }
+        operator
+    }
+
+    /// The fourteen parameters of the plain model in the face's units.
+    fn plain_to_face(&self, values: &[f64]) -> Vec<f64> {
+        values.iter().zip(self.inner.units()).map(|(value, unit)| value / unit).collect()
+    }
+}
+
+#[pymethods]
+impl TouchModel {
+    #[new]
+    fn new(
+        preset: &str,
+        tool_length_mm: f64,
+        kind: &str,
+        dimensions: Vec<f64>,
+        ball_radius_mm: f64,
+        tick_um: f64,
+        effect_ids: Vec<String>,
+    ) -> PyResult<Self> {
+        let machine = Machine::preset(preset, tool_length_mm).into_py()?;
+        let artefact = artefact(kind, &dimensions).into_py()?;
+        let probe = Probe::new(ball_radius_mm, tick_um * UM).into_py()?;
+        let all = effects::catalogue(&machine, &artefact);
+        let chosen = effects::select(&all, &effect_ids).into_py()?;
+        Ok(Self { inner: touch::TouchModel::new(machine, artefact, probe, chosen) })
+    }
+
+    #[getter]
+    fn letters(&self) -> String {
+        self.inner.machine().rotary().iter().map(machine::Rotary::letter).collect()
+    }
+
+    #[getter]
+    fn parameters(&self) -> Vec<(String, &'static str, &'static str)> {
+        let names = self.inner.parameter_names();
+        names.into_iter().map(|n| (n.name, n.unit.symbol(), kind_name(n.kind))).collect()
+    }
+
+    #[getter]
+    fn error_count(&self) -> usize {
+        self.inner.errors().len()
+    }
+
+    /// Residuals in µm (recorded minus modelled coordinate along the approach).
+    fn residuals<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        values: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let moves = moves.inner.view();
+        let residuals = py.detach(|| {
+            self.inner.check(&moves)?;
+            self.inner.check_surface(&moves, &values)?;
+            let mut out = vec![None; moves.len()];
+            self.inner.deviations(&moves, &values, &mut out);
+            Ok(out.into_iter().map(|deviation| -deviation.unwrap_or(0.0) / UM).collect())
+        });
+        Ok(array(py, residuals.into_py()?))
+    }
+
+    /// Residuals in µm and the derivative of the modelled coordinate, µm per parameter unit.
+    fn linearise<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        values: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let moves = moves.inner.view();
+        let p = self.inner.parameter_count();
+        let result = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
+            self.inner.check(&moves)?;
+            self.inner.check_surface(&moves, &values)?;
+            let (mut residuals, mut jacobian) =
+                (vec![0.0; moves.len()], vec![0.0; moves.len() * p]);
+            self.inner.linearise(&moves, &values, &mut residuals, &mut jacobian);
+            let units = self.inner.units();
+            residuals.iter_mut().for_each(|r| *r /= -UM);
+            for row in jacobian.chunks_exact_mut(p) {
+                row.iter_mut().zip(units).for_each(|(j, unit)| *j *= unit / UM);
+            }
+            Ok((residuals, jacobian))
+        });
+        let (residuals, jacobian) = result.into_py()?;
+        Ok((array(py, residuals), matrix(py, jacobian, p)?))
+    }
+
+    /// Travel in mm from each move's point to the trigger.
+    fn simulate<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        values: PyReadonlyArray1<'py, f64>,
+        from_start: bool,
+        reach_mm: f64,
+        noise_um: f64,
+        seed: u64,
+        sample: u64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let moves = moves.inner.view();
+        let simulation = simulation(from_start, reach_mm, noise_um, seed);
+        let travel = py.detach(|| {
+            self.inner.check(&moves)?;
+            let mut travel = vec![0.0; moves.len()];
+            self.inner.simulate(&moves, &values, &simulation, sample, &mut travel)?;
+            Ok(travel)
+        });
+        Ok(array(py, travel.into_py()?))
+    }
+
+    /// Least squares from `start`; a dictionary of arrays in the face's units.
+    fn fit<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        start: PyReadonlyArray1<'py, f64>,
+        huber: Option<f64>,
+        sigma_um: f64,
+        priors: Vec<(usize, f64, f64)>,
+        max_steps: usize,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
+        let moves = moves.inner.view();
+        let fit = py.detach(|| least_squares::fit(&self.inner, &moves, &start, &options));
+        let fit = fit.into_py()?;
+        let face = fit.to_face(&self.inner);
+        let p = self.inner.parameter_count();
+        let result = PyDict::new(py);
+        result.set_item("values", array(py, face.values))?;
+        result.set_item("std_errors", array(py, face.std_errors))?;
+        result.set_item("covariance", matrix(py, face.covariance, p)?)?;
+        result.set_item("residuals_um", array(py, face.residuals_um))?;
+        result.set_item("sigma_um", face.sigma_um)?;
+        result.set_item("null_space", matrix(py, face.null_space, p)?)?;
+        result.set_item("singular_values", array(py, fit.singular_values))?;
+        result.set_item("weights", array(py, fit.weights))?;
+        result.set_item("degrees_of_freedom", fit.degrees_of_freedom)?;
+        result.set_item("converged", fit.converged)?;
+        result.set_item("steps", fit.steps)?;
+        Ok(result)
+    }
+
+    /// Many measurements of one plan, `points` (m, 3 n): estimates, standard errors, converged.
+    fn fit_many<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        points: PyReadonlyArray2<'py, f64>,
+        start: PyReadonlyArray1<'py, f64>,
+        huber: Option<f64>,
+        sigma_um: f64,
+        priors: Vec<(usize, f64, f64)>,
+        max_steps: usize,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)>
+    {
+        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
+        let moves = moves.inner.view();
+        let points = rows("points", &points, 3 * moves.len())?;
+        let p = self.inner.parameter_count();
+        let fits = py.detach(|| {
+            with_threads(threads, || {
+                least_squares::fit_many(&self.inner, &moves, &points, &start, &options)
+            })
+        });
+        let found = fits?.into_py()?;
+        let converged = PyArray1::from_vec(py, found.converged);
+        Ok((matrix(py, found.values, p)?, matrix(py, found.std_errors, p)?, converged))
+    }
+
+    /// The separating closed forms: values (14,), the checks κ and ζ in µm, and the change of the
+    /// values for one µm of each reading (14, n).
+    fn separate<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        labels: Vec<i64>,
+        start: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, f64, f64, Bound<'py, PyArray2<f64>>)> {
+        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let moves = moves.inner.view();
+        let result = py.detach(|| {
+            self.inner.check(&moves)?;
+            self.inner.check_surface(&moves, &start)?;
+            let rows = closed_form::PaperRows::find(&self.inner, &moves, &labels)?;
+            let mut scratch = closed_form::Scratch::default();
+            let found = closed_form::separate(&self.inner, &rows, &moves, &start, &mut scratch)?;
+            Ok((found, closed_form::separating_operator(&rows, moves.len())?))
+        });
+        let (found, operator) = result.into_py()?;
+        let values = array(py, self.plain_to_face(&found.values));
+        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        Ok((values, found.kappa / UM, found.zeta / UM, operator))
+    }
+
+    /// The printed closed forms: errors (8,), per C (k, 7: C, EA, EB, EC, EX, EY, EZ), per A (m, 3: A,
+    /// EB, EY), in µm, arcsec and degrees, and the change of the errors for one µm of each reading
+    /// (8, n).
+    fn printed<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        labels: Vec<i64>,
+    ) -> PyResult<(
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+        Bound<'py, PyArray2<f64>>,
+    )> {
+        let moves = moves.inner.view();
+        let found = py.detach(|| -> Result<(closed_form::Printed, Vec<f64>)> {
+            self.inner.check(&moves)?;
+            let rows = closed_form::PaperRows::find(&self.inner, &moves, &labels)?;
+            let found = closed_form::printed(&self.inner, &rows, &moves);
+            Ok((found, closed_form::printed_operator(&self.inner, &rows, &moves)))
+        });
+        let (found, operator) = found.into_py()?;
+        let turned = found.turned.iter().flat_map(|t| {
+            [
+                t.angle / DEG,
+                t.ea / ARCSEC,
+                t.eb_c / ARCSEC,
+                t.ec / ARCSEC,
+                t.ex / UM,
+                t.ey_c / UM,
+                t.ez / UM,
+            ]
+        });
+        let tilted =
+            found.tilted.iter().flat_map(|t| [t.angle / DEG, t.eb_a / ARCSEC, t.ey_a / UM]);
+        let (turned, tilted) = (turned.collect(), tilted.collect());
+        let errors = array(py, self.plain_to_face(&found.errors));
+        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        Ok((errors, matrix(py, turned, 7)?, matrix(py, tilted, 3)?, operator))
+    }
+
+    /// Virtual calibrations: for every row of `truths` (m, 14) the plan is simulated, both closed
+    /// forms are taken, and with `identify` least squares. Returns one row a sample (14 separating,
+    /// 8 printed, then 14 identified, 14 standard errors, converged) and the samples that failed,
+    /// whose rows are not numbers.
+    fn calibrations<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        labels: Vec<i64>,
+        truths: PyReadonlyArray2<'py, f64>,
+        reach_mm: f64,
+        noise_um: f64,
+        seed: u64,
+        first_sample: u64,
+        identify: bool,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
+        let moves = moves.inner.view();
+        let p = self.inner.parameter_count();
+        let truths = rows("true parameters", &truths, p)?;
+        let simulation = simulation(true, reach_mm, noise_um, seed);
+        let options = identify.then(least_squares::Options::default);
+        let result = py.detach(|| {
+            with_threads(threads, || {
+                studies::calibrations(
+                    &self.inner,
+                    &moves,
+                    &labels,
+                    &truths,
+                    &simulation,
+                    first_sample,
+                    options.as_ref(),
+                )
+            })
+        });
+        let found = result?.into_py()?;
+        let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
+        Ok((matrix(py, found.rows, found.width)?, failures.collect()))
+    }
+}
+
+fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {
+    let search = if from_start { Search::Ahead } else { Search::Nearest };
+    Simulation { search, reach: reach_mm, noise: noise_um * UM, seed }
+}
+
+/// Corrections of the printed equations, each with its reason.
+#[pyfunction]
+pub fn closed_form_slips() -> Vec<&'static str> {
+    closed_form::SLIPS.to_vec()
+}

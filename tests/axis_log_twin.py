@@ -1,0 +1,219 @@
+"""Axis logs with a hidden effect, made without the project's core: plain numpy, small steps.
+
+The path is eq. (8) of Byun and Jee 2010 on the rotary axes. Servo: K/(s (tau s + 1)) under a
+zero-order hold of 1 ms, advanced in four sub-steps; all five axes and all cases of a batch at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+import trunnion as tn
+
+Array = NDArray[np.float64]
+
+AXES = "XYZAC"
+PERIOD = 1e-3
+SUBSTEPS = 4
+GAIN = np.array([81.28, 80.544, 81.184, 81.957, 81.8201])
+TAU = np.array([5.76, 5.77, 5.50, 5.85, 5.75]) * 1e-3
+# µm and arcsec in the axes' units, mm and deg
+SMALL = np.array([1e-3, 1e-3, 1e-3, 1 / 3600, 1 / 3600])
+
+
+def commanded(feed_mm_s: float, accelerate_s: float = 0.15) -> Array:
+    """Axis positions X, Y, Z (mm), A, C (deg) of eq. (8) at constant feed, (n, 5)."""
+    u = np.linspace(0.0, 1.0, 200_001)
+    d = np.stack([15 + 0 * u, 240 * u**2 - 80, -38.4 * u**5 + 51.2 * u**3 - 42.8 * u], axis=1)
+    speed = np.linalg.norm(d, axis=1)
+    s = np.r_[0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(u))]
+    end = s[-1] / feed_mm_s + accelerate_s / 2
+    t = np.arange(0.0, end, PERIOD)
+    ramp = feed_mm_s * t**2 / (2 * accelerate_s)
+    distance = np.where(t < accelerate_s, ramp, feed_mm_s * (t - accelerate_s / 2))
+    at = np.interp(distance, s, u)
+    x, y = 15 * at, 80 * at**3 - 80 * at
+    z = -6.4 * at**6 + 12.8 * at**4 - 21.4 * at**2 + 15
+    ox, oy = 2 * at, 0.16 * (at**3 - at)
+    a = np.arctan2(np.hypot(ox, oy), 1.0)
+    c = np.where(at > 0, np.arctan2(ox, oy), np.arctan2(2.0, -0.16))
+    along, across = np.cos(c) * x - np.sin(c) * y, np.sin(c) * x + np.cos(c) * y
+    return np.stack(
+        [
+            along,
+            np.cos(a) * across - np.sin(a) * z,
+            np.sin(a) * across + np.cos(a) * z,
+            np.rad2deg(a),
+            np.rad2deg(c),
+        ],
+        axis=1,
+    )
+
+
+@dataclass
+class Cases:
+    """Parameters of m cases, each of shape (m, 5) or (m,) for the log's delay."""
+
+    m: int
+    gain: Array = field(init=False)
+    tau: Array = field(init=False)
+    delay: Array = field(init=False)  # s, of the command
+    friction: Array = field(init=False)  # mm, deg of position error
+    backlash: Array = field(init=False)
+    cyclic: Array = field(init=False)
+    pitch: Array = field(init=False)
+    phase: Array = field(init=False)
+    frequency: Array = field(init=False)  # Hz, 0 = stiff
+    damping: Array = field(init=False)
+    log_delay: Array = field(init=False)  # s
+
+    def __post_init__(self) -> None:
+        shape = (self.m, 5)
+        self.gain, self.tau = np.tile(GAIN, (self.m, 1)), np.tile(TAU, (self.m, 1))
+        for name in ("delay", "friction", "backlash", "cyclic", "phase", "frequency"):
+            setattr(self, name, np.zeros(shape))
+        self.pitch, self.damping = np.ones(shape), np.full(shape, 0.05)
+        self.log_delay = np.zeros(self.m)
+
+
+def actual(command: Array, cases: Cases) -> Array:
+    """Actual positions of every case, (m, n, 5), without noise."""
+    n, m = len(command), cases.m
+    dt = PERIOD / SUBSTEPS
+    e = np.exp(-dt / cases.tau)
+    g = cases.tau * (1 - e)
+    y, v = np.tile(command[0], (m, 1)), np.zeros((m, 5))
+    q, qv = y.copy(), np.zeros((m, 5))
+    play = y.copy()
+    level = cases.friction * cases.gain
+    rubs = bool((level > 0).any())
+    omega = 2 * np.pi * cases.frequency
+    swings = bool((omega > 0).any())
+    late = np.rint(cases.delay / dt).astype(int)
+    history = np.zeros((int(late.max()) + 2, m, 5))
+    out = np.empty((n, m, 5))
+    tick = 0
+    for k in range(n):
+        load = np.where(omega > 0, q, y) if swings else y
+        play = np.clip(play, load - cases.backlash / 2, load + cases.backlash / 2)
+        out[k] = play + cases.cyclic * np.sin(2 * np.pi * y / cases.pitch + cases.phase)
+        w_now = cases.gain * (command[k] - y)
+        for _ in range(SUBSTEPS):
+            history[tick % len(history)] = w_now
+            w = np.take_along_axis(history, (tick - late)[None] % len(history), axis=0)[0]
+            w = np.where(tick >= late, w, 0.0)
+            tick += 1
+            if rubs:
+                sense = np.where(v != 0, np.sign(v), np.where(np.abs(w) > level, np.sign(w), 0.0))
+                sense = np.where(level > 0, sense, 1.0)
+                held = sense == 0
+                w = np.where(held, 0.0, w - sense * level)
+            y_new = y + g * v + (dt - g) * w
+            v_new = e * v + (1 - e) * w
+            if rubs:
+                stopped = (level > 0) & ~held & (v_new * sense < 0)
+                v_new = np.where(stopped | held, 0.0, v_new)
+                y_new = np.where(held, y, y_new)
+            if swings:
+                # leapfrog in steps of dt / 8, motor position linear over a sub-step
+                h = dt / 8
+                for i in range(8):
+                    motor = y + (y_new - y) * (i + 0.5) / 8
+                    force = omega**2 * (motor - (q + h / 2 * qv)) - 2 * cases.damping * omega * qv
+                    middle = qv + h / 2 * force
+                    acceleration = (
+                        omega**2 * (motor - (q + h / 2 * qv)) - 2 * cases.damping * omega * middle
+                    )
+                    q = q + h * (qv + h / 2 * acceleration)
+                    qv = qv + h * acceleration
+            y, v = y_new, v_new
+    logged = out.transpose(1, 0, 2)
+    t = np.arange(n) * PERIOD
+    for i in np.flatnonzero(cases.log_delay).tolist():
+        earlier = np.maximum(t - cases.log_delay[i], 0.0)
+        logged[i] = CubicSpline(t, logged[i])(earlier)
+    return logged
+
+
+KINDS = (
+    "none",
+    "gain",
+    "time_constant",
+    "loop_delay",
+    "friction",
+    "backlash",
+    "cyclic",
+    "resonance",
+    "log_delay",
+)
+
+
+def draw(m: int, rng: np.random.Generator) -> tuple[Cases, list[str | None]]:
+    """Draw m cases, one hidden effect each, the kinds in turn: sizes of a real machine's servo.
+
+    Gain 0.5 to 3 %, time constant 5 to 20 %, delays 0.25 to 1.5 ms (loop) and 0.2 to 2 ms (log),
+    friction 1 to 5 µm, backlash 1 to 8 µm, cyclic error 0.5 to 3 µm (rotary axes: twice the number
+    in arcsec), resonance 25 to 60 Hz.
+    """
+    cases = Cases(m)
+    truth: list[str | None] = []
+    for i in range(m):
+        kind, j = KINDS[i % len(KINDS)], int(rng.integers(5))
+        sign = rng.choice([-1, 1])
+        small = SMALL[j] * (2 if j >= 3 else 1)
+        truth.append(f"{kind}_{AXES[j].lower()}")
+        match kind:
+            case "none":
+                truth[-1] = None
+            case "log_delay":
+                truth[-1] = kind
+                cases.log_delay[i] = rng.uniform(0.2, 2.0) * 1e-3
+            case "gain":
+                cases.gain[i, j] *= 1 + sign * rng.uniform(0.005, 0.03)
+            case "time_constant":
+                cases.tau[i, j] *= 1 + sign * rng.uniform(0.05, 0.2)
+            case "loop_delay":
+                cases.delay[i, j] = rng.uniform(0.25, 1.5) * 1e-3
+            case "friction":
+                cases.friction[i, j] = rng.uniform(1, 5) * small
+            case "backlash":
+                cases.backlash[i, j] = rng.uniform(1, 8) * small
+            case "cyclic":
+                cases.cyclic[i, j] = rng.uniform(0.5, 3) * small
+                cases.pitch[i, j] = rng.uniform(4, 20) if j < 3 else rng.uniform(1, 10)
+                cases.phase[i, j] = rng.uniform(0, 2 * np.pi)
+            case "resonance":
+                cases.frequency[i, j] = rng.uniform(25, 60)
+                cases.damping[i, j] = rng.uniform(0.02, 0.1)
+    return cases, truth
+
+
+def log(
+    commands: Sequence[Array],
+    actuals: Sequence[Array],
+    rng: np.random.Generator,
+    *,
+    noise_um: float = 0.2,
+    noise_arcsec: float = 1.0,
+    memory: float = 0.0,
+) -> tn.AxisLog:
+    """Axis log of several runs with normal noise; ``memory``: its correlation from row to row."""
+    sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600] * 2)
+    columns: dict[str, Array] = {
+        "time_s": np.concatenate([np.arange(len(c)) * PERIOD for c in commands]),
+        "run": np.concatenate([np.full(len(c), i) for i, c in enumerate(commands)]),
+    }
+    noisy = []
+    for a in actuals:
+        white = rng.standard_normal(a.shape)
+        if memory:
+            white = lfilter([np.sqrt(1 - memory**2)], [1.0, -memory], white, axis=0)
+        noisy.append(a + white * sigma)
+    for i, (axis, unit) in enumerate(zip("xyzac", ("mm",) * 3 + ("deg",) * 2, strict=True)):
+        columns[f"{axis}_cmd_{unit}"] = np.concatenate([c[:, i] for c in commands])
+        columns[f"{axis}_act_{unit}"] = np.concatenate([a[:, i] for a in noisy])
+    return tn.AxisLog(**columns)

@@ -1,0 +1,219 @@
+"""Blind ball-bar diagnoses: causes hidden by the twin, found or not. Run as a script for a table.
+
+``python tests/ballbar_study.py 50`` runs 50 of each case; the tests run a seeded sample.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import trunnion as tn
+from ballbar_twin import (
+    ARCSEC,
+    Legs,
+    Recording,
+    cartesian_lengths,
+    hybrid_lengths,
+    leg_travel,
+    record,
+    sign,
+)
+
+Array = NDArray[np.float64]
+HYBRID = (
+    "leg_expansion",
+    "leg_expansion_2",
+    "lost_motion",
+    "screw_cyclic",
+    "gravity",
+    "wrist_squareness",
+)
+CARTESIAN = (
+    "scale",
+    "squareness",
+    "backlash",
+    "gain_mismatch",
+    "cyclic",
+    "drift",
+    "reversal_spike",
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one diagnosis said of a hidden cause."""
+
+    hidden: str | None
+    verdict: str
+    named: frozenset[str]
+    groups: frozenset[str]
+    parameters: dict[str, float]
+
+    @property
+    def found(self) -> bool:
+        """Named, or among the aliases or alternatives; for no cause: nothing named."""
+        if self.hidden is None:
+            return self.verdict == "consistent"
+        return self.hidden in self.named | self.groups
+
+
+def hybrid_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
+    """One set-up of the notes: XY circle and two vertical arcs, both senses, first repeated."""
+    rng = np.random.default_rng(seed)
+    spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
+    rec = record(spot, step_deg=4.0)
+    if hidden == "gravity":
+        # One centre and a vertical tool see nothing of it; centres and tilts do.
+        tilt = np.radians(20)
+        ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+        shift = [(0, 0, 0), (150, 0, 0), (-150, 0, 0), (0, -100, 50), (0, 100, -50)]
+        directions = np.array(
+            [(a * np.sin(tilt), b * np.sin(tilt), -np.cos(tilt * np.hypot(a, b))) for a, b in ways]
+        )
+        rec = record(np.array([0.0, -350.0, -1400.0]) + shift, step_deg=12.0, directions=directions)
+    tau, pitch, phase = rng.uniform(300, 1200), rng.uniform(5, 20), rng.uniform(0, 6.28)
+    way = rng.choice([-1.0, 1.0])
+
+    def warm(r: Recording, j: Array) -> Array:
+        return np.asarray(way * j[:, :3] * (1 - np.exp(-r.time_s / tau))[:, None])
+
+    legs: dict[str, Legs] = {
+        "leg_expansion": lambda r, j: 24e-3 * warm(r, j),
+        "leg_expansion_2": lambda r, j: 12e-3 * warm(r, j) * [0, 1, 0],
+        "lost_motion": lambda r, j: -3.0 * way * leg_travel(r),  # noqa: ARG005
+        "screw_cyclic": lambda r, j: 2.0 * np.sin(2 * np.pi * j[:, :3] / pitch + phase),  # noqa: ARG005
+    }
+    joints, lengths = hybrid_lengths(
+        rec,
+        rng,
+        sigma_um=0.5,
+        size_um=rng.uniform(5, 50),
+        legs=legs.get(hidden or ""),
+        squareness_arcsec=way * 10.0 if hidden == "wrist_squareness" else 0.0,
+        sag_um=way * 60.0 if hidden == "gravity" else 0.0,
+    )
+    return _hybrid_table(rec, joints, lengths), hidden
+
+
+def _hybrid_table(rec: Recording, joints: Array, lengths: Array) -> tn.Ballbar:
+    return tn.Ballbar(
+        setup=rec.setup,
+        l1_mm=joints[:, 0],
+        l2_mm=joints[:, 1],
+        l3_mm=joints[:, 2],
+        q4_deg=np.degrees(joints[:, 3]),
+        q5_deg=np.degrees(joints[:, 4]),
+        length_mm=lengths,
+        sense=rec.sense,
+        feed_mm_min=np.full(len(lengths), 1000.0),
+        time_s=rec.time_s,
+    )
+
+
+def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
+    """A plain test: one XY circle in both senses and again, or with two vertical arcs."""
+    rng = np.random.default_rng(seed)
+    spot = rng.uniform(-200, 200, 3)
+    flat = bool(rng.integers(2))
+    arcs = (("XY", 0, 360),) if flat else (("XY", 0, 360), ("XZ", -20, 200), ("YZ", -20, 200))
+    rec = record(spot, step_deg=2.0, arcs=arcs)
+    axis = int(rng.integers(2 if flat else 3))
+    pair = (0, 1) if flat else ((0, 1), (0, 2), (1, 2))[int(rng.integers(3))]
+    way, pitch, phase = rng.choice([-1.0, 1.0]), rng.uniform(5, 20), rng.uniform(0, 6.28)
+    letter = "xyz"[axis]
+    error = np.zeros_like(rec.points)
+    place, speed = rec.points[:, axis], rec.velocity[:, axis]
+    name = None if hidden is None else f"{hidden}_{letter}"
+    if hidden == "scale":
+        error[:, axis] = way * 20e-6 * (place - spot[axis])
+    elif hidden == "squareness":
+        i, j = pair
+        error[:, i] = way * (1.0 if pair == (0, 2) else -1.0) * 4 * ARCSEC * rec.points[:, j]
+        name = f"squareness_{'xyz'[i]}{'xyz'[j]}"
+    elif hidden == "backlash":
+        error[:, axis] = -0.5 * way * 3e-3 * sign(speed)
+    elif hidden == "gain_mismatch":
+        error[:, axis] = -way * 0.15e-3 * speed
+        name = "gain_mismatch"
+    elif hidden == "cyclic":
+        error[:, axis] = 1e-3 * np.sin(2 * np.pi * place / pitch + phase)
+    elif hidden == "drift":
+        # In an hour; a plain test takes four minutes.
+        error[:, axis] = way * (60e-3 if flat else 30e-3) * rec.time_s / 3600
+    elif hidden == "reversal_spike":
+        error[:, axis] = way * 4e-3 * _spike(rec, axis, decay_s=0.4)
+    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
+    z = {} if flat else {"z_mm": rec.points[:, 2]}
+    table = tn.Ballbar(
+        setup=rec.setup,
+        x_mm=rec.points[:, 0],
+        y_mm=rec.points[:, 1],
+        length_mm=lengths,
+        sense=rec.sense,
+        feed_mm_min=np.full(len(lengths), 1000.0),
+        time_s=rec.time_s,
+        **z,
+    )
+    return table, name
+
+
+def _spike(rec: Recording, axis: int, decay_s: float) -> Array:
+    """The axis lags after each reversal within a run and catches up."""
+    out = np.zeros(len(rec.points))
+    for run in np.unique(rec.run):
+        rows = np.flatnonzero(rec.run == run)
+        at = rec.time_s[rows]
+        # The velocity of a circle is a sine: its zeros between the ends, from neighbours.
+        v = rec.velocity[rows, axis]
+        v = np.where(np.abs(v) < 1e-9, 0.0, v)
+        reversal, now = -np.inf, 0.0
+        for k in range(1, len(rows)):
+            if v[k - 1] != 0.0 and v[k] * v[k - 1] <= 0.0 and k < len(rows) - 1:
+                reversal = at[k - 1] + (at[k] - at[k - 1]) * v[k - 1] / (v[k - 1] - v[k])
+            now = v[k] if v[k] != 0.0 else -now if at[k] == reversal else now
+            if np.isfinite(reversal) and at[k] >= reversal:
+                direction = np.sign(v[k]) if v[k] != 0.0 else 0.0
+                out[rows[k]] = -direction * np.exp(-(at[k] - reversal) / decay_s)
+    return out
+
+
+def judge(data: tn.Ballbar, hidden: str | None) -> Outcome:
+    """Diagnose and compare."""
+    d = tn.diagnose(data)
+    named = frozenset(c.id for c in d.causes)
+    groups = frozenset(x for c in d.causes for x in c.aliases)
+    groups |= frozenset(x for s in d.alternatives for x in s)
+    own = next((dict(c.parameters) for c in d.causes if c.id == hidden), {})
+    return Outcome(hidden, d.verdict, named, groups, own)
+
+
+def run(kind: str, hidden: str | None, seed: int) -> Outcome:
+    """One blind case."""
+    make = hybrid_case if kind == "hybrid" else cartesian_case
+    data, name = make(hidden, seed)
+    return judge(data, name)
+
+
+def main(count: int) -> None:
+    """Print a table of rates."""
+    print(f"{'machine':10}{'hidden':18}{'found':>8}{'named':>8}{'wrong':>8}  other verdicts")
+    for kind, cases in (("hybrid", HYBRID), ("cartesian", CARTESIAN)):
+        for hidden in (None, *cases):
+            outcomes = [run(kind, hidden, 1000 + k) for k in range(count)]
+            found = np.mean([o.found for o in outcomes])
+            named = np.mean([o.hidden in o.named for o in outcomes])
+            wrong = np.mean([bool(o.named) and not o.found for o in outcomes])
+            rest = Counter(
+                f"{o.verdict} {'+'.join(sorted(o.named))}" for o in outcomes if not o.found
+            )
+            print(f"{kind:10}{hidden or 'nothing':18}{found:8.0%}{named:8.0%}{wrong:8.0%}", end="")
+            print("  " + ", ".join(f"{n} × {what}" for what, n in rest.most_common(3)), flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)

@@ -1,0 +1,217 @@
+"""Medians and ratios of the main job against peers in the same run, one thread unless said.
+
+Run by ``make bench``. Peers: Pinocchio called pose by pose, a CasADi map, the same calibrations
+tick by tick, scipy's least squares on the same residuals and derivatives, the CasADi baseline, and
+the sweep written in plain numpy with scipy.
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import trunnion as tn
+from trunnion.touch_model import TouchModel
+
+SETUP = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(tick_um=0.1))
+PLAN = tn.plan(SETUP)
+ERRORS = {"EX0C": 15.0, "EA0A": 3.6, "EB0A": 18.0, "EB0C": 25.2, "EY0C": 21.0, "EZ0A": 20.0}
+
+
+def seconds(work: Callable[[], Any], rounds: int = 5, *, wall: bool = False) -> float:
+    """Median time of a call, after one that does not count.
+
+    Processor time, which a loaded machine falsifies less; wall time where several cores work.
+    """
+    clock = time.perf_counter if wall else time.process_time
+    work()
+    times = []
+    for _ in range(rounds):
+        begun = clock()
+        work()
+        times.append(clock() - begun)
+    return statistics.median(times)
+
+
+def line(what: str, value: str, ratio: float | None = None, wanted: float | None = None) -> None:
+    """One line of the table."""
+    compared = "" if ratio is None else f"{ratio:10.1f} x"
+    goal = "" if wanted is None else f"   (wanted {wanted:g} x)"
+    print(f"{what:58} {value:>16} {compared}{goal}", flush=True)
+
+
+def kinematics() -> None:
+    """Batched forward kinematics against Pinocchio pose by pose and a CasADi map."""
+    import casadi as ca
+    import pinocchio as pin
+
+    rng = np.random.default_rng(0)
+    n = 20_000
+    axes = np.column_stack([rng.uniform(-100, 100, (n, 3)), rng.uniform(-90, 90, (n, 2))])
+    from trunnion import _core
+
+    machine = _core.Machine("trt-ca", 150.0, list(ERRORS.items()))
+    ours = seconds(lambda: machine.forward(axes)) / n
+    line("forward kinematics, array call, a pose", f"{ours * 1e9:.0f} ns")
+
+    model = tn.pinocchio_model(SETUP, ERRORS)
+    data = model.createData()
+    poses = np.column_stack([axes[:, :3], np.deg2rad(axes[:, 3:])])[:2000]
+
+    def by_pose() -> None:
+        # The tool point in the work's frame, as the array call gives it.
+        for q in poses:
+            pin.forwardKinematics(model, data, q)
+            data.oMi[5].actInv(data.oMi[3].translation)
+
+    peer = seconds(by_pose) / len(poses)
+    line("  Pinocchio from Python, a pose", f"{peer * 1e9:.0f} ns", peer / ours, 100)
+
+    q = ca.SX.sym("q", 5)
+
+    def rx(t: Any) -> Any:
+        return ca.vertcat(
+            ca.horzcat(1, 0, 0),
+            ca.horzcat(0, ca.cos(t), -ca.sin(t)),
+            ca.horzcat(0, ca.sin(t), ca.cos(t)),
+        )
+
+    def rz(t: Any) -> Any:
+        return ca.vertcat(
+            ca.horzcat(ca.cos(t), -ca.sin(t), 0),
+            ca.horzcat(ca.sin(t), ca.cos(t), 0),
+            ca.horzcat(0, 0, 1),
+        )
+
+    small = rx(2e-5) @ rz(3e-5)
+    turn = small @ rx(q[3]) @ small @ rz(q[4])
+    offset = small @ rx(q[3]) @ ca.DM([1e-2, 2e-2, 0]) + ca.DM([0, 1e-2, 2e-2])
+    tool = turn.T @ (q[:3] - offset)
+    function = ca.Function("f", [q], [ca.vertcat(tool, turn.T @ ca.DM([0, 0, 1]))])
+    mapped = function.map(n)
+    columns = np.ascontiguousarray(axes.T)
+    peer = seconds(lambda: mapped(columns)) / n
+    line("  CasADi map, a pose", f"{peer * 1e9:.0f} ns", peer / ours, 20)
+
+
+def twins() -> None:
+    """The same calibration in plain numpy: tick by tick, and solved with scipy's least squares."""
+    from twin.contact import step_to_contact
+    from twin.forward import Setup, Truth, approach_lines
+    from twin.generator import measure, paper_plan, random_errors, random_placement, readings_um
+
+    setup = Setup()
+    plan = paper_plan(setup)
+    rng = np.random.default_rng(0)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+    samples = 20_000
+    ours = seconds(
+        lambda: tn.sweep(
+            "calibration",
+            samples=samples,
+            seed=1,
+            fixed={"identify": False},
+            threads=1,
+            progress=False,
+        ),
+        3,
+    )
+    ours /= samples
+
+    def ticks() -> None:
+        lines = approach_lines(plan.conditions, plan.start_mm, setup, truth)
+        step_to_contact(lines, 1e-4, 15.0)
+
+    peer = seconds(ticks, 1)
+    line("  tick by tick in numpy, a calibration", f"{peer * 1e3:.0f} ms", peer / ours, 1000)
+
+    names = [*truth.errors, *truth.placement]
+    measured = measure(plan, setup, truth, noise_um=0.3, tick_um=0.1, seed=1).way_um
+
+    def residuals(values: Any) -> Any:
+        named = dict(zip(names, values, strict=True))
+        guess = Truth(
+            errors={name: named[name] for name in truth.errors},
+            placement={name: named[name] for name in truth.placement},
+            effects={},
+        )
+        return readings_um(plan, setup, guess) - measured
+
+    peer = seconds(lambda: least_squares(residuals, np.zeros(len(names))), 1)
+    whole = seconds(
+        lambda: tn.sweep("calibration", samples=2000, seed=1, threads=1, progress=False), 3
+    )
+    whole /= 2000
+    line("a whole sample with identification", f"{whole * 1e6:.0f} µs")
+    line("  plain numpy with scipy, a sample", f"{peer * 1e3:.0f} ms", peer / whole)
+
+
+def sweeps() -> None:
+    """Whole sweeps in an array call."""
+    samples = 20_000
+    fixed = {"identify": False}
+
+    def closed(threads: int) -> Callable[[], Any]:
+        return lambda: tn.sweep(
+            "calibration", samples=samples, seed=1, fixed=fixed, threads=threads, progress=False
+        )
+
+    one = seconds(closed(1), 3)
+    line("calibrations a second, one core", f"{samples / one:.0f}", samples / one / 50_000, 1)
+    one, two = seconds(closed(1), 3, wall=True), seconds(closed(2), 3, wall=True)
+    line("  on two cores", f"{samples / two:.0f}", one / two, 1.8)
+    line("  a million on two cores", f"{1e6 / samples * two:.1f} s", None)
+
+    some = 4_000
+
+    def identified(threads: int) -> Callable[[], Any]:
+        return lambda: tn.sweep(
+            "calibration", samples=some, seed=1, threads=threads, progress=False
+        )
+
+    both = seconds(identified(2), 3, wall=True)
+    line("  100,000 with identification, two cores", f"{1e5 / some * both:.1f} s")
+
+
+def identification() -> None:
+    """One identification in an array call, against scipy and the CasADi baseline."""
+    data = tn.simulate(PLAN, SETUP, ERRORS, {"dx_um": 40.0}, noise_um=0.3, seed=1)
+    model = TouchModel(SETUP)
+    moves = model.moves(data)
+    many = 1000
+    points = np.repeat(data.position_mm.reshape(1, -1), many, axis=0)
+    ours = seconds(lambda: model.core.fit_many(moves, points, model.values(), None, 0.0, [], 50, 1))
+    ours /= many
+    line("identification of 14 parameters, array call", f"{ours * 1e6:.0f} µs", 150e-6 / ours, 1)
+
+    def residuals(values: Any) -> Any:
+        return model.core.linearise(moves, values)[0]
+
+    def jacobian(values: Any) -> Any:
+        return -model.core.linearise(moves, values)[1]
+
+    peer = seconds(
+        lambda: least_squares(residuals, model.values(), jacobian, method="trf", x_scale="jac"), 11
+    )
+    line("  scipy least_squares (trf), same derivatives", f"{peer * 1e6:.0f} µs", peer / ours, 5)
+    peer = seconds(lambda: tn.casadi_baseline.identify(data, SETUP), 3)
+    line("  CasADi baseline", f"{peer * 1e3:.1f} ms", peer / ours, 100)
+
+
+def main() -> None:
+    """Everything."""
+    kinematics()
+    sweeps()
+    twins()
+    identification()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Compute the power table and write it as Markdown: ``make power``.
+
+python -m power [--runs 300] [--seed 1] [--out ../docs/power.md] [--only NAME ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import trunnion.models.touches  # noqa: F401  registers the model
+from power.study import Case, Tally, part, run, visible
+
+Measure = Callable[[Tally], float]
+Wanted = tuple[str, Measure, Callable[[float], bool], str]
+
+
+def at_least(limit: float) -> tuple[Callable[[float], bool], str]:
+    return (lambda x: x >= limit), f"≥ {100 * limit:g} %"
+
+
+def at_most(limit: float) -> tuple[Callable[[float], bool], str]:
+    return (lambda x: x <= limit), f"≤ {100 * limit:g} %"
+
+
+ALARM: Wanted = ("not consistent", lambda t: 1 - t.verdicts("consistent"), *at_most(0.05))
+WRONG: Wanted = ("wrong without a doubt", lambda t: t.rate("wrong"), *at_most(0.03))
+
+
+def among(limit: float) -> Wanted:
+    return ("named or among the alternatives", lambda t: t.rate("among"), *at_least(limit))
+
+
+FOUND: Wanted = ("all found", lambda t: t.rate("outliers_found"), *at_least(0.95))
+UNNAMED: Wanted = ("no cause named", lambda t: 1 - t.named, *at_least(0.97))
+QUANTITY: Wanted = ("right quantity", lambda t: t.rate("quantity_named"), *at_least(0.90))
+ANY_NOISE = (0.1, 2.0)
+
+TABLE: list[tuple[Case, float, list[Wanted]]] = [
+    # case, share of the runs (rates near 0 need more), what is wanted
+    (Case("no effect", "paper", noise_um=ANY_NOISE), 3.0, [ALARM]),
+    (Case("no effect", "rich", noise_um=ANY_NOISE), 3.0, [ALARM]),
+    (Case("no effect, heavy tails", "paper", noise_um=ANY_NOISE, noise="heavy"), 2.0, [ALARM]),
+    (Case("no effect, heavy tails", "rich", noise_um=ANY_NOISE, noise="heavy"), 2.0, [ALARM]),
+    (Case("one effect of 1 σ", "paper", 1, 1.0), 1.0, [among(0.99), WRONG]),
+    (Case("one effect of 0.4 σ", "rich", 1, 0.4), 1.0, [among(0.99), WRONG]),
+    (Case("two effects of 1 σ", "paper", 2, 1.0), 1.0, [among(0.95), WRONG]),
+    (Case("two effects of 0.5 σ", "rich", 2, 0.5), 1.0, [among(0.97), WRONG]),
+    (Case("three effects of 0.7 σ", "rich", 3, 0.7), 1.0, [among(0.95), WRONG]),
+    (Case("four effects of 1 σ", "rich", 4, 1.0), 1.0, [among(0.90), WRONG]),
+    (Case("outside the catalogue, 1 σ", "paper", size=1.0, unknown=True), 1.0, [QUANTITY]),
+    (Case("outside the catalogue, 1 σ", "rich", size=1.0, unknown=True), 1.0, [QUANTITY]),
+    (Case("5 % bad touches", "paper", outliers=0.05), 1.0, [FOUND, UNNAMED]),
+    (Case("5 % bad touches", "rich", outliers=0.05), 1.0, [FOUND, UNNAMED]),
+]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--each", type=int, default=20, help="runs of each effect")
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--only", nargs="*", default=[])
+    options = parser.parse_args()
+    began = time.monotonic()
+    lines = [
+        "| hidden | plan | runs | measured | sets (median) | 95 % intervals cover | CPU ms |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    missed = 0
+    clean: dict[str, dict[str, float]] = {}
+    for case, share, wanted in TABLE:
+        if options.only and not any(o in f"{case.plan} {case.name}" for o in options.only):
+            continue
+        tally = run(case, max(1, int(options.runs * share)), options.seed)
+        said = []
+        for name, measure, good, text in wanted:
+            value = measure(tally)
+            missed += not good(value)
+            mark = "" if good(value) else " **missed**"
+            said.append(f"{name} {100 * value:.1f} % ({text}){mark}")
+        if case.effects == 0 and not case.unknown and not case.outliers:
+            clean.setdefault(case.plan, _relative_spread(tally))
+        if case.outliers and case.plan in clean:
+            ratios = [v / clean[case.plan][k] for k, v in _relative_spread(tally).items()]
+            said.append(
+                f"spread of the errors, times the clean one: median {_median(ratios):.2f}, "
+                f"largest {max(ratios):.2f} (≤ 1.2)"
+            )
+        coverage, intervals = tally.coverage
+        lines.append(
+            f"| {case.name} | {case.plan} | {len(tally.outcomes)} | {'; '.join(said)} "
+            f"| {tally.alternatives:g} | "
+            + (f"{100 * coverage:.1f} % of {intervals}" if intervals else "")
+            + f" | {tally.milliseconds:.0f} |"
+        )
+        print(lines[-1], flush=True)
+    if not options.only:
+        lines += ["", *_parting(options.runs, options.seed)]
+    if options.each and not options.only:
+        lines += ["", *_each(options.each, options.seed)]
+    lines += ["", f"Seed {options.seed}; {time.monotonic() - began:.0f} s."]
+    text = "\n".join(lines) + "\n"
+    if options.out:
+        options.out.write_text(text, encoding="utf-8")
+    return 1 if missed else 0
+
+
+def _parting(count: int, seed: int) -> list[str]:
+    """Promise of ``next_touches`` against what comes of it, where one effect is ambiguous."""
+    tally = run(Case("ambiguous", "paper", 1, 1.0), count, seed)
+    doubtful = [o for o in tally.outcomes if o.diagnosis.verdict == "ambiguous" and o.among]
+    lines = ["| further touches | promised | cases | parted |", "|---|---|---|---|"]
+    for n in (8, 24):
+        made = [part(o, n, seed=k) for k, o in enumerate(doubtful)]
+        for low, high in ((0.0, 0.5), (0.5, 0.9), (0.9, 1.01)):
+            came = [c for chance, c in made if low <= chance < high]
+            if came:
+                share = f"{sum(came) / len(came):.0%}"
+                lines.append(f"| {n} | {low:.0%} to {min(high, 1):.0%} | {len(came)} | {share} |")
+                print(lines[-1], flush=True)
+    return lines
+
+
+def _relative_spread(tally: Tally) -> dict[str, float]:
+    """Rms error of each location error per µm of noise."""
+    total: dict[str, list[float]] = {}
+    for o in tally.outcomes:
+        for name, value in o.diagnosis.errors_after.items():
+            miss = (value - o.measurement.truth.errors.get(name, 0.0)) / o.measurement.noise_um
+            total.setdefault(name, []).append(miss * miss)
+    return {k: (sum(v) / len(v)) ** 0.5 for k, v in total.items()}
+
+
+def _median(values: list[float]) -> float:
+    ordered = sorted(values)
+    return ordered[len(ordered) // 2]
+
+
+def _each(count: int, seed: int) -> list[str]:
+    """Each effect by itself: found, aliased, missed, wrong."""
+    lines = [
+        "| effect | plan | size | found | aliased | missed | wrong |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for plan, sizes in (("paper", (0.5, 1.0)), ("rich", (0.2, 0.4))):
+        for effect in visible(plan):
+            for size in sizes:
+                t = run(Case(effect, plan, size=size, only=(effect,)), count, seed)
+                found = sum(o.among and o.diagnosis.verdict == "explained" for o in t.outcomes)
+                aliased = sum(o.among and o.diagnosis.verdict != "explained" for o in t.outcomes)
+                wrong = sum(o.wrong for o in t.outcomes)
+                rest = count - found - aliased - wrong
+                shares = " | ".join(f"{x / count:.0%}" for x in (found, aliased, rest, wrong))
+                lines.append(f"| {effect} | {plan} | {size:g} σ | {shares} |")
+                print(lines[-1], flush=True)
+    return lines
+
+
+if __name__ == "__main__":
+    sys.exit(main())

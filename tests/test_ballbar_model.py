@@ -1,0 +1,182 @@
+"""The ball-bar model that the diagnosis engine asks: derivatives, signs, settings, bad input."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from trunnion.cli import app
+from trunnion.hybrid import Mechanism, ballbar_plan
+
+HOME = np.array([0.0, -350.0, -1400.0])
+
+
+def given(column: np.ndarray | None) -> np.ndarray:
+    assert column is not None
+    return column
+
+
+def circle(step: float = 2.0, radius: float = 100.0) -> tn.Ballbar:
+    """One counter-clockwise and one clockwise XY circle, exact."""
+    angle = np.radians(np.arange(0, 360 + step / 2, step))
+    angle = np.concatenate([angle, angle[::-1]])
+    half = len(angle) // 2
+    return tn.Ballbar(
+        setup=np.zeros(len(angle), int),
+        x_mm=50 + radius * np.cos(angle),
+        y_mm=-20 + radius * np.sin(angle),
+        length_mm=np.full(len(angle), radius),
+        sense=np.repeat([1, -1], half),
+        feed_mm_min=np.full(len(angle), 600.0),
+        time_s=np.concatenate([np.arange(half), half + 30 + np.arange(half)]) * 0.35,
+    )
+
+
+def test_every_effect_has_the_derivative_it_says() -> None:
+    plan = ballbar_plan(Mechanism(), HOME, step_deg=15.0)
+    for model in (tn.BallbarModel(circle()), tn.BallbarModel(plan)):
+        rng = np.random.default_rng(1)
+        for effect in model.effects:
+            values = {
+                p.name: rng.uniform(0.5, 2.0) if p.linear else p.grid[len(p.grid) // 2]
+                for p in effect.parameters
+            }
+            jacobian = effect.columns(model.data, values)
+            assert jacobian.shape == (len(model.data), len(effect.parameters))
+            for k, p in enumerate(effect.parameters):
+                step = 1e-7 * abs(values[p.name])
+                up, down = (
+                    np.asarray(effect.change(model.data, values | {p.name: values[p.name] + s}))
+                    for s in (step, -step)
+                )
+                difference = (up - down) / (2 * step)
+                scale = max(float(np.abs(difference).max()), 1e-9)
+                assert np.abs(difference - jacobian[:, k]).max() < 1e-5 * scale, effect.id
+            nothing = {p.name: 0.0 if p.linear else values[p.name] for p in effect.parameters}
+            assert np.abs(np.asarray(effect.change(model.data, nothing))).max() == 0
+
+
+def test_the_plain_model_has_exact_derivatives() -> None:
+    for data in (circle(), ballbar_plan(Mechanism(), HOME, step_deg=20.0)):
+        model = tn.BallbarModel(data)
+        at = model.start + np.random.default_rng(2).normal(0, 20, len(model.nuisance))
+        jacobian = model.base_jacobian(at)
+        for k in range(len(at)):
+            step = np.zeros(len(at))
+            step[k] = 10.0
+            difference = (model.base(at + step) - model.base(at - step)) / 20.0
+            assert np.abs(difference - jacobian[:, k]).max() < 1e-6, model.nuisance[k].name
+
+
+def test_signs_on_a_circle() -> None:
+    model = tn.BallbarModel(circle())
+    effects = {e.id: e for e in model.effects}
+    data, bar = model.data, model.bar
+
+    def change(name: str, **values: float) -> np.ndarray:
+        return np.asarray(effects[name].change(data, values))
+
+    x = given(data.x_mm) - 50.0
+    y = given(data.y_mm) + 20.0
+    assert change("scale_x", ppm=10.0) == pytest.approx(bar[:, 0] * x * 10e-3)
+    arcsec = np.pi / 648000
+    assert change("squareness_xy", arcsec=3.0) == pytest.approx(-bar[:, 0] * y * 3 * arcsec * 1e3)
+    # Counter-clockwise at 90 degrees X travels to minus: the machine is b/2 too far to plus.
+    top = 45
+    assert bar[top] == pytest.approx([0, 1, 0], abs=1e-12)
+    beside = change("backlash_x", b_um=4.0)[top - 5]
+    assert beside == pytest.approx(2.0 * bar[top - 5, 0])
+    # At 45 degrees, counter-clockwise, X goes back and Y forward: a Y that lags pulls inwards.
+    corner = np.argmin(np.abs(bar[:100, 0] - bar[:100, 1]))
+    late = change("gain_mismatch", y_x_ms=1.0)
+    assert late[corner] == pytest.approx(-10.0 * 0.5, rel=0.01)
+    assert change("drift_y", rate_um_h=3600.0) == pytest.approx(
+        bar[:, 1] * (given(data.time_s) - given(data.time_s)[0])
+    )
+    assert change("ballbar_length", dl_um=2.0) == pytest.approx(np.full(len(data), 2.0))
+
+
+def test_an_uncalibrated_bar_cannot_tell_both_scales() -> None:
+    data = circle()
+    x, y = given(data.x_mm) - 50.0, given(data.y_mm) + 20.0
+    rng = np.random.default_rng(3)
+    length = np.hypot(x * (1 + 30e-6), y) + rng.normal(0, 2e-4, len(data))
+    measured = data.with_columns(length_mm=length)
+    setup = tn.Setup(artefact=tn.Artefact("none"), ballbar={"calibrated": False})
+    d = tn.diagnose(measured, setup)
+    group = {i for s in d.alternatives for i in s} | {a for c in d.causes for a in c.aliases}
+    assert {"scale_x", "scale_y"} <= group
+    known = tn.diagnose(measured)
+    assert [c.id for c in known.causes] == ["scale_x"]
+    assert known.causes[0].parameters["ppm"] == pytest.approx(30.0, abs=1.0)
+
+
+def test_settings_and_data_that_are_wrong() -> None:
+    for table, match in (
+        ({"length": 1}, "key 'length'"),
+        ({"calibrated": "yes"}, "calibrated"),
+        ({"wrist": 2}, "wrist"),
+        ({"direction": [0, 1]}, "three numbers"),
+        ({"repeatability_um": -1}, "repeatability_um"),
+    ):
+        setup = tn.Setup(artefact=tn.Artefact("none"), ballbar=table)
+        with pytest.raises(tn.TrunnionError, match=match):
+            tn.BallbarModel(circle(), setup)
+    far = circle()
+    wrong = np.array(far.length_mm)
+    wrong[7] += 30.0
+    with pytest.raises(tn.DataError, match=r"length_mm \(row 7\)"):
+        tn.BallbarModel(far.with_columns(length_mm=wrong))
+    with pytest.raises(tn.UnknownNameError, match="leg_expansion"):
+        tn.diagnose(circle(), effects=["leg_expansion"])
+
+
+def test_the_hybrid_machine_may_be_commanded_in_coordinates() -> None:
+    machine = Mechanism()
+    plan = ballbar_plan(machine, HOME, step_deg=10.0)
+    tips = machine.forward(given(plan.joints)).tip_mm
+    setup = tn.Setup(artefact=tn.Artefact("none"), hybrid={"e4_mm": 350.0})
+    same = tn.Ballbar(
+        setup=plan.setup,
+        x_mm=tips[:, 0],
+        y_mm=tips[:, 1],
+        z_mm=tips[:, 2],
+        length_mm=plan.length_mm,
+        sense=given(plan.sense),
+        time_s=given(plan.time_s),
+    )
+    joints = tn.BallbarModel(same, setup).joints
+    assert joints is not None
+    assert np.abs(joints - given(plan.joints)).max() < 1e-7
+
+
+def test_the_extended_model_gives_lengths_again() -> None:
+    data = circle()
+    rng = np.random.default_rng(4)
+    x, y = given(data.x_mm) - 50.0, given(data.y_mm) + 20.0
+    away = np.where(given(data.sense) > 0, -np.sign(np.round(y, 9)), np.sign(np.round(y, 9)))
+    length = np.hypot(x - 2e-3 * away, y) + rng.normal(0, 2e-4, len(data))
+    measured = data.with_columns(length_mm=length)
+    d = tn.diagnose(measured)
+    assert [c.id for c in d.causes] == ["backlash_x"]
+    assert d.causes[0].parameters["b_um"] == pytest.approx(4.0, abs=0.1)
+    again = d.model.lengths_mm(measured)
+    assert np.std(again - length) < 5e-4
+
+
+def test_command_line(tmp_path: Path) -> None:
+    data = circle()
+    rng = np.random.default_rng(5)
+    noisy = data.with_columns(length_mm=data.length_mm + rng.normal(0, 3e-4, len(data)))
+    path = tmp_path / "ballbar.csv"
+    noisy.to_csv(path)
+    result = CliRunner().invoke(app, ["ballbar", "diagnose", str(path)])
+    assert result.exit_code == 0, result.output
+    assert "consistent" in result.output
+    plan = tmp_path / "plan.csv"
+    ballbar_plan(Mechanism(), HOME, step_deg=20.0).to_csv(plan)
+    result = CliRunner().invoke(app, ["ballbar", "plan", str(plan)])
+    assert result.exit_code == 0, result.output
+    assert "rank 16 of 17" in result.output

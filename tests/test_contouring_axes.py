@@ -1,0 +1,66 @@
+"""One axis with friction, backlash, cyclic error, delay, resonance against the plain-numpy twin."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import axis_log_twin as twin
+from trunnion import contouring as ct
+from trunnion._core import contour_axis_response
+
+SERVO = ct.Servo.paper()
+
+# Axis, what it has, the same in the twin, agreement in µm or arcsec: rounding where both are
+# exact; the twin's sub-steps where they are not.
+EXTRAS = [
+    ("X", {}, {}, 1e-8),
+    ("X", {"coulomb_um": 3.0, "breakaway_um": 3.0}, {"friction": 3e-3}, 0.06),
+    ("Y", {"backlash_um": 4.0}, {"backlash": 4e-3}, 1e-8),
+    ("Z", {"delay_ms": 1.25}, {"delay": 1.25e-3}, 1e-8),
+    ("A", {"cyclic_arcsec": 1.0, "pitch_deg": 5.0, "phase_deg": 60.0},
+     {"cyclic": 1 / 3600, "pitch": 5.0, "phase": np.pi / 3}, 1e-8),
+    ("A", {"resonance_hz": 38.7, "damping": 0.06}, {"frequency": 38.7, "damping": 0.06}, 0.03),
+    ("Z", {"resonance_hz": 53.2, "damping": 0.045}, {"frequency": 53.2, "damping": 0.045}, 1e-3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("letter", "own", "other", "within"), EXTRAS)
+def test_response_agrees_with_the_twin(
+    letter: str, own: dict[str, float], other: dict[str, float], within: float
+) -> None:
+    i = "XYZAC".index(letter)
+    command = twin.commanded(50.0)
+    cases = twin.Cases(1)
+    for name, value in other.items():
+        getattr(cases, name)[0, i] = value
+    expected = twin.actual(command, cases)[0, :, i]
+    axis = replace(SERVO.axes[letter], **own)  # type: ignore[arg-type]
+    row = ct.Servo({letter: axis}).row(letter)
+    found = contour_axis_response(letter, row, 1e-3, "motor", np.ascontiguousarray(command[:, i]))
+    assert np.abs(found - expected).max() / twin.SMALL[i] < within
+
+
+def test_a_loop_closed_on_the_load_takes_the_cyclic_error_out() -> None:
+    command = np.ascontiguousarray(np.linspace(0.0, 5.0, 6000))
+    axis = ct.LinearAxis(81.28, 5.76, cyclic_um=2.0, pitch_mm=5.0)
+    row = ct.Servo({"X": axis}).row("X")
+    plain = ct.Servo({"X": ct.LinearAxis(81.28, 5.76)}).row("X")
+    exact = contour_axis_response("X", plain, 1e-3, "motor", command)
+    ripple = {
+        feedback: np.ptp((contour_axis_response("X", row, 1e-3, feedback, command) - exact)[1000:])
+        for feedback in ("motor", "load")
+    }
+    assert ripple["motor"] == pytest.approx(4e-3, rel=0.01)
+    assert ripple["load"] < 0.05 * ripple["motor"]
+
+
+def test_an_axis_sticks_below_breakaway_and_moves_above() -> None:
+    axis = ct.LinearAxis(80.0, 5.0, coulomb_um=2.0, breakaway_um=4.0, stribeck_mm_min=60.0)
+    row = ct.Servo({"X": axis}).row("X")
+    for step_um, moves in ((3.9, False), (4.1, True)):
+        command = np.r_[0.0, np.full(400, step_um * 1e-3)]
+        y = contour_axis_response("X", row, 1e-3, "motor", command)
+        assert bool(y[-1] != 0.0) is moves
+        # It comes to rest short of the target, by no more than friction holds.
+        assert abs(command[-1] - y[-1]) <= 4.0e-3 + 1e-12

@@ -1,0 +1,190 @@
+"""Touches on the diagnosis engine: exact columns, honest input, what a user does next."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+import trunnion as tn
+from power.study import ground
+from trunnion.cli import app
+from trunnion.models.touches import TouchDiagnosisModel
+from twin.forward import EFFECTS, Truth
+from twin.generator import (
+    effect_change_um,
+    measure,
+    random_effect,
+    random_errors,
+    random_placement,
+    setup_toml,
+    write_touches,
+)
+
+COLUMN_ERR_TOL = 1e-6  # relative, against the twin's solved readings
+SECOND_ORDER_TOL = 1e-3  # of a column, 100" and 100 µm of machine and placement
+
+
+def measured(effects: Mapping[str, Mapping[str, float]], plan: str = "rich", seed: int = 1) -> Any:
+    rng = np.random.default_rng(seed)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=dict(effects))
+    made, setup, _, _ = ground(plan)
+    return measure(made, setup, truth, noise_um=0.3, tick_um=0.1, seed=seed)
+
+
+@pytest.mark.parametrize("plan", ["paper", "rich"])
+def test_columns_are_the_twins(plan: str) -> None:
+    """Change of every reading by every effect, core against the independent generator."""
+    made, setup, _, read = ground(plan)
+    data = tn.Touches(measured({}, plan).columns)
+    model = TouchDiagnosisModel(data, read)
+    assert {e.id for e in model.effects} == set(EFFECTS)
+    rng = np.random.default_rng(3)
+    for effect in model.effects:
+        values = random_effect(rng, effect.id, made)
+        theirs = effect_change_um(made, setup, {effect.id: values})
+        size = max(float(np.abs(theirs).max()), 1e-3)
+        ours = np.asarray(effect.change(data, values))
+        assert np.abs(ours - theirs).max() < COLUMN_ERR_TOL * size, effect.id
+        linear = [p.name for p in effect.parameters if p.linear]
+        columns = model.effect_jacobian(model.start, effect, values)[:, : len(linear)]
+        change = columns @ [values[name] for name in linear]
+        assert np.abs(change - theirs).max() < SECOND_ORDER_TOL * size, effect.id
+
+
+def test_the_main_job_in_words(tmp_path: Path) -> None:
+    m = measured({"drift_z": {"rate_um_h": 4.8}})
+    d = tn.diagnose(tn.Touches(m.columns), ground("rich")[3])
+    assert d.verdict == "explained"
+    first = d.summary().splitlines()[0]
+    assert first.startswith("Drift of the Z axis: ")
+    assert "that biased EZ0A by" in first
+    assert d.causes[0].parameters["rate_um_h"] == pytest.approx(4.8, abs=0.4)
+    assert d.model.effects["drift_z"]["rate_um_h"] == d.causes[0].parameters["rate_um_h"]
+    page = d.to_html(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "<svg" in page
+    assert "src=" not in page
+    json.dumps(d.to_dict(), allow_nan=False)
+
+
+def test_the_extended_model_is_an_ordinary_model() -> None:
+    setup = ground("rich")[3]
+    d = tn.diagnose(tn.Touches(measured({"backlash_x": {"b_um": 3.0}}).columns), setup)
+    plan = tn.plan(setup)
+    exact = tn.simulate(plan, setup, d.model.errors, d.model.placement, d.model.effects)
+    again = tn.identify(exact, setup, effects=tuple(d.model.effects))
+    assert again.effects["backlash_x"]["b_um"] == pytest.approx(
+        d.causes[0].parameters["b_um"], abs=0.1
+    )
+    assert d.model.simulate(plan) == exact
+
+
+def test_score_on_another_measurement_of_the_machine() -> None:
+    setup = ground("rich")[3]
+    effects = {"c_positioning_2": {"a2_arcsec": 4.0, "b2_arcsec": 3.0}}
+    d = tn.diagnose(tn.Touches(measured(effects, seed=2).columns), setup)
+    other = measured(effects, seed=2)
+    moved = Truth(other.truth.errors, random_placement(np.random.default_rng(9)), effects)
+    made, twin_setup, _, _ = ground("rich")
+    unseen = measure(made, twin_setup, moved, noise_um=0.3, tick_um=0.1, seed=77)
+    g = d.score(tn.Touches(unseen.columns))
+    assert g.heldout_rms_after_um == pytest.approx(0.3, abs=0.05)
+    assert g.heldout_rms_before_um > 1.3 * g.heldout_rms_after_um
+
+
+class Magnet:
+    """A user's own effect: a chuck that pulls the ball down where C is near 90 degrees."""
+
+    id = "magnet"
+    parameters = ("pull_um",)
+
+    def change(self, data: tn.Touches, values: Mapping[str, float]) -> NDArray[np.float64]:
+        near = np.exp(-((np.asarray(data.c_deg) - 90.0) ** 2) / 800.0)
+        return np.asarray(values["pull_um"] * near * np.asarray(data.dir_z))
+
+
+def test_a_users_own_effect() -> None:
+    setup = ground("rich")[3]
+    plan = tn.Touches(measured({}).columns)
+    own = Magnet()
+    data = plan.with_columns(
+        **{
+            f"{axis}_mm": plan.position_mm[:, i]
+            + 1e-3 * own.change(plan, {"pull_um": 3.0}) * plan.direction[:, i]
+            for i, axis in enumerate("xyz")
+        }
+    )
+    assert tn.diagnose(data, setup).verdict == "unexplained"
+    d = tn.diagnose(data, setup, effects=[own, "drift_z"])
+    assert [c.id for c in d.causes] == ["magnet"]
+    assert d.causes[0].parameters["pull_um"] == pytest.approx(3.0, abs=0.4)
+    with pytest.raises(tn.UnknownNameError, match="drift_q"):
+        tn.diagnose(data, setup, effects=["drift_q"])
+
+
+def test_bad_input() -> None:
+    setup = ground("paper")[3]
+    data = tn.Touches(measured({}, "paper").columns)
+    with pytest.raises(tn.InputError, match="setup"):
+        tn.diagnose(data)
+    with pytest.raises(tn.DataError, match="5 mm"):
+        tn.diagnose(data.with_columns(z_mm=np.asarray(data.z_mm) + 6.0), setup)
+    with pytest.raises(tn.DataError, match="unknowns"):
+        tn.diagnose(data[:10], setup)
+
+
+def test_touches_without_time_or_feed() -> None:
+    setup = ground("paper")[3]
+    m = measured({"c_axial_2": {"a2_um": 2.0, "b2_um": 0.0}}, "paper")
+    bare = {k: v for k, v in m.columns.items() if k not in ("time_s", "feed_mm_min", "point")}
+    d = tn.diagnose(tn.Touches(bare), setup)
+    assert frozenset({"c_axial_2"}) in d.alternatives
+    assert not any("drift" in e.id for e in d.source.effects)  # type: ignore[union-attr]
+
+
+def test_next_touches_part_the_aliases_of_a() -> None:
+    setup = ground("paper")[3]
+    m = measured({"a_positioning": {"k_arcsec": 18.0}}, "paper")
+    d = tn.diagnose(tn.Touches(m.columns), setup)
+    assert d.verdict == "ambiguous"
+    more = tn.next_touches(d, 8)
+    assert len(more) == 8
+    assert np.min(np.asarray(more.time_s)) > np.max(m.columns["time_s"])
+    said = tn.prospect(d, 8)
+    assert said.chance > 0.8
+    assert "touches part the" in said.summary()
+
+
+def test_next_touches_say_when_none_can() -> None:
+    """A ball radius and its bending stay alike under any plan this small."""
+    setup = ground("paper")[3]
+    m = measured({"probe_radius": {"dr_um": 0.4}}, "paper")
+    d = tn.diagnose(tn.Touches(m.columns), setup)
+    said = tn.prospect(d, 8)
+    assert said.chance < 0.5
+    assert "Not even" in said.summary() or "About" in said.summary()
+    with pytest.raises(tn.InputError, match="n:"):
+        tn.next_touches(d, 0)
+
+
+def test_command_line(tmp_path: Path) -> None:
+    write_touches(measured({"drift_z": {"rate_um_h": 4.8}}), tmp_path / "touches.csv")
+    (tmp_path / "setup.toml").write_text(setup_toml(ground("rich")[1]), encoding="utf-8")
+    files = [str(tmp_path / "touches.csv"), str(tmp_path / "setup.toml")]
+    run = CliRunner().invoke(app, ["diagnose", *files, "--html", str(tmp_path / "d.html")])
+    assert run.exit_code == 0, run.output
+    assert "Drift of the Z axis" in run.output
+    assert (tmp_path / "d.html").exists()
+    printed = CliRunner().invoke(app, ["diagnose", *files, "--json"])
+    assert json.loads(printed.output)["causes"][0]["id"] == "drift_z"
+    more = [*files, "--next", "3", "-o", str(tmp_path / "next.csv")]
+    assert CliRunner().invoke(app, ["diagnose", *more]).exit_code == 0
+    assert len(tn.read_touches(tmp_path / "next.csv")) == 3
+    assert CliRunner().invoke(app, ["diagnose", files[0]]).exit_code == 2
+    assert CliRunner().invoke(app, ["diagnose", files[1]]).exit_code == 2

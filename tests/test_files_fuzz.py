@@ -1,0 +1,114 @@
+"""Any bytes in a file give a result or an error of ours; any table that is made reads back."""
+# ruff: noqa: E501
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+import trunnion as tn
+
+PLAN = tn.Touches(
+    a_deg=[0.0, 90.0], c_deg=[0.0, 0.0], x_mm=[1.0, 2.0], y_mm=[0.0, 0.0], z_mm=[0.0, 0.0],
+    dir_x=[0.0, 0.0], dir_y=[0.0, 0.0], dir_z=[-1.0, -1.0],
+)  # fmt: skip
+
+# A valid file each; the fuzzer breaks it.
+FILES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "setup": (
+        tn.read_setup,
+        tn.Setup(
+            artefact=tn.Artefact("sphere", diameter_mm=20.0, centre_mm=(0, 0, 60)),
+            machine=tn.Machine(errors={"EX0C": 1.0}),
+            axes={"C": tn.AxisSetup(-1)},
+            turning={"a": [1, {"b": "'\"\n"}], "c.d": {"e": '"""'}},
+        ).to_toml()
+        + '[[servo.x]]\na = \'\'\'\n#\'\'\'\nb = """\\""""\n[servo]\n\'k\' . "l" = {m = 1, n.o = []}\n',
+    ),
+    "touches": (tn.read_touches, PLAN.with_columns(note=["a", 'b, "c"'], point=[1, 2]).to_csv()),
+    "points": (tn.read_points, "nominal_x_mm,nominal_y_mm,x_mm,y_mm,group\n1,2,3,4,a\n"),
+    "sweep": (tn.read_sweep, "angle_deg,target,x_mm,y_mm,z_mm\n1,2,3,4,5\n"),
+    "diameters": (tn.read_diameters, "z_mm,error_um,pass,feed_sign\n1,2,3,-1\n"),
+    "axis_log": (tn.read_axis_log, "time_s,x_cmd_mm,x_act_mm,run\n0,1,1,a\n1,1,1,a\n"),
+    "ballbar": (tn.read_ballbar, "setup,x_mm,y_mm,length_mm,sense\n1,2,3,4,1\n"),
+    "probe_log": (
+        lambda path: tn.read_probe_log(path, PLAN),
+        "1.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0 0.0\n2.0 0.0 0.0 90.0 0.0 0.0 0.0 0.0 0.0\n",
+    ),
+}
+
+pieces = st.sampled_from(
+    [b'"', b"'", b",", b"\n", b"\r", b"#", b"[", b"]", b"{", b"}", b"=", b".", b"\0", b"\xff",
+     b"\xc2\x85", b"\xe2\x80\xa8", b"\xd9\xa3", b"nan", b"-inf", b"1e999", b"1_0", b"9" * 30, b" ",
+     b"\t", b"\xef\xbb\xbf", b"\x0c", b"\x1c", b'"""', b"'''", b"\\", b"0x1", b"true", b"1979-05-27"]
+) | st.binary(max_size=4)  # fmt: skip
+
+# A busy machine is no fault of the code.
+fuzz = settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+def read(name: str, raw: bytes) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "file")
+        path.write_bytes(raw)
+        try:
+            FILES[name][0](path)
+        except tn.TrunnionError as error:
+            assert str(error).startswith(f"{path}:")  # noqa: PT017
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_file_to_be_broken_is_good(name: str, tmp_path: Path) -> None:
+    reader, text = FILES[name]
+    (tmp_path / "file").write_text(text)
+    assert reader(tmp_path / "file") is not None
+
+
+@pytest.mark.parametrize("name", FILES)
+@fuzz
+@given(st.binary(max_size=200))
+def test_random_bytes(name: str, raw: bytes) -> None:
+    read(name, raw)
+
+
+@pytest.mark.parametrize("name", FILES)
+@fuzz
+@given(st.data())
+def test_broken_files(name: str, data: st.DataObject) -> None:
+    raw = FILES[name][1].encode()
+    for _ in range(data.draw(st.integers(1, 4))):
+        start = data.draw(st.integers(0, len(raw)))
+        end = start + data.draw(st.integers(0, 6))
+        raw = raw[:start] + data.draw(pieces) + raw[end:]
+    read(name, raw)
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+extra_columns = st.lists(
+    st.integers() | st.floats() | st.text() | st.booleans(), min_size=2, max_size=2
+)
+names = st.text(min_size=1).filter(lambda name: name not in tn.Touches.kinds)
+
+
+@fuzz
+@example([0.0, 0.0], {"id": [0, 10**18]})
+@given(st.lists(finite, min_size=2, max_size=2), st.dictionaries(names, extra_columns, max_size=3))
+def test_any_table_that_can_be_made_reads_back_equal(
+    values: list[float], extra: dict[str, list[object]]
+) -> None:
+    try:
+        touches = tn.Touches({**PLAN.columns, "x_mm": values, **extra})
+    except tn.InputError:
+        return  # a name or text that does not stay on one line
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "touches.csv")
+        touches.to_csv(path)
+        again = tn.read_touches(path)
+    assert again == touches
+    assert pickle.loads(pickle.dumps(touches)) == touches
+    np.testing.assert_array_equal(again.x_mm, values)

@@ -1,0 +1,159 @@
+"""Plans: the paper's, others, and what a plan must never contain."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from trunnion import _core
+from trunnion.nc import follow
+from trunnion.probing_program import probing_program
+
+CROSS = tn.Setup(artefact=tn.Artefact("cross"))
+
+
+def test_the_papers_three_cycles() -> None:
+    plan = tn.plan(CROSS)
+    assert len(plan) == 72
+    assert plan.point is not None
+    assert plan.a_deg is not None
+    for c in (0, 90, 180, 270):
+        rows = (plan.a_deg == 0) & (
+            np.round(plan.c_deg or 0 if plan.c_deg is None else plan.c_deg) == c
+        )
+        assert plan.point[rows].tolist() == list(range(1, 17))
+    for a in (90, -90):
+        assert plan.point[np.round(plan.a_deg) == a].tolist() == [17, 18, 19, 20]
+    # Contacts of the arm -X at A = C = 0 (label 8 is its +Y side, 37.5 mm out).
+    row = int(np.flatnonzero(plan.point == 8)[0])
+    assert plan.position_mm[row] == pytest.approx([-37.5, 13.5, 12.5])
+    assert plan.direction[row] == pytest.approx([0.0, -1.0, 0.0])
+
+
+def test_commands_are_rounded_to_the_resolution() -> None:
+    coarse = tn.Setup(
+        artefact=tn.Artefact("cross"),
+        resolution=tn.Resolution(linear_um=1.0, rotary_arcsec=36.0),
+    )
+    plan = tn.plan(coarse, c_deg=(17.1234,), a_deg=(33.3333,))
+    assert plan.start_mm is not None
+    assert np.allclose(plan.start_mm * 1e3, np.round(plan.start_mm * 1e3), atol=1e-9)
+    assert plan.c_deg is not None
+    assert np.allclose(plan.c_deg / 0.01, np.round(plan.c_deg / 0.01), atol=1e-9)
+    assert np.allclose(np.linalg.norm(plan.direction, axis=1), 1.0, atol=1e-12)
+
+
+def test_both_senses_and_two_feeds_are_balanced() -> None:
+    plan = tn.plan(
+        CROSS,
+        c_deg=range(0, 360, 30),
+        a_deg=range(-90, 91, 30),
+        both_senses=True,
+        feeds_mm_min=(200, 600),
+    )
+    assert 450 < len(plan) < 560
+    assert plan.c_dir is not None
+    assert plan.feed_mm_min is not None
+    for sense in (-1, 1):
+        for feed in (200, 600):
+            share = np.mean((plan.c_dir == sense) & (plan.feed_mm_min == feed))
+            assert abs(share - 0.25) < 0.1
+    assert plan.time_s is not None
+    assert np.all(np.diff(plan.time_s) > 0)
+
+
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
+@pytest.mark.parametrize("kind", ["cross", "cuboid"])
+def test_the_program_never_takes_ball_or_stem_into_anything(preset: str, kind: str) -> None:
+    """Sampled independently of the planner: distances of ball and stem to boxes and table."""
+    setup = tn.Setup(artefact=tn.Artefact(kind), machine=tn.Machine(preset=preset))
+    tilt = {"a_deg" if preset == "trt-ca" else "b_deg": (-90, -60, -30, 30, 60, 90)}
+    plan = tn.plan(setup, c_deg=(0, 30, 90, 200), **tilt)  # type: ignore[arg-type]
+    program = probing_program(plan, setup)
+    machine = _core.Machine(preset, 150.0, [])
+    moves = follow(program)
+    letters = "AC" if preset == "trt-ca" else "BC"
+    columns = [3 + "ABC".index(letter) for letter in letters]
+    checked = 0
+    stopped = None
+    for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
+        if np.any(start[3:] != end[3:]):
+            assert start[2] > 155.0 or checked == 0  # above all that swings
+            continue
+        pose = machine.table_pose(np.ascontiguousarray(end[columns])[None, :]).reshape(3, 4)
+        # A probing move ends at the contact, half way to its target; the next one starts there.
+        origin = start[:3] if stopped is None else stopped
+        target = 0.5 * (start[:3] + end[:3]) if code == 38 else end[:3]
+        stopped = target if code == 38 else None
+        for share in np.linspace(0.0, 1.0, 9):
+            ball = origin + share * (target - origin)
+            stem = ball + np.linspace(0.0, 150.0, 151)[:, None] * [0.0, 0.0, 1.0]
+            local = (stem - pose[:, 3]) @ pose[:, :3]
+            assert _distance(local[0], setup) > 1.0 - 1e-3
+            assert min(_distance(point, setup) for point in local) > 0.5 - 1e-3
+            checked += 1
+    assert checked > 1000
+
+
+def _distance(point: np.ndarray, setup: tn.Setup) -> float:
+    a = setup.artefact
+    if a.kind == "cross":
+        boxes = [(a.length_mm, a.width_mm), (a.width_mm, a.length_mm)]
+    else:
+        boxes = [(a.length_mm, a.width_mm)]
+    found = []
+    for x, y in boxes:
+        low = np.array([-x / 2, -y / 2, 0.0])
+        high = np.array([x / 2, y / 2, a.height_mm])
+        found.append(float(np.linalg.norm(point - np.clip(point, low, high))))
+    radial = max(float(np.hypot(point[0], point[1])) - setup.table.radius_mm, 0.0)
+    axial = max(point[2], -setup.table.thickness_mm - point[2], 0.0)
+    found.append(float(np.hypot(radial, axial)))
+    return min(found)
+
+
+def test_the_control_sees_the_program_as_planned_and_its_log_reads_back(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    plan = tn.plan(CROSS)
+    program = probing_program(plan, CROSS, "log.txt")
+    text = program.text()
+    assert text.count("G38.2") == 72
+    assert "PROBEOPEN log.txt" in text
+    assert "PROBECLOSE" in text
+    measured = tn.simulate(plan, CROSS, {"EX0C": 15.0, "EA0A": 20.0}, noise_um=0.3, seed=1)
+    log = tmp_path / "log.txt"
+    rows = zip(measured.position_mm, measured.a_deg, measured.c_deg, strict=True)  # type: ignore[arg-type]
+    log.write_text(
+        "".join(
+            f"{x:f} {y:f} {z:f} {a:f} 0.000000 {c:f} 0.000000 0.000000 0.000000\n"
+            for (x, y, z), a, c in rows
+        )
+    )
+    again = tn.read_probe_log(log, plan)
+    assert np.allclose(again.position_mm, measured.position_mm, atol=1e-6)
+    assert tn.identify(again, CROSS).errors["EX0C"] == pytest.approx(15.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"c_deg": (), "a_deg": ()}, "angles of a plan: got none"),
+        ({"c_deg": (float("nan"),)}, "NaN, wanted a finite number"),
+        ({"feeds_mm_min": ()}, "feeds of a plan: got none"),
+        ({"feeds_mm_min": (-5,)}, "feeds_mm_min: got -5"),
+        ({"repeats": 0}, "repeats: got 0"),
+        ({"b_deg": (90,)}, "b_deg: got angles, wanted none"),
+        ({"layout": "upside"}, "layout.*upside.*side, top"),
+        ({"c_deg": ("a",)}, r"c_deg: got \('a',\)"),
+    ],
+)
+def test_bad_requests_say_what_is_wrong(arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(tn.TrunnionError, match=message):
+        tn.plan(CROSS, **arguments)  # type: ignore[arg-type]
+
+
+def test_an_artefact_out_of_reach_is_an_error() -> None:
+    thick = tn.Setup(
+        artefact=tn.Artefact("cross"), probe=tn.Probe(ball_radius_mm=1.0, stem_radius_mm=0.9)
+    )
+    assert len(tn.plan(thick)) == 72
+    with pytest.raises(tn.DataError, match="no face of the artefact can be reached"):
+        tn.plan(CROSS, c_deg=(), a_deg=(180,))

@@ -1,0 +1,45 @@
+"""Past one machine: a real cluster of two worker processes, one of them killed in mid-sweep."""
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+
+
+def slow(rng: np.random.Generator, scale: float) -> dict[str, float]:
+    time.sleep(0.05)
+    return {"value": scale * rng.normal(), "pid": float(os.getpid())}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_killed_worker_loses_nothing(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed")
+    grid = {"scale": [1.0, 2.0]}
+    here = tn.sweep(slow, grid, samples=20, seed=6, progress=False)
+    cluster = distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        silence_logs="CRITICAL",
+    )
+    with cluster, distributed.Client(cluster) as client:
+        pids = list(client.run(os.getpid).values())
+        killer = threading.Timer(0.6, os.kill, (pids[0], signal.SIGKILL))
+        killer.start()
+        path = tmp_path / "cluster.nc"
+        there = tn.sweep(
+            slow, grid, 20, 6, client.get_executor(), chunk=2, path=path, progress=False
+        )
+        killer.join()
+    assert there.attrs["samples_done"] == 40
+    assert np.array_equal(there["value"], here["value"])
+    worked = {int(pid) for pid in np.unique(there["pid"])}
+    assert len(worked) >= 2
+    assert os.getpid() not in worked

@@ -1,0 +1,207 @@
+"""Sweeps: random numbers by sample, the same whatever runs them, wherever they stop."""
+
+import sqlite3
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from trunnion.sweeps import FunctionStudy, Seeds
+
+GRID = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 120.0]}
+
+
+def noisy(rng: np.random.Generator, scale: float, shift: float = 0.0) -> dict[str, float]:
+    return {"value": shift + scale * rng.normal(), "uniform": rng.random()}
+
+
+def calibrations(**how: Any) -> Any:
+    return tn.sweep("calibration", GRID, samples=7, seed=5, progress=False, **how)
+
+
+def test_calibrations_are_the_same_in_any_pieces_and_threads() -> None:
+    whole = calibrations(threads=1)
+    for how in ({"chunk": 1}, {"chunk": 3, "threads": 2}, {"chunk": 100}):
+        assert whole.identical(calibrations(**how)), how
+
+
+def test_functions_are_the_same_on_any_executor() -> None:
+    grid = {"scale": [1.0, 2.0, 3.0]}
+    here = tn.sweep(noisy, grid, samples=9, seed=2, progress=False)
+    with ThreadPoolExecutor(3) as threads:
+        there = tn.sweep(noisy, grid, 9, 2, threads, chunk=2, progress=False)
+    assert here.identical(there)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as processes:
+        there = tn.sweep("calibration", GRID, 7, 5, processes, chunk=4, progress=False)
+    assert there.identical(calibrations())
+
+
+class Backwards:
+    """An executor that runs what it was given in the opposite order, once it has enough."""
+
+    def __init__(self) -> None:
+        self.waiting: list[tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]] = []
+        self.timer: threading.Timer | None = None
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future[Any]:
+        if self.timer is not None:
+            self.timer.cancel()
+        future: Future[Any] = Future()
+        self.waiting.append((future, function, arguments))
+        self.timer = threading.Timer(0.05, self.run)
+        self.timer.start()
+        return future
+
+    def run(self) -> None:
+        while self.waiting:
+            future, function, arguments = self.waiting.pop()
+            future.set_result(function(*arguments))
+
+
+def test_order_does_not_matter() -> None:
+    there = tn.sweep(noisy, {"scale": [1.0, 2.0]}, 8, 3, Backwards(), chunk=2, progress=False)
+    assert there.identical(tn.sweep(noisy, {"scale": [1.0, 2.0]}, 8, 3, progress=False))
+
+
+def test_uniform_numbers_are_a_table_that_can_be_entered_anywhere() -> None:
+    seeds = Seeds(3, 1)
+    whole = seeds.uniform(0, 50, 14)
+    assert np.array_equal(whole[17:23], seeds.uniform(17, 6, 14))
+    assert not np.array_equal(whole[:6], Seeds(3, 2).uniform(0, 6, 14))
+    assert not np.array_equal(whole[:6], Seeds(4, 1).uniform(0, 6, 14))
+    big = seeds.uniform(0, 20_000, 14)
+    assert abs(big.mean() - 0.5) < 4 / np.sqrt(12 * big.size)
+    assert np.abs(np.corrcoef(big.T) - np.eye(14)).max() < 5 / np.sqrt(len(big))
+
+
+def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "s.nc"
+    calls: list[float] = []
+
+    def study(rng: np.random.Generator, scale: float) -> float:
+        calls.append(scale)
+        if len(calls) == 12:
+            raise KeyboardInterrupt
+        return float(scale * rng.normal())
+
+    grid = {"scale": [1.0, 2.0, 3.0]}
+    how: dict[str, Any] = {"samples": 5, "seed": 9, "progress": False, "chunk": 2}
+    with pytest.raises(KeyboardInterrupt):
+        tn.sweep(study, grid, path=path, **how)
+    part = tn.open_sweep(path)
+    done = int(part.attrs["samples_done"])
+    assert 0 < done < 15
+    assert int(np.isfinite(part["study"]).sum()) == done
+    before = len(calls)
+    found = tn.sweep(study, grid, path=path, **how)
+    # The trial that asks for the names, and what was not there yet.
+    assert len(calls) - before == 1 + 15 - done
+    assert found.identical(tn.sweep(study, grid, **how))
+    assert not path.with_name("s.nc.part").exists()
+    again = tn.sweep(study, grid, path=path, **how)
+    np.testing.assert_array_equal(again["study"], found["study"])
+    assert again.attrs["seed"] == 9
+    with pytest.raises(tn.DataError, match="another sweep: seed is 9 there, 10 here"):
+        tn.sweep(study, grid, path=path, **{**how, "seed": 10})
+
+
+def test_the_journal_holds_each_block_once(tmp_path: Path) -> None:
+    from trunnion.sweeps.store import Journal
+    from trunnion.sweeps.study import Block
+
+    journal = Journal(tmp_path / "j.part")
+    journal.start({"seed": 1})
+    journal.write((0, 0, 2), Block(np.ones((2, 1))))
+    journal.write((0, 0, 2), Block(np.zeros((2, 1))))
+    assert [block.columns.tolist() for _, block in journal.read()] == [[[1.0], [1.0]]]
+    with sqlite3.connect(journal.path) as base:
+        assert base.execute("SELECT count(*) FROM block").fetchone() == (1,)
+
+
+def test_failing_samples_are_recorded_and_a_limit_ends_it() -> None:
+    def study(rng: np.random.Generator, limit: float) -> float:
+        value = float(rng.random())
+        if value < limit:
+            raise ValueError(f"{value:.3f} is too small")
+        return value
+
+    found = tn.sweep(study, {"limit": [0.0, 0.3]}, samples=50, seed=4, progress=False)
+    failed = int(found.attrs["samples_failed"])
+    assert failed == int(np.isnan(found["study"]).sum()) > 3
+    assert found["failure_parameters"].values[0] == '{"limit": 0.3}'
+    assert "is too small" in str(found["failure_error"].values[0])
+    with pytest.raises(tn.DataError, match="samples failed, wanted at most 10%"):
+        tn.sweep(study, {"limit": [0.9]}, 100, 4, most_failures=0.1, progress=False)
+
+
+@pytest.mark.parametrize(
+    ("study", "grid", "how", "message"),
+    [
+        ("calibration", {"nois_um": [1.0]}, {}, "got 'nois_um', wanted one of length_mm"),
+        ("calibration", {"noise_um": []}, {}, "axis noise_um: got no values"),
+        ("calibration", {"noise_um": ["0.1"]}, {}, "noise_um: got '0.1', wanted a number"),
+        ("calibration", {"noise_um": "0.1"}, {}, "wanted a list"),
+        ("calibration", {"noise_um": [float("nan")]}, {}, "wanted a number"),
+        ("calibration", {"noise_um": [-1.0]}, {}, "wanted 0 or more"),
+        ("calibration", {"noise_um": [1.0, 1.0]}, {}, "a value twice"),
+        ("calibration", {"repeats": [1.5]}, {}, "wanted a whole number"),
+        ("calibration", {"layout": ["under"]}, {}, "wanted one of side, top"),
+        ("calibration", {"noise_um": [1.0]}, {"fixed": {"noise_um": 1.0}}, "in one"),
+        ("calibration", {}, {"samples": 10**9}, "wanted at most"),
+        ("calibration", {}, {"samples": 0}, "samples: got 0"),
+        ("calibration", {}, {"seed": -1}, "seed: got -1"),
+        ("calibraton", {}, {}, "got 'calibraton', wanted one of calibration"),
+        (noisy, {}, {}, "scale: got nothing"),
+    ],
+)
+def test_bad_grids_are_refused_at_once(
+    study: Any, grid: dict[str, Any], how: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(tn.TrunnionError, match=message):
+        tn.sweep(study, grid, progress=False, **how)
+
+
+def test_results_are_labelled() -> None:
+    found = calibrations()
+    assert dict(found.sizes) == {
+        "noise_um": 2, "length_mm": 2, "sample": 7, "parameter": 14, "error": 8
+    }  # fmt: skip
+    assert found["noise_um"].attrs["units"] == "µm"
+    error = found["identified_error"].sel(noise_um=0.1, length_mm=120.0, parameter="EX0C")
+    assert error.shape == (7,)
+    assert str(found["parameter_unit"].sel(parameter="EA0A").values) == "arcsec"
+    assert found.attrs["seed"] == 5
+    assert found.attrs["tick_um"] == 0.1
+    units = FunctionStudy(noisy, {"value": "µm"}).outputs({"scale": 1.0})
+    assert [(output.name, output.unit) for output in units] == [("value", "µm"), ("uniform", "")]
+
+
+def test_a_node_that_cannot_be_fails_alone() -> None:
+    # At 40 mm the sides of the arms are out of the probe's reach.
+    found = tn.sweep(
+        "calibration", {"length_mm": [100.0, 40.0]}, 3, 1, progress=False, most_failures=1.0
+    )
+    assert np.isfinite(found["identified_error"].sel(length_mm=100.0)).all()
+    assert np.isnan(found["identified_error"].sel(length_mm=40.0)).all()
+    assert "no touch 2" in str(found["failure_error"].values[0])
+
+
+def test_overhead_of_the_call_is_small() -> None:
+    import time
+
+    def study(rng: np.random.Generator) -> float:
+        return float(rng.random())
+
+    tn.sweep(study)
+    times = []
+    for _ in range(15):
+        begun = time.perf_counter()
+        tn.sweep(study)
+        times.append(time.perf_counter() - begun)
+    assert min(times) < 5e-3

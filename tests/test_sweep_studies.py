@@ -1,0 +1,90 @@
+"""The built-in studies say what theory says."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from trunnion.cli import app
+
+
+def test_equation_21_gives_the_papers_case() -> None:
+    # 0.1 um over sin 0.36": 1e-4 mm / 1.745329e-6.
+    assert tn.smallest_length_mm(0.1, 0.36) == pytest.approx(57.2958, abs=1e-4)
+    assert tn.smallest_length_mm(0.1, 0.36) < 100.0
+    with pytest.raises(tn.InputError, match="linear_um: got 0"):
+        tn.smallest_length_mm(0.0, 0.36)
+
+
+def test_estimates_scatter_as_the_bound_says_at_every_length() -> None:
+    lengths = [60.0, 100.0, 200.0]
+    found = tn.sweep(
+        "calibration",
+        {"length_mm": lengths},
+        samples=3000,
+        seed=11,
+        fixed={"noise_um": 0.3, "tick_um": 0.0},
+        progress=False,
+    )
+    assert found["converged"].min() == 1.0
+    for length in lengths:
+        setup = tn.Setup(artefact=tn.Artefact("cross", length_mm=length))
+        bound = tn.observability(tn.plan(setup), setup, noise_um=0.3).std_errors
+        at = found.sel(length_mm=length)
+        for name in at["parameter"].values:
+            spread = at["identified_error"].sel(parameter=name).std().item()
+            assert spread == pytest.approx(bound[name], rel=0.06), (length, name)
+            mean = at["identified_error"].sel(parameter=name).mean().item()
+            assert abs(mean) < 4.5 * bound[name] / np.sqrt(3000), (length, name)
+            told = np.sqrt((at["identified_std_error"].sel(parameter=name) ** 2).mean().item())
+            assert told == pytest.approx(bound[name], rel=0.06), (length, name)
+
+
+def test_compensation_leaves_less_with_less_noise() -> None:
+    found = tn.sweep(
+        "compensation",
+        {"noise_um": [0.05, 0.5]},
+        samples=30,
+        seed=3,
+        fixed={"tick_um": 0.0},
+        progress=False,
+    )
+    assert found["before_max_um"].min() > 5
+    quiet, loud = (found["left_rms_um"].sel(noise_um=noise).mean().item() for noise in (0.05, 0.5))
+    # What is left is linear in the noise.
+    assert loud / quiet == pytest.approx(10.0, rel=0.5)
+    assert loud < 0.1 * found["before_rms_um"].mean().item()
+
+
+def test_power_counts_every_sample_once() -> None:
+    found = tn.sweep(
+        "diagnosis-power",
+        {"effect": ["none", "drift_z"]},
+        samples=2,
+        seed=1,
+        fixed={"plan": "paper", "rms_um": 2.0, "noise_um": 0.1},
+        chunk=4,
+        progress=False,
+    )
+    names = ("found", "among_alternatives", "missed", "wrong")
+    counts = sum(found[name] for name in names)
+    np.testing.assert_array_equal(counts, 1.0)
+
+
+def test_command_line(tmp_path: object) -> None:
+    from pathlib import Path
+
+    folder = Path(str(tmp_path))
+    study = folder / "study.toml"
+    study.write_text(
+        'study = "calibration"\nsamples = 3\nseed = 1\n'
+        "[grid]\nnoise_um = [0.1, 0.3]\n[fixed]\nidentify = false\n"
+    )
+    result = CliRunner().invoke(app, ["sweep", str(study)])
+    assert result.exit_code == 0, result.output
+    found = tn.open_sweep(folder / "study.nc")
+    assert found["separating_error"].shape == (2, 3, 14)
+    study.write_text('study = "calibration"\nsample = 3\n')
+    result = CliRunner().invoke(app, ["sweep", str(study)])
+    assert result.exit_code == 2
+    assert "got key 'sample'" in result.output

@@ -1,0 +1,72 @@
+"""``trunnion turning`` on files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from trunnion import Diameters
+from trunnion.cli import app
+from trunnion.nc import Program, follow
+
+PROGRAM = """G7 G18 G21 G90
+G95 F0.1
+G0 X70. Z65.
+G1 Z20.
+G2 X80. Z15. R5.
+G1 X90.
+Z0
+M2
+"""
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    (tmp_path / "part.ngc").write_text(PROGRAM)
+    z = np.arange(64.5, 16.0, -0.5)
+    error = -15 * (1 - np.exp(-(65 - z) / 1.4 / 20)) + np.random.default_rng(1).normal(0, 0.5, 97)
+    Diameters(z_mm=z, error_um=error).to_csv(tmp_path / "diameters.csv")
+    (tmp_path / "setup.toml").write_text(
+        "[turning]\noverhang_mm = 65.0\nfeed_mm_rev = 0.1\nspindle_rpm = 840.0\n"
+    )
+    return tmp_path
+
+
+def run(*arguments: object, code: int = 0) -> str:
+    result = CliRunner().invoke(app, ["turning", *map(str, arguments)])
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+def test_path(files: Path) -> None:
+    picture = files / "path.png"
+    said = run("path", files / "part.ngc", "-o", files / "probe.ngc", "--picture", picture)
+    assert "2 intervals" in said
+    assert "an arc: not measured" in said
+    probe = Program.parse((files / "probe.ngc").read_text(), "linuxcnc-lathe")
+    assert len(follow(probe)) > 4
+    assert picture.stat().st_size > 10_000
+    assert len(json.loads(run("path", files / "part.ngc", "--json"))["intervals"]) == 2
+
+
+def test_correct(files: Path) -> None:
+    out = files / "corrected.ngc"
+    said = run("correct", files / "part.ngc", files / "diameters.csv", "-o", out)
+    assert "left if it repeats" in said
+    assert "X70.0" in out.read_text()
+    told = json.loads(run("correct", files / "part.ngc", files / "diameters.csv", "--json"))
+    assert np.abs(told["remaining_um"]).max() < 4
+    bad = run("correct", files / "part.ngc", files / "diameters.csv", "--rule", "x", code=2)
+    assert "unknown rule" in bad
+
+
+def test_diagnose(files: Path) -> None:
+    arguments = ("diagnose", files / "diameters.csv", "--setup", files / "setup.toml")
+    told = json.loads(run(*arguments, "--json"))
+    assert told["verdict"] in ("explained", "ambiguous")
+    named = {frozenset(s) for s in told["alternatives"]}
+    assert frozenset({"tool_heating"}) in named
+    said = run(*arguments)
+    assert ("To tell them apart" in said) == (told["verdict"] == "ambiguous")

@@ -1,0 +1,90 @@
+"""Diameters: derivatives, labels, what the law predicts, what to turn next, bad input."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from trunnion import Artefact, DataError, Diameters, InputError, Setup, UnknownNameError
+from trunnion.diagnosis.registry import diagnose
+from trunnion.models.diameters import CAUSES, Conditions, build
+from trunnion.models.next_passes import next_passes
+from turning_blind import measured
+
+
+def test_derivatives_are_those_of_the_changes() -> None:
+    data, setup = measured(1, (), 3)
+    coolant = np.where(data.pass_ == 2, "wet", "dry")
+    data = data.with_columns(coolant=coolant)
+    model = build(data, setup)
+    assert tuple(e.id for e in model.effects) == tuple(CAUSES)
+    for effect in model.effects:
+        values = {p.name: 0.7 if p.linear else 23.0 for p in effect.parameters}
+        exact = model.effect_jacobian(np.zeros(3), effect, effect.values(values.values()))
+        for i, name in enumerate(values):
+            up, down = dict(values), dict(values)
+            step = 1e-4 * values[name]
+            up[name] += step
+            down[name] -= step
+            slope = (
+                np.asarray(effect.change(data, effect.values(up.values())))
+                - np.asarray(effect.change(data, effect.values(down.values())))
+            ) / (2 * step)
+            assert np.abs(slope - exact[:, i]).max() < 1e-6 * max(1, np.abs(slope).max())
+    names = [p.name for p in model.effects[0].parameters]
+    assert names == ["amplitude_dry_um", "amplitude_wet_um", "tau_s"]
+
+
+def test_the_law_predicts_another_pass() -> None:
+    data, setup = measured(4, ("tool_heating",), 2)
+    first = data[np.asarray(data.pass_) == 1]
+    second = data[np.asarray(data.pass_) == 2]
+    got = diagnose(first, setup)
+    assert "tool_heating" in {c.id for c in got.causes}
+    predicted = got.model.error_um(second)
+    rest = second.error_um - predicted
+    assert np.std(rest) < 2.0 < np.std(second.error_um)
+    with pytest.raises(UnknownNameError, match="pass 'x'"):
+        got.model.error_um(second, offset_of="x")
+    again = pickle.loads(pickle.dumps(got.model))
+    assert np.array_equal(again.error_um(second), predicted)
+
+
+def test_reversed_feed_parts_wear_from_taper() -> None:
+    data, setup = measured(0, ("tool_wear",), 1)
+    got = diagnose(data, setup)
+    assert got.verdict == "ambiguous"
+    assert {frozenset({"tool_wear"}), frozenset({"taper"})} <= set(got.alternatives)
+    best = next_passes(got)[0]
+    assert "reversed feed" in best.words
+    # Wear or taper, whichever is named, is parted from the other.
+    other = ({"taper"} if got.named == {"tool_wear"} else {"tool_wear"},)
+    assert frozenset(other[0]) in best.parts
+
+
+def test_without_a_clock_the_length_cut_takes_its_place() -> None:
+    data, _ = measured(2, ("tool_heating",), 1)
+    data = data.with_columns(time_s=None)
+    told = Conditions(overhang_mm=130.0)
+    names = {e.id: [p.name for p in e.parameters] for e in build(data, told).effects}
+    assert names["tool_heating"] == ["amplitude_um", "tau_mm"]
+    assert names["tool_wear"] == ["rate_um_m"]
+    clock = Conditions(130.0, feed_mm_rev=0.1, cutting_speed_m_min=200.0, diameter_mm=54.0)
+    names = {e.id: [p.name for p in e.parameters] for e in build(data, clock).effects}
+    assert names["tool_heating"] == ["amplitude_um", "tau_s"]
+
+
+def test_what_is_missing_is_told() -> None:
+    z = np.linspace(60, 5, 40)
+    data = Diameters(z_mm=z, error_um=np.zeros(40))
+    nothing = Setup(artefact=Artefact("none"))
+    with pytest.raises(InputError, match="overhang_mm"):
+        build(data, nothing)
+    with pytest.raises(UnknownNameError, match="overhang: unknown key"):
+        build(data, Setup(artefact=Artefact("none"), turning={"overhang": 60.0}))
+    with pytest.raises(DataError, match=r"z_mm \(row 0\)"):
+        build(data, Conditions(50.0))
+    with pytest.raises(DataError, match="at least 4"):
+        build(data[:3], Conditions(65.0))
+    with pytest.raises(UnknownNameError, match="no_such"):
+        build(data, Conditions(65.0), ["no_such"])
