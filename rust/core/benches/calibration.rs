@@ -9,6 +9,7 @@ use criterion::{Criterion, Throughput};
 use nalgebra::Vector3;
 use trunnion_core::artefact::{Artefact, Line, Search};
 use trunnion_core::identification::least_squares::{self, Options};
+use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{Machine, Places};
 use trunnion_core::moves::Moves;
@@ -98,9 +99,10 @@ fn kinematics(bench: &mut Criterion, machine: &Machine) {
     bench.bench_function("forward kinematics, one pose", |b| {
         b.iter(|| machine.forward(black_box(&positions), black_box(&places)));
     });
-    let many = machine.forward_many(&places);
-    bench.bench_function("forward kinematics, one of many", |b| {
-        b.iter(|| many(black_box(&positions)));
+    let many = ForwardBatch::new(machine, &places);
+    let (rows, mut tools) = ([10.0, -20.0, 30.0, 0.4, 2.0].repeat(1000), vec![0.0; TOOL * 1000]);
+    bench.bench_function("forward kinematics, a thousand poses", |b| {
+        b.iter(|| many.tools(black_box(&rows), 1.0, &mut tools));
     });
 }
 

@@ -3,6 +3,8 @@
 //! `PyReadonlyArray::as_slice` also accepts Fortran order, which would scramble an (n, k) array, so
 //! everything goes through a copy in standard (row-major) layout where it is not already there.
 
+use std::borrow::Cow;
+
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -15,14 +17,19 @@ pub fn vector(array: &PyReadonlyArray1<'_, f64>) -> Vec<f64> {
     array.as_array().iter().copied().collect()
 }
 
-/// An (n, `columns`) array as a row-major vector; another number of columns is an error.
-pub fn rows(what: &str, array: &PyReadonlyArray2<'_, f64>, columns: usize) -> PyResult<Vec<f64>> {
+/// An (n, `columns`) array as row-major numbers, without copying where they already are; another
+/// number of columns is an error.
+pub fn rows<'a>(
+    what: &str,
+    array: &'a PyReadonlyArray2<'_, f64>,
+    columns: usize,
+) -> PyResult<Cow<'a, [f64]>> {
     let view = array.as_array();
     if view.ncols() != columns {
         let got = format!("shape ({}, {})", view.nrows(), view.ncols());
         return Err(to_py(&Error::input(what, got, format!("shape (n, {columns})"))));
     }
-    Ok(view.iter().copied().collect())
+    Ok(view.to_slice().map_or_else(|| view.iter().copied().collect(), Cow::Borrowed))
 }
 
 /// A row-major vector as an (n, `columns`) array, without copying.

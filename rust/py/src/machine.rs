@@ -4,6 +4,7 @@ use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
 use trunnion_core::machine::{self, MAX_ROTARY, Places};
 use trunnion_core::units::{DEG, Unit};
@@ -13,7 +14,7 @@ use crate::arrays::{matrix, rows, vector};
 use crate::errors::IntoPy;
 
 /// Poses that one thread takes at a time.
-const CHUNK: usize = 2048;
+const CHUNK: usize = 8192;
 
 /// A machine: X, Y, Z and rotary axes, nominal or with location errors.
 #[pyclass(frozen, module = "trunnion._core")]
@@ -90,20 +91,13 @@ impl Machine {
         let width = 3 + self.inner.rotary().len();
         let axes = rows("axis positions", &axes, width)?;
         let tools = py.detach(|| {
-            let forward = self.inner.forward_many(&self.places);
-            let mut tools = vec![0.0; axes.len() / width * 6];
-            let chunks = tools.par_chunks_mut(6 * CHUNK).zip(axes.par_chunks(width * CHUNK));
-            chunks.for_each(|(tools, axes)| {
-                let rows = tools.chunks_exact_mut(6).zip(axes.chunks_exact(width));
-                for (slot, row) in rows {
-                    let tool = forward(&positions(row));
-                    slot[..3].copy_from_slice(tool.point.as_slice());
-                    slot[3..].copy_from_slice(tool.direction.as_slice());
-                }
-            });
+            let forward = ForwardBatch::new(&self.inner, &self.places);
+            let mut tools = vec![0.0; axes.len() / width * TOOL];
+            let chunks = tools.par_chunks_mut(TOOL * CHUNK).zip(axes.par_chunks(width * CHUNK));
+            chunks.for_each(|(tools, axes)| forward.tools(axes, Unit::Deg.to_internal(), tools));
             tools
         });
-        matrix(py, tools, 6)
+        matrix(py, tools, TOOL)
     }
 
     fn jacobian<'py>(

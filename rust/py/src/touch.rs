@@ -90,12 +90,14 @@ impl Moves {
         let axes = rotary_deg.as_array().ncols();
         let inner = MoveTable::from_face(
             axes,
-            rows("rotary positions", &rotary_deg, axes)?,
-            rows("points", &point_mm, 3)?,
-            rows("approach directions", &direction, 3)?,
+            rows("rotary positions", &rotary_deg, axes)?.into_owned(),
+            rows("points", &point_mm, 3)?.into_owned(),
+            rows("approach directions", &direction, 3)?.into_owned(),
             feed_mm_min.map(|feed| vector(&feed)),
             time_s.map(|time| vector(&time)),
-            sense.map(|sense| rows("senses of turning", &sense, axes)).transpose()?,
+            sense
+                .map(|sense| Ok::<_, PyErr>(rows("senses of turning", &sense, axes)?.into_owned()))
+                .transpose()?,
         );
         Ok(Self { inner: inner.into_py()? })
     }

@@ -7,7 +7,7 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::posture::linear;
-use super::{Frames, MAX_ROTARY, Machine, Places, Posture, Side};
+use super::{MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::{Error, Result};
 
 /// Most axes: three linear ones and the rotary ones.
@@ -23,7 +23,7 @@ pub struct Tool {
 }
 
 /// Axis positions that reach a tool pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AxisPositions {
     /// X, Y, Z in mm.
     pub linear: Vector3<f64>,
@@ -58,27 +58,6 @@ impl Machine {
     pub fn forward(&self, positions: &AxisPositions, places: &Places) -> Tool {
         let posture = Posture::new(self, &positions.rotary[..self.rotary().len()], places);
         Self::tool_at(&posture, &positions.linear, places)
-    }
-
-    /// Tool points and directions of many poses with the same errors: what does not depend on the
-    /// axes is made once.
-    pub fn forward_many<'a>(&'a self, places: &'a Places) -> impl Fn(&AxisPositions) -> Tool + 'a {
-        let frames = Frames::new(places);
-        let gain = Matrix3::identity() + linear(places);
-        let offset = Vector3::from_column_slice(places.offset());
-        let head = self.rotary().iter().any(|axis| axis.side == Side::Tool);
-        move |positions| {
-            if head {
-                return self.forward(positions, places);
-            }
-            let (mut point, mut direction) = (gain * positions.linear + offset, Vector3::z());
-            for (axis, rotary) in self.rotary().iter().enumerate() {
-                let position = positions.rotary[axis];
-                (point, direction) =
-                    frames.undo(axis, rotary.direction, position, &point, &direction);
-            }
-            Tool { point, direction }
-        }
     }
 
     fn tool_at(posture: &Posture, linear_axes: &Vector3<f64>, places: &Places) -> Tool {
@@ -305,9 +284,8 @@ pub fn wrap(angle: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{PRESETS, Place};
+    use super::super::PRESETS;
     use super::*;
-    use crate::pose::Direction;
 
     fn places(machine: &Machine, size: f64) -> Places {
         let mut places = Places::default();
@@ -345,23 +323,6 @@ mod tests {
                     assert!((again.point - tool.point).norm() < 1e-11, "{preset} {q:?}");
                     assert!((again.direction - tool.direction).norm() < 1e-12, "{preset}");
                 }
-            }
-        }
-    }
-
-    #[test]
-    fn many_poses_are_the_same_as_one() {
-        for preset in PRESETS {
-            let machine = Machine::preset(preset, 120.0).unwrap();
-            let mut places = places(&machine, 1e-4);
-            places.add(Place::linear(Direction::X, Direction::Y), 1e-5);
-            places.add(Place::offset(Direction::Z), 1e-3);
-            let many = machine.forward_many(&places);
-            for q in [[0.7, 2.0], [-0.4, -2.9], [1.5, 0.0]] {
-                let there = positions(10.0, -20.0, 30.0, q);
-                let (one, other) = (machine.forward(&there, &places), many(&there));
-                assert!((one.point - other.point).norm() < 1e-12, "{preset}");
-                assert!((one.direction - other.direction).norm() < 1e-14, "{preset}");
             }
         }
     }

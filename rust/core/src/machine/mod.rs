@@ -3,8 +3,10 @@
 //! - [`location`]: location errors of the rotary axes, with their ISO 230-1 names;
 //! - [`places`]: every place where an error can act, and the state of all of them;
 //! - [`posture`]: the pose of the table and the spindle for given axis positions and places;
-//! - [`kinematics`]: forward, inverse and Jacobian for programs in work coordinates.
+//! - [`kinematics`]: forward, inverse and Jacobian for programs in work coordinates;
+//! - [`batch`]: forward kinematics of many poses at once.
 
+pub mod batch;
 pub mod kinematics;
 pub mod location;
 pub mod places;
@@ -13,6 +15,7 @@ pub mod posture;
 use crate::pose::Direction;
 use crate::{Error, Result};
 
+pub use batch::ForwardBatch;
 pub use location::LocationError;
 pub use places::{Component, MAX_ROTARY, Place, Places};
 pub use posture::{Frames, Posture};

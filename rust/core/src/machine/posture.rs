@@ -94,20 +94,6 @@ impl Frames {
             placement: Frame::new(places.placement()),
         }
     }
-
-    /// Takes a point and a direction from in front of rotary axis number `axis` to what it carries.
-    pub(super) fn undo(
-        &self,
-        axis: usize,
-        about: crate::pose::Direction,
-        position: f64,
-        point: &Vector3<f64>,
-        direction: &Vector3<f64>,
-    ) -> (Vector3<f64>, Vector3<f64>) {
-        let frame = &self.axes[axis];
-        let turn = frame.rotation * about.rotation(position + self.turns[axis]);
-        (turn.tr_mul(&(point - frame.offset)), turn.tr_mul(direction))
-    }
 }
 
 /// Poses of table, artefact and head at one set of axis positions.

@@ -1,0 +1,298 @@
+//! Forward kinematics of many poses with the same errors, several at once in the lanes of a vector
+//! register: what does not depend on the axes is made once, and sines are taken four at a time.
+//!
+//! The same chain as [`Posture`](super::Posture), which gives one pose with everything around it;
+//! the tests hold the two against each other.
+
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{Matrix3, SimdComplexField, SimdPartialOrd, SimdValue, Vector3};
+use simba::simd::WideF64x4;
+
+use super::kinematics::MAX_AXES;
+use super::posture::linear;
+use super::{Machine, Places, Side};
+use crate::pose::{Direction, rotation_xyz};
+
+type Lanes = WideF64x4;
+
+/// Poses that are taken at once.
+const LANES: usize = 4;
+
+/// Numbers of a tool pose: point and direction.
+pub const TOOL: usize = 6;
+
+/// One number in every lane.
+fn all(value: f64) -> Lanes {
+    Lanes::splat(value)
+}
+
+/// A rotary axis with its errors: p ↦ offset + R Turn(position + turn) p.
+struct Axis {
+    index: usize,
+    about: Direction,
+    offset: Vector3<Lanes>,
+    rotation: Matrix3<Lanes>,
+    turn: f64,
+}
+
+impl Axis {
+    fn new(index: usize, about: Direction, places: &Places) -> Self {
+        let frame = places.frame(index);
+        Self {
+            index,
+            about,
+            offset: Vector3::new(frame[0], frame[1], frame[2]).map(all),
+            rotation: rotation_xyz(frame[3], frame[4], frame[5]).map(all),
+            turn: places.at(super::Place::turn(index)),
+        }
+    }
+}
+
+/// Forward kinematics with everything made that the poses have in common.
+pub struct ForwardBatch {
+    tool: Vector3<Lanes>,
+    /// From the spindle to the bed.
+    head: Vec<Axis>,
+    /// I + Λ, δ and the directions of the machine, as the first axis of the table has them: its
+    /// frame does not depend on the axes.
+    gain: Matrix3<Lanes>,
+    offset: Vector3<Lanes>,
+    directions: Matrix3<Lanes>,
+    /// From the bed to the table.
+    table: Vec<Axis>,
+}
+
+impl ForwardBatch {
+    /// The machine with errors at `places`.
+    #[must_use]
+    pub fn new(machine: &Machine, places: &Places) -> Self {
+        let axes = |side: Side| {
+            let numbered = machine.rotary().iter().enumerate();
+            let those = numbered.filter(move |(_, axis)| axis.side == side);
+            those.map(|(index, axis)| Axis::new(index, axis.direction, places))
+        };
+        let table: Vec<Axis> = axes(Side::Workpiece).collect();
+        let gain = (Matrix3::identity() + linear(places)).map(all);
+        let offset = Vector3::from_column_slice(places.offset()).map(all);
+        let (directions, origin) = table.first().map_or_else(
+            || (Matrix3::identity().map(all), Vector3::zeros().map(all)),
+            |first| (first.rotation.transpose(), first.offset),
+        );
+        Self {
+            tool: Vector3::new(0.0, 0.0, -machine.tool_length()).map(all),
+            head: axes(Side::Tool).rev().collect(),
+            gain: directions * gain,
+            offset: directions * (offset - origin),
+            directions,
+            table,
+        }
+    }
+
+    /// Tool points and directions of poses.
+    ///
+    /// `poses` has a row of X, Y, Z in mm and a rotary position in `unit` (rad) for each axis of the
+    /// machine, `tools` gets as many rows of point in mm and direction. Rows that are missing on
+    /// either side are left out.
+    pub fn tools(&self, poses: &[f64], unit: f64, tools: &mut [f64]) {
+        match self.head.len() + self.table.len() {
+            0 => self.rows::<3>(poses, unit, tools),
+            1 => self.rows::<4>(poses, unit, tools),
+            2 => self.rows::<5>(poses, unit, tools),
+            _ => self.rows::<MAX_AXES>(poses, unit, tools),
+        }
+    }
+
+    fn rows<const AXES: usize>(&self, poses: &[f64], unit: f64, tools: &mut [f64]) {
+        let (poses, _) = poses.as_chunks::<AXES>();
+        let (tools, _) = tools.as_chunks_mut::<TOOL>();
+        let (lots, last) = poses.as_chunks::<LANES>();
+        let (slots, rest) = tools.as_chunks_mut::<LANES>();
+        for (lot, slot) in lots.iter().zip(slots) {
+            self.lot(lot, unit, slot);
+        }
+        // The last poses may not fill the lanes.
+        let (mut lot, mut slot) = ([[0.0; AXES]; LANES], [[0.0; TOOL]; LANES]);
+        lot.iter_mut().zip(last).for_each(|(row, pose)| *row = *pose);
+        self.lot(&lot, unit, &mut slot);
+        rest.iter_mut().zip(slot).for_each(|(tool, value)| *tool = value);
+    }
+
+    /// As many poses as there are lanes.
+    #[inline]
+    fn lot<const AXES: usize>(
+        &self,
+        poses: &[[f64; AXES]; LANES],
+        unit: f64,
+        tools: &mut [[f64; TOOL]; LANES],
+    ) {
+        let column = |k: usize| Lanes::from(poses.map(|pose| pose[k]));
+        let position = |axis: &Axis| column(3 + axis.index) * all(unit);
+        let linear = Vector3::new(column(0), column(1), column(2));
+        let (mut point, mut direction);
+        if self.head.is_empty() {
+            point = self.gain * linear + self.offset;
+            direction = self.directions.column(2).into_owned();
+        } else {
+            let (mut real, mut nominal) = (self.tool, self.tool);
+            let mut spindle = Vector3::z().map(all);
+            for axis in &self.head {
+                nominal = turned(axis.about, sin_cos(position(axis)), &nominal);
+                let turn = sin_cos(position(axis) + all(axis.turn));
+                real = axis.offset + axis.rotation * turned(axis.about, turn, &real);
+                spindle = axis.rotation * turned(axis.about, turn, &spindle);
+            }
+            point = self.gain * (linear + nominal - self.tool)
+                + self.offset
+                + self.directions * (real - nominal);
+            direction = self.directions * spindle;
+        }
+        for (i, axis) in self.table.iter().enumerate() {
+            if i > 0 {
+                point = axis.rotation.tr_mul(&(point - axis.offset));
+                direction = axis.rotation.tr_mul(&direction);
+            }
+            let (sin, cos) = sin_cos(position(axis) + all(axis.turn));
+            point = turned(axis.about, (-sin, cos), &point);
+            direction = turned(axis.about, (-sin, cos), &direction);
+        }
+        for (k, value) in point.iter().chain(&direction).enumerate() {
+            let value: [f64; LANES] = (*value).into();
+            tools.iter_mut().zip(value).for_each(|(tool, value)| tool[k] = value);
+        }
+    }
+}
+
+/// A right-handed turn about one of the machine's directions.
+#[inline]
+fn turned(about: Direction, turn: (Lanes, Lanes), vector: &Vector3<Lanes>) -> Vector3<Lanes> {
+    match about {
+        Direction::X => in_plane::<1, 2>(turn, vector),
+        Direction::Y => in_plane::<2, 0>(turn, vector),
+        Direction::Z => in_plane::<0, 1>(turn, vector),
+    }
+}
+
+#[inline]
+fn in_plane<const I: usize, const J: usize>(
+    (sin, cos): (Lanes, Lanes),
+    vector: &Vector3<Lanes>,
+) -> Vector3<Lanes> {
+    let mut turned = *vector;
+    turned[I] = cos * vector[I] - sin * vector[J];
+    turned[J] = sin * vector[I] + cos * vector[J];
+    turned
+}
+
+/// Sine and cosine, exact at multiples of 90° as [`crate::pose::sin_cos`] is.
+#[inline]
+fn sin_cos(angle: Lanes) -> (Lanes, Lanes) {
+    let quarters = angle / all(FRAC_PI_2);
+    let whole = nearest(quarters);
+    let (sin, cos) = sin_cos_small((quarters - whole) * all(FRAC_PI_2));
+    // Quarter turns modulo four: −2 or 2, −1, 0, 1.
+    let quarter = whole - all(4.0) * nearest(whole * all(0.25));
+    let odd = quarter.simd_abs().simd_eq(all(1.0));
+    let (s, c) = (cos.select(odd, sin), sin.select(odd, cos));
+    let sin_sign = quarter.simd_lt(all(0.0)) | quarter.simd_gt(all(1.5));
+    let cos_sign = quarter.simd_gt(all(0.0)) | quarter.simd_lt(all(-1.5));
+    ((-s).select(sin_sign, s), (-c).select(cos_sign, c))
+}
+
+/// The nearest whole number: adding 1.5 · 2⁵² leaves no room for a fraction.
+#[inline]
+fn nearest(value: Lanes) -> Lanes {
+    let shift = all(6_755_399_441_055_744.0);
+    (value + shift) - shift
+}
+
+/// Sine and cosine of at most 45°: Taylor's series, whose rest is below 5e-17 there.
+#[inline]
+fn sin_cos_small(x: Lanes) -> (Lanes, Lanes) {
+    let square = x * x;
+    // ± 1/n! from the last term on.
+    let series = |terms: [f64; 7]| {
+        terms.into_iter().fold(all(0.0), |sum, factorial| sum * square + all(1.0 / factorial))
+    };
+    let sin = series([
+        -1_307_674_368_000.0, // 15!
+        6_227_020_800.0,
+        -39_916_800.0,
+        362_880.0,
+        -5_040.0,
+        120.0,
+        -6.0,
+    ]);
+    let cos = series([
+        20_922_789_888_000.0, // 16!
+        -87_178_291_200.0,
+        479_001_600.0,
+        -3_628_800.0,
+        40_320.0,
+        -720.0,
+        24.0,
+    ]);
+    let cos = square * square * cos + (all(1.0) - all(0.5) * square);
+    (x + x * square * sin, cos)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kinematics::AxisPositions;
+    use super::super::{PRESETS, Place};
+    use super::*;
+
+    #[test]
+    fn many_poses_are_the_same_as_one() {
+        for preset in PRESETS {
+            let machine = Machine::preset(preset, 120.0).unwrap();
+            let mut places = Places::default();
+            for (i, error) in machine.location_errors().iter().enumerate() {
+                machine.add_location_error(&mut places, error, 1e-4 * (1.0 + i as f64));
+            }
+            places.add(Place::linear(Direction::X, Direction::Y), 1e-5);
+            places.add(Place::offset(Direction::Z), 1e-3);
+            places.add(Place::turn(1), 1e-4);
+            let many = ForwardBatch::new(&machine, &places);
+            for base in [0.0, 0.7, -1.5, 2.9, -400.0] {
+                let poses: [AxisPositions; 2 * LANES + 3] =
+                    std::array::from_fn(|i| AxisPositions {
+                        linear: Vector3::new(10.0, -20.0, 30.0) * (1.0 + i as f64),
+                        rotary: [base + 0.9 * i as f64, 1.0 - 1.7 * i as f64, 0.0],
+                    });
+                let row = |p: &AxisPositions| {
+                    [p.linear.x, p.linear.y, p.linear.z, p.rotary[0], p.rotary[1]]
+                };
+                let rows: Vec<f64> = poses.iter().flat_map(row).collect();
+                let mut tools = vec![0.0; TOOL * poses.len()];
+                many.tools(&rows, 1.0, &mut tools);
+                for (pose, other) in poses.iter().zip(tools.chunks(TOOL)) {
+                    let one = machine.forward(pose, &places);
+                    let (point, direction) = other.split_at(3);
+                    assert!((one.point - Vector3::from_row_slice(point)).norm() < 1e-11);
+                    assert!((one.direction - Vector3::from_row_slice(direction)).norm() < 1e-13);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sines_are_those_of_one_angle_and_quarter_turns_exact() {
+        for step in -2000..2000 {
+            let angles: [f64; LANES] = std::array::from_fn(|lane| {
+                (f64::from(step) * 0.75 + 90.0 * lane as f64) * crate::units::DEG
+            });
+            let (sin, cos) = sin_cos(Lanes::from(angles));
+            for (lane, angle) in angles.into_iter().enumerate() {
+                let (s, c) = crate::pose::sin_cos(angle);
+                let (sin, cos) = (sin.extract(lane), cos.extract(lane));
+                // One rounding of the angle and two of the polynomial.
+                let close = 4e-16 + angle.abs() * f64::EPSILON;
+                assert!((sin - s).abs() < close && (cos - c).abs() < close, "{angle}: {sin} {s}");
+                if s == 0.0 || c == 0.0 {
+                    assert!(sin == s && cos == c, "{angle}");
+                }
+            }
+        }
+    }
+}
