@@ -155,7 +155,7 @@ def _rows(what: str, values: ArrayLike, width: int) -> Floats:
     array = np.atleast_2d(np.asarray(values, dtype=float))
     if array.ndim != 2 or array.shape[1] != width:
         raise InputError(f"{what}: got shape {array.shape}, wanted (n, {width})")
-    if not np.all(np.isfinite(array)):
+    if not np.isfinite(array).all():
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise InputError(f"{what}, row {row}: got {array[row]}, wanted finite numbers")
     return np.ascontiguousarray(array)

@@ -94,7 +94,7 @@ impl Machine {
             let forward = ForwardBatch::new(&self.inner, &self.places);
             let mut tools = vec![0.0; axes.len() / width * TOOL];
             let chunks = tools.par_chunks_mut(TOOL * CHUNK).zip(axes.par_chunks(width * CHUNK));
-            chunks.for_each(|(tools, axes)| forward.tools(axes, Unit::Deg.to_internal(), tools));
+            chunks.for_each(|(tools, axes)| forward.tools(axes, tools));
             tools
         });
         matrix(py, tools, TOOL)

@@ -33,6 +33,7 @@ struct Axis {
     about: Direction,
     offset: Vector3<Lanes>,
     rotation: Matrix3<Lanes>,
+    /// In quarter turns.
     turn: f64,
 }
 
@@ -44,7 +45,7 @@ impl Axis {
             about,
             offset: Vector3::new(frame[0], frame[1], frame[2]).map(all),
             rotation: rotation_xyz(frame[3], frame[4], frame[5]).map(all),
-            turn: places.at(super::Place::turn(index)),
+            turn: places.at(super::Place::turn(index)) / FRAC_PI_2,
         }
     }
 }
@@ -91,30 +92,30 @@ impl ForwardBatch {
 
     /// Tool points and directions of poses.
     ///
-    /// `poses` has a row of X, Y, Z in mm and a rotary position in `unit` (rad) for each axis of the
+    /// `poses` has a row of X, Y, Z in mm and a rotary position in degrees for each axis of the
     /// machine, `tools` gets as many rows of point in mm and direction. Rows that are missing on
-    /// either side are left out.
-    pub fn tools(&self, poses: &[f64], unit: f64, tools: &mut [f64]) {
+    /// either side are left out. Degrees, since multiples of 90° are exact in them.
+    pub fn tools(&self, poses: &[f64], tools: &mut [f64]) {
         match self.head.len() + self.table.len() {
-            0 => self.rows::<3>(poses, unit, tools),
-            1 => self.rows::<4>(poses, unit, tools),
-            2 => self.rows::<5>(poses, unit, tools),
-            _ => self.rows::<MAX_AXES>(poses, unit, tools),
+            0 => self.rows::<3>(poses, tools),
+            1 => self.rows::<4>(poses, tools),
+            2 => self.rows::<5>(poses, tools),
+            _ => self.rows::<MAX_AXES>(poses, tools),
         }
     }
 
-    fn rows<const AXES: usize>(&self, poses: &[f64], unit: f64, tools: &mut [f64]) {
+    fn rows<const AXES: usize>(&self, poses: &[f64], tools: &mut [f64]) {
         let (poses, _) = poses.as_chunks::<AXES>();
         let (tools, _) = tools.as_chunks_mut::<TOOL>();
         let (lots, last) = poses.as_chunks::<LANES>();
         let (slots, rest) = tools.as_chunks_mut::<LANES>();
         for (lot, slot) in lots.iter().zip(slots) {
-            self.lot(lot, unit, slot);
+            self.lot(lot, slot);
         }
         // The last poses may not fill the lanes.
         let (mut lot, mut slot) = ([[0.0; AXES]; LANES], [[0.0; TOOL]; LANES]);
         lot.iter_mut().zip(last).for_each(|(row, pose)| *row = *pose);
-        self.lot(&lot, unit, &mut slot);
+        self.lot(&lot, &mut slot);
         rest.iter_mut().zip(slot).for_each(|(tool, value)| *tool = value);
     }
 
@@ -123,11 +124,10 @@ impl ForwardBatch {
     fn lot<const AXES: usize>(
         &self,
         poses: &[[f64; AXES]; LANES],
-        unit: f64,
         tools: &mut [[f64; TOOL]; LANES],
     ) {
         let column = |k: usize| Lanes::from(poses.map(|pose| pose[k]));
-        let position = |axis: &Axis| column(3 + axis.index) * all(unit);
+        let quarters = |axis: &Axis| column(3 + axis.index) * all(1.0 / 90.0);
         let linear = Vector3::new(column(0), column(1), column(2));
         let (mut point, mut direction);
         if self.head.is_empty() {
@@ -137,8 +137,8 @@ impl ForwardBatch {
             let (mut real, mut nominal) = (self.tool, self.tool);
             let mut spindle = Vector3::z().map(all);
             for axis in &self.head {
-                nominal = turned(axis.about, sin_cos(position(axis)), &nominal);
-                let turn = sin_cos(position(axis) + all(axis.turn));
+                nominal = turned(axis.about, sin_cos(quarters(axis)), &nominal);
+                let turn = sin_cos(quarters(axis) + all(axis.turn));
                 real = axis.offset + axis.rotation * turned(axis.about, turn, &real);
                 spindle = axis.rotation * turned(axis.about, turn, &spindle);
             }
@@ -152,7 +152,7 @@ impl ForwardBatch {
                 point = axis.rotation.tr_mul(&(point - axis.offset));
                 direction = axis.rotation.tr_mul(&direction);
             }
-            let (sin, cos) = sin_cos(position(axis) + all(axis.turn));
+            let (sin, cos) = sin_cos(quarters(axis) + all(axis.turn));
             point = turned(axis.about, (-sin, cos), &point);
             direction = turned(axis.about, (-sin, cos), &direction);
         }
@@ -184,10 +184,9 @@ fn in_plane<const I: usize, const J: usize>(
     turned
 }
 
-/// Sine and cosine, exact at multiples of 90° as [`crate::pose::sin_cos`] is.
+/// Sine and cosine of quarter turns, exact at whole ones as [`crate::pose::sin_cos`] is.
 #[inline]
-fn sin_cos(angle: Lanes) -> (Lanes, Lanes) {
-    let quarters = angle / all(FRAC_PI_2);
+fn sin_cos(quarters: Lanes) -> (Lanes, Lanes) {
     let whole = nearest(quarters);
     let (sin, cos) = sin_cos_small((quarters - whole) * all(FRAC_PI_2));
     // Quarter turns modulo four: −2 or 2, −1, 0, 1.
@@ -241,6 +240,7 @@ mod tests {
     use super::super::kinematics::AxisPositions;
     use super::super::{PRESETS, Place};
     use super::*;
+    use crate::units::DEG;
 
     #[test]
     fn many_poses_are_the_same_as_one() {
@@ -254,18 +254,18 @@ mod tests {
             places.add(Place::offset(Direction::Z), 1e-3);
             places.add(Place::turn(1), 1e-4);
             let many = ForwardBatch::new(&machine, &places);
-            for base in [0.0, 0.7, -1.5, 2.9, -400.0] {
+            for base in [0.0, 0.7, -1.5, 2.9, -40.0] {
                 let poses: [AxisPositions; 2 * LANES + 3] =
                     std::array::from_fn(|i| AxisPositions {
                         linear: Vector3::new(10.0, -20.0, 30.0) * (1.0 + i as f64),
                         rotary: [base + 0.9 * i as f64, 1.0 - 1.7 * i as f64, 0.0],
                     });
                 let row = |p: &AxisPositions| {
-                    [p.linear.x, p.linear.y, p.linear.z, p.rotary[0], p.rotary[1]]
+                    [p.linear.x, p.linear.y, p.linear.z, p.rotary[0] / DEG, p.rotary[1] / DEG]
                 };
                 let rows: Vec<f64> = poses.iter().flat_map(row).collect();
                 let mut tools = vec![0.0; TOOL * poses.len()];
-                many.tools(&rows, 1.0, &mut tools);
+                many.tools(&rows, &mut tools);
                 for (pose, other) in poses.iter().zip(tools.chunks(TOOL)) {
                     let one = machine.forward(pose, &places);
                     let (point, direction) = other.split_at(3);
@@ -279,11 +279,10 @@ mod tests {
     #[test]
     fn sines_are_those_of_one_angle_and_quarter_turns_exact() {
         for step in -2000..2000 {
-            let angles: [f64; LANES] = std::array::from_fn(|lane| {
-                (f64::from(step) * 0.75 + 90.0 * lane as f64) * crate::units::DEG
-            });
-            let (sin, cos) = sin_cos(Lanes::from(angles));
-            for (lane, angle) in angles.into_iter().enumerate() {
+            let angles: [f64; LANES] =
+                std::array::from_fn(|lane| f64::from(step) * 0.75 + 90.0 * lane as f64);
+            let (sin, cos) = sin_cos(Lanes::from(angles) * all(1.0 / 90.0));
+            for (lane, angle) in angles.into_iter().map(|deg| deg * DEG).enumerate() {
                 let (s, c) = crate::pose::sin_cos(angle);
                 let (sin, cos) = (sin.extract(lane), cos.extract(lane));
                 // One rounding of the angle and two of the polynomial.
