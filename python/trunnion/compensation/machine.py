@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion import _core
-from trunnion.errors import InputError, UnknownNameError
+from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.names import canonical_error_name
 from trunnion.setup import Setup
 from trunnion.touch_model import PLACEMENT, Effect, UserEffect, split_effects
@@ -80,12 +80,19 @@ class MachineErrors:
         `errors` is a mapping, or a result with `errors` (and `effects`, taken unless given
         separately), or a `MachineErrors`. Location errors that are not given are those of the
         set-up file, else zero.
+
+        Raises
+        ------
+        DataError
+            A result with a location error or an effect of the machine that its data could not see.
         """
         if isinstance(errors, MachineErrors):
             if effects or placement:
                 raise InputError("effects, placement: got both them and MachineErrors, wanted one")
             return errors
+        std_errors: Mapping[str, float] = {}
         if errors is not None and not isinstance(errors, Mapping):
+            std_errors = getattr(errors, "std_errors", None) or {}
             effects = effects or getattr(errors, "effects", None)
             errors = getattr(errors, "errors", errors)
         if effects is not None and not isinstance(effects, Mapping):
@@ -104,6 +111,7 @@ class MachineErrors:
                     f"placement: got {name!r}, wanted one of {', '.join(PLACEMENT)}"
                 )
         machine, own, ignored = _sorted_effects(setup, effects or {})
+        _refuse_unseen(std_errors, {*named, *machine})
         state = cls(
             errors={name: _finite(name, value) for name, value in named.items()},
             effects=machine,
@@ -161,6 +169,21 @@ class MachineErrors:
                 )
             moved += 1e-3 * change
         return moved
+
+
+def _refuse_unseen(std_errors: Mapping[str, float], used: set[str]) -> None:
+    """Nothing is corrected by a number that nobody measured; `used` are errors and effects."""
+    unseen = [
+        name
+        for name, value in std_errors.items()
+        if not np.isfinite(value) and name.partition(".")[0] in used
+    ]
+    if unseen:
+        raise DataError(
+            f"{', '.join(unseen)}: got no estimate (the data cannot see it), wanted one: nothing "
+            "bounds what compensation leaves; give the errors as names and values if theirs are "
+            "known otherwise"
+        )
 
 
 NOMINAL = MachineErrors()

@@ -72,6 +72,9 @@ class VolumetricError:
         Nodes of the grid in the workpiece's frame.
     ignored
         Ids of given effects that do not move the tool on the work.
+    idle
+        Ids of given effects of the machine that move nothing at these poses: lost motion without
+        `approach` and `senses`, a harmonic at its zero.
     """
 
     max_um: float
@@ -84,6 +87,7 @@ class VolumetricError:
     y_mm: Floats
     z_mm: Floats
     ignored: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
     _fields: Floats | None = None
     _sampled: Floats | None = None
 
@@ -164,6 +168,8 @@ class VolumetricError:
         ]
         if self.ignored:
             rows.append(("take no part", ", ".join(self.ignored)))
+        if self.idle:
+            rows.append(("move nothing here", ", ".join(self.idle)))
         return rows
 
     def _nodes(self) -> tuple[Floats, Floats, Floats]:
@@ -190,6 +196,7 @@ class VolumetricError:
             "y_mm": self.y_mm.tolist(),
             "z_mm": self.z_mm.tolist(),
             "ignored": list(self.ignored),
+            "idle": list(self.idle),
         }
 
     def _repr_html_(self) -> str:
@@ -225,8 +232,9 @@ def volumetric_error(
     setup
         Machine (and the resolution, where commands are rounded).
     errors
-        Location errors of the machine as it is, µm and arcsec, totals, or a result that has them;
-        those of the set-up where not given.
+        Location errors of the machine as it is, µm and arcsec, totals, or a result that has them
+        (all of them: one that its data could not see is refused); those of the set-up where not
+        given.
     effects
         Effects as id → parameter → value. Those of probe, artefact and time do not enter.
     x_mm, y_mm, z_mm
@@ -243,7 +251,8 @@ def volumetric_error(
         Nodes along x, y, z of each axis given as (low, high).
     approach, senses
         Direction of travel of the linear axes (machine frame) and sense of the last turn by letter:
-        reversal errors depend on them. Zero: none acts, the middle of the lost motion.
+        reversal errors depend on them. Zero: none acts, the middle of the lost motion (`idle` then
+        lists them).
 
     Notes
     -----
@@ -269,6 +278,7 @@ def volumetric_error(
         "y_mm": task.nodes[1],
         "z_mm": task.nodes[2],
         "ignored": task.state.ignored,
+        "idle": task.idle(approach, senses),
     }
     if task.is_affine:
         fields, directions = task.affine_fields()
@@ -397,6 +407,19 @@ class _Task:
         own = self.state.own or (known is not None and known.own)
         by_model = self.compensation is None or isinstance(self.compensation, Belief)
         return by_model and not self.rounded and not own
+
+    def idle(
+        self, approach: Sequence[float], senses: Mapping[str, float] | None
+    ) -> tuple[str, ...]:
+        """Effects that have values and still move nothing at any of the poses."""
+        nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
+        found = []
+        for name, values in self.state.effects.items():
+            alone = MachineErrors(effects={name: values}).core(self.setup, approach, senses)
+            fields, directions = alone.fields(nominal, zeros, self.poses)
+            if any(values.values()) and not np.any(fields) and not np.any(directions):
+                found.append(name)
+        return tuple(found)
 
     def affine_fields(self) -> tuple[Floats, Floats]:
         if isinstance(self.compensation, Belief):
