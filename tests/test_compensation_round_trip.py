@@ -23,31 +23,42 @@ def random_errors(seed: int, size: float = 30.0) -> dict[str, float]:
     return {name: float(random.uniform(-size, size)) for name in NAMES}
 
 
-@pytest.mark.parametrize("method", ["identify", "separating"])
-def test_ticks_alone_leave_one_percent_at_every_pose(method: str) -> None:
-    """At every A and C with 20 µm or more before; random errors, placements and tick phases.
+def share_left(seed: int, planned: tn.Touches, method: str = "identify") -> float:
+    """Share of the error left, the largest over all A and C with 20 µm or more before.
 
-    0.1 µm ticks at random phase are noise of 0.03 µm, and 72 touches carry it into 0.1 to 0.2 µm at
-    the worst corner of all poses: of 300 machines one was seen at 1.1 %, all others below 1 %.
+    Random errors, placements and tick phases; ticks of 0.1 µm and no other noise.
+    """
+    errors = random_errors(seed)
+    random = np.random.default_rng(seed)
+    placement = {name: float(random.uniform(-50, 50)) for name in PLACEMENT}
+    data = simulate(planned, TICKS, errors, placement)
+    by_squares = method == "identify"
+    fit = identify(data, TICKS) if by_squares else closed_form(data, TICKS, "separating")
+    before = tn.volumetric_error(SETUP, errors, a_deg=A, c_deg=C)
+    known = tn.ModelCompensation.of(SETUP, fit)
+    after = tn.volumetric_error(SETUP, errors, a_deg=A, c_deg=C, compensation=known)
+    large = before.max_by_pose_um >= 20.0
+    share = (after.max_by_pose_um / np.maximum(before.max_by_pose_um, 1.0))[large]
+    return float(share.max(initial=0.0))
+
+
+def test_ticks_alone_leave_less_than_one_percent_at_every_pose() -> None:
+    """Tilts every 30° and every face there, 138 touches: 0.73 % at most in 300 machines."""
+    planned = plan(TICKS, a_deg=(-90, -60, -30, 30, 60, 90), all_faces=True)
+    assert max(share_left(seed, planned) for seed in range(12)) < 0.01
+
+
+@pytest.mark.parametrize("method", ["identify", "separating"])
+def test_the_papers_plan_leaves_about_one_percent(method: str) -> None:
+    """A touch that starts on the tick grid and meets a parallel face repeats its phase, so that
+    72 touches carry ticks into 0.1 to 0.2 µm at the worst corner of all poses: of 300 machines 7
+    keep more than 1 %, 1.24 % at most, half of them less than 0.43 %. The fault is the plan's,
+    which tilts to ±90° only.
     """
     planned = plan(TICKS)
-    above = 0
-    for seed in range(12):
-        errors = random_errors(seed)
-        random = np.random.default_rng(seed)
-        placement = {name: float(random.uniform(-50, 50)) for name in PLACEMENT}
-        data = simulate(planned, TICKS, errors, placement)
-        by_squares = method == "identify"
-        fit = identify(data, TICKS) if by_squares else closed_form(data, TICKS, "separating")
-        before = tn.volumetric_error(SETUP, errors, a_deg=A, c_deg=C)
-        known = tn.ModelCompensation.of(SETUP, fit)
-        after = tn.volumetric_error(SETUP, errors, a_deg=A, c_deg=C, compensation=known)
-        large = before.max_by_pose_um >= 20.0
-        share = (after.max_by_pose_um / np.maximum(before.max_by_pose_um, 1.0))[large]
-        assert share.max(initial=0.0) < 0.015
-        above += bool(share.max(initial=0.0) > 0.01)
-    # At a rate of 1 in 300, two in twelve come less often than 1 time in 1000.
-    assert above <= 1
+    left = [share_left(seed, planned, method) for seed in range(12)]
+    assert max(left) < 0.013
+    assert np.median(left) < 0.006
 
 
 def test_the_compensated_machine_measures_as_nominal() -> None:
