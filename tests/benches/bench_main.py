@@ -202,9 +202,31 @@ def identification() -> None:
     line("  CasADi baseline", f"{peer * 1e3:.1f} ms", peer / ours, 100)
 
 
+def fields() -> None:
+    """Volumetric error: a million points at one pose, and every node of a large map."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-100, 100, (1_000_000, 3))
+    at_pose = tn.volumetric_error(SETUP, ERRORS, a_deg=30, c_deg=40)
+    ours = seconds(lambda: at_pose.at(points))
+    line("field of a million points at one pose", f"{ours * 1e3:.0f} ms", 50e-3 / ours, 1)
+
+    def in_numpy() -> Any:
+        return points @ np.eye(3) + np.ones(3)
+
+    peer = seconds(in_numpy)
+    line("  one affine map of them in numpy", f"{peer * 1e3:.0f} ms", peer / ours)
+    tilts, turns = np.linspace(-90, 90, 37), np.linspace(0, 360, 73)
+    begun = time.perf_counter()
+    for field in tn.error_fields(SETUP, ERRORS, points=(61, 49, 31), a_deg=tilts, c_deg=turns):
+        assert field.max_um > 0.0
+    took = time.perf_counter() - begun
+    line("61 x 49 x 31 points at 37 x 73 poses, one by one", f"{took:.1f} s")
+
+
 def main() -> None:
     """Everything."""
     kinematics()
+    fields()
     sweeps()
     twins()
     identification()

@@ -140,11 +140,13 @@ class Conditions:
 
 
 # --- rigid poses as (..., 4, 4) -------------------------------------------------------------------
+# Numbers keep their type from here on: complex parameters go through to the approach lines, which
+# gives derivatives by the complex step.
 
 
 def translation(x: Floats | float, y: Floats | float, z: Floats | float) -> Floats:
     x, y, z = np.broadcast_arrays(x, y, z)
-    pose = np.zeros((*x.shape, 4, 4))
+    pose = np.zeros((*x.shape, 4, 4), np.result_type(x, y, z, float))
     pose[..., range(4), range(4)] = 1.0
     pose[..., 0, 3], pose[..., 1, 3], pose[..., 2, 3] = x, y, z
     return pose
@@ -152,9 +154,9 @@ def translation(x: Floats | float, y: Floats | float, z: Floats | float) -> Floa
 
 def turn(axis: int, angle: Floats | float) -> Floats:
     """Right-handed rotation about axis 0 = X, 1 = Y, 2 = Z."""
-    angle = np.asarray(angle, dtype=float)
+    angle = np.asarray(angle)
     i, j = (axis + 1) % 3, (axis + 2) % 3
-    pose = np.zeros((*angle.shape, 4, 4))
+    pose = np.zeros((*angle.shape, 4, 4), np.result_type(angle, float))
     pose[..., axis, axis] = pose[..., 3, 3] = 1.0
     pose[..., i, i] = pose[..., j, j] = np.cos(angle)
     pose[..., i, j] = -np.sin(angle)
@@ -176,7 +178,7 @@ def _get(effects: Effects, id_: str) -> tuple[float, ...]:
     unknown = set(given) - set(EFFECTS[id_])
     if unknown:
         raise KeyError(f"{id_} has no parameter {sorted(unknown)}; it has {EFFECTS[id_]}")
-    return tuple(float(given.get(name, 0.0)) for name in EFFECTS[id_])
+    return tuple(given.get(name, 0.0) for name in EFFECTS[id_])
 
 
 def axis_positions(k: Conditions, setup: Setup) -> tuple[Floats, Floats, Floats, Floats]:
@@ -239,7 +241,8 @@ def a_motion(a: Floats, a_dir: Floats, effects: Effects) -> Motion:
 
 def recorded_to_actual(k: Conditions, effects: Effects) -> tuple[Floats, Floats]:
     """Λ (3, 3) and δ (n, 3) in mm of p_actual = (I + Λ) p_recorded + δ."""
-    lam = np.zeros((3, 3))
+    kind = np.result_type(float, *(v for values in effects.values() for v in values.values()))
+    lam = np.zeros((3, 3), kind)
     for i, letter in enumerate("xyz"):
         lam[i, i] = _get(effects, f"scale_{letter}")[0] * 1e-6
     lam[0, 1] = -_get(effects, "squareness_xy")[0] * RAD_PER_ARCSEC
@@ -247,7 +250,7 @@ def recorded_to_actual(k: Conditions, effects: Effects) -> tuple[Floats, Floats]
     lam[1, 2] = -_get(effects, "squareness_yz")[0] * RAD_PER_ARCSEC
     sign = np.where(np.abs(k.direction) < NO_SIGN_BELOW, 0.0, np.sign(k.direction))
     hours = k.time_s / 3600.0
-    delta = np.zeros((len(k), 3))
+    delta = np.zeros((len(k), 3), kind)
     for i, letter in enumerate("xyz"):
         delta[:, i] -= _get(effects, f"backlash_{letter}")[0] / 2 * sign[:, i]
         delta[:, i] += _get(effects, f"drift_{letter}")[0] * hours
@@ -294,7 +297,7 @@ def placement_pose(k: Conditions, placement: Mapping[str, float], effects: Effec
     unknown = set(placement) - set(PLACEMENT)
     if unknown:
         raise KeyError(f"placement has no {sorted(unknown)}; it has {PLACEMENT}")
-    dx, dy, dz, ra, rb, rc = (float(placement.get(name, 0.0)) for name in PLACEMENT)
+    dx, dy, dz, ra, rb, rc = (placement.get(name, 0.0) for name in PLACEMENT)
     sx, sy, sz, t0 = _get(effects, "setup_shift")
     slipped = (k.time_s >= t0).astype(float)
     offset = translation(
@@ -315,7 +318,7 @@ def _in_mm_rad(errors: Mapping[str, float], preset: str) -> dict[str, float]:
     if unknown:
         raise KeyError(f"{preset} has no location error {sorted(unknown)}; it has {names}")
     unit = {name: MM_PER_UM if name[1] in "XYZ" else RAD_PER_ARCSEC for name in names}
-    return {name: float(errors.get(name, 0.0)) * unit[name] for name in names}
+    return {name: errors.get(name, 0.0) * unit[name] for name in names}
 
 
 def joint_poses(
