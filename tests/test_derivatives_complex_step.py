@@ -5,6 +5,7 @@ its derivative; how far the reading moves follows from the slope of the gap alon
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,13 +53,14 @@ def rates(real: Lines, way: Complex, moved: Lines) -> Complex:
 
 def shifted(truth: Truth, name: str) -> Truth:
     """Truth with the parameter moved by iH."""
+    shift: Any = 1j * H
     id_, _, parameter = name.partition(".")
     if parameter:
-        values = {**truth.effects[id_], parameter: truth.effects[id_][parameter] + 1j * H}
+        values = {**truth.effects[id_], parameter: truth.effects[id_][parameter] + shift}
         return replace(truth, effects={**truth.effects, id_: values})
     if name in PLACEMENT:
-        return replace(truth, placement={**truth.placement, name: truth.placement[name] + 1j * H})
-    return replace(truth, errors={**truth.errors, name: truth.errors[name] + 1j * H})
+        return replace(truth, placement={**truth.placement, name: truth.placement[name] + shift})
+    return replace(truth, errors={**truth.errors, name: truth.errors[name] + shift})
 
 
 @pytest.mark.parametrize("kind", ["cross", "cuboid", "sphere"])

@@ -91,6 +91,8 @@ def main() -> int:
                 f"spread of the errors, times the clean one: median {_median(ratios):.2f}, "
                 f"largest {max(ratios):.2f} (≤ 1.2)"
             )
+            lost = sum(bool(o.diagnosis.lost) for o in tally.outcomes) / len(tally.outcomes)
+            said.append(f"told that an error is lost with them {100 * lost:.1f} %")
         coverage, intervals = tally.coverage
         lines.append(
             f"| {case.name} | {case.plan} | {len(tally.outcomes)} | {'; '.join(said)} "
@@ -127,10 +129,17 @@ def _parting(count: int, seed: int) -> list[str]:
 
 
 def _relative_spread(tally: Tally) -> dict[str, float]:
-    """Rms error of each location error per µm of noise."""
+    """Rms error of each location error per µm of noise, where the diagnosis determines it.
+
+    Runs in which a bad touch stayed are left out: they are counted as such.
+    """
     total: dict[str, list[float]] = {}
     for o in tally.outcomes:
+        if not o.outliers_found:
+            continue
         for name, value in o.diagnosis.errors_after.items():
+            if name in o.diagnosis.lost:
+                continue
             miss = (value - o.measurement.truth.errors.get(name, 0.0)) / o.measurement.noise_um
             total.setdefault(name, []).append(miss * miss)
     return {k: (sum(v) / len(v)) ** 0.5 for k, v in total.items()}

@@ -145,12 +145,17 @@ def _choose(case: _Case) -> tuple[_Explanation, IntArray]:
     suspects = np.union1d(aside, proposals[0] if proposals else none)
     if 0 < len(suspects) <= MOST_SUSPECTS:
         proposals.append(_among_causes(case, suspects))
+    # A robust fit may follow a bad reading that weighs much, and blame those that check it.
+    snooped = out.one_by_one(case.plain.basis, case.plain.white) if len(aside) else none
+    proposals.insert(0, snooped)
     for bad in proposals:
         if not any(np.array_equal(bad, t) for t in tried):
             tried.append(bad)
             other = explain(bad)
             fewer = not other[1].sets and not other[1].terms and set(other[2]) < set(best[2])
-            if not fewer:  # without a cause to show for it, a suspect stays set aside
+            # Without a cause to show for it, a suspect stays set aside, but for those that only
+            # checked a bad one.
+            if not fewer or np.array_equal(other[2], snooped):
                 best = min(best, other, key=lambda e: e[0])
     bad = _with_twins(case, best[2])
     if len(bad) > len(best[2]):
@@ -510,6 +515,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     variance = f.rss / max(f.dof, 1)
     causes = _causes(case, e, f, variance, alternatives)
     outlier_rows = sorted({int(r) for r in model.readings.rows[dropped]})
+    std, std_all = (_errors_std(model, of, variance) for of in (f, case.plain))
     return Diagnosis(
         verdict=verdict,  # type: ignore[arg-type]
         causes=causes,
@@ -518,8 +524,9 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
         unexplained=unexplained,
         errors_before=model.location_errors(case.plain.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
-        errors_std=_errors_std(model, f, variance),
+        errors_std=std,
         outliers=tuple(outlier_rows),
+        lost=tuple(k for k, s in std.items() if np.isinf(s) and np.isfinite(std_all[k])),
         model=model.extended(f.nuisance, f.effects),
         p_value=e.alarm,
         sigma=float(np.sqrt(variance)),

@@ -11,11 +11,13 @@ from scipy import special, stats
 
 from trunnion.diagnosis.protocol import Array, IntArray
 
-__all__ = ["OUTLIER_LEVEL", "far_out", "outlier_penalty", "robust_residuals"]
+__all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
 
 OUTLIER_LEVEL = 0.01
 GAP_LEVEL = 0.02
 ALONE = 0.1  # readings as far out as this one that the others' noise may make, of all n
+FAR = 4.0  # times the noise that the others show
+CHECKED = 1e-6  # share of a reading that the others can check
 MOST_SHARE = 0.2  # more than a fifth of the readings are no outliers
 
 # Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails as heavy as ν = 2.5.
@@ -99,6 +101,43 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
             alone = 2 * stats.t.sf(size[order[:k], None] / scale, _NU) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
+
+
+def one_by_one(design: Array, values: Array) -> IntArray:
+    """Set aside, each time, the reading that the others miss most (indices).
+
+    Baarda's data snooping, then back: a reading stays aside only if those set aside with it do not
+    make it ordinary. Residuals are taken per leverage, so that a reading which the fit follows is
+    found before those that it bends; a robust fit may take it for a good one. ``design`` is
+    orthonormal, shape (n, p), and ``values`` orthogonal to it.
+    """
+    n = len(values)
+    basis, r = design, values
+    free = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    aside: list[int] = []
+    for _ in range(min(int(MOST_SHARE * n), n - design.shape[1] - 5)):
+        size = np.abs(r) / np.sqrt(np.maximum(free, CHECKED))
+        size[free < CHECKED] = 0.0
+        i = int(np.argmax(size))
+        if size[i] < FAR * np.median(np.delete(size, aside)) / 0.6745:
+            break
+        aside.append(i)
+        column = -basis @ basis[i]
+        column[i] += 1.0
+        unit = column / np.sqrt(column[i])
+        basis = np.column_stack([basis, unit])
+        r = r - unit * (unit @ r)
+        free = free - unit * unit
+    sigma = np.sqrt(r @ r / max(n - basis.shape[1], 1))
+    while aside:
+        shifts, moments = np.linalg.qr(-design @ design[aside].T + np.eye(n)[:, aside])
+        inverse = np.linalg.inv(moments)
+        found = np.abs(inverse @ (shifts.T @ values)) / np.linalg.norm(inverse, axis=1)
+        least = int(np.argmin(found))
+        if found[least] > FAR * sigma:
+            break
+        del aside[least]
+    return np.sort(np.asarray(aside, dtype=np.intp))
 
 
 def _weights(log_likelihood: Array) -> Array:

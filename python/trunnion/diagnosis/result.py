@@ -94,6 +94,9 @@ class Diagnosis:
         Standard errors of ``errors_after``; inf where the data cannot see one.
     outliers:
         Data rows that belong to no model.
+    lost:
+        Errors of the machine that nothing determines without these rows; they stay where the fit
+        began.
     model:
         The extended model, in the form its kind of data is used with.
     p_value:
@@ -120,6 +123,7 @@ class Diagnosis:
     sigma: float
     evidence: tuple[Alternative, ...] = ()
     invisible: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
     source: Model | None = field(default=None, repr=False)
     nuisance_before: Array = field(default_factory=lambda: np.zeros(0), repr=False)
     nuisance_after: Array = field(default_factory=lambda: np.zeros(0), repr=False)
@@ -180,6 +184,7 @@ class Diagnosis:
             "errors_after": plain(self.errors_after),
             "errors_std": plain(self.errors_std),
             "outliers": list(self.outliers),
+            "lost": list(self.lost),
             "p_value": self.p_value,
             "sigma": self.sigma,
             "invisible": list(self.invisible),

@@ -110,6 +110,10 @@ def opening(d: Diagnosis) -> str:
             lines.append(f"Row {rows} belongs to no model and was left out.")
         else:
             lines.append(f"Rows {rows} belong to no model and were left out.")
+        if d.lost:
+            lines.append(
+                f"Without them nothing determines {' and '.join(d.lost)}: measure them again."
+            )
     return "\n".join(lines)
 
 

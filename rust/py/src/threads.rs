@@ -6,6 +6,9 @@ use trunnion_core::Error;
 
 use crate::errors::to_py;
 
+/// More threads than this are a slip, and would take the machine down.
+const MOST: usize = 1024;
+
 /// Runs `work` on this many threads; `None`: on all cores.
 pub fn with_threads<T: Send>(
     threads: Option<usize>,
@@ -13,7 +16,10 @@ pub fn with_threads<T: Send>(
 ) -> PyResult<T> {
     match threads {
         None => Ok(work()),
-        Some(0) => Err(to_py(&Error::input("threads", 0, "at least 1, or None for all cores"))),
+        Some(count) if count == 0 || count > MOST => {
+            let wanted = format!("1 to {MOST}, or None for all cores");
+            Err(to_py(&Error::input("threads", count, wanted)))
+        }
         Some(count) => rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .build()
