@@ -188,3 +188,21 @@ def test_command_line(tmp_path: Path) -> None:
     assert len(tn.read_touches(tmp_path / "next.csv")) == 3
     assert CliRunner().invoke(app, ["diagnose", files[0]]).exit_code == 2
     assert CliRunner().invoke(app, ["diagnose", files[1]]).exit_code == 2
+
+
+def test_a_bad_touch_that_weighs_much_is_told_from_those_that_check_it() -> None:
+    """Touch 17 at A = 90°: the fit follows it. It bends the model as touch 20 does, no other."""
+    read = ground("paper")[3]
+    columns = dict(measured({}, "paper").columns)
+    rows = (columns["a_deg"] == 90) & np.isin(columns["point"], [17, 20])
+    at = int(np.flatnonzero(rows & (columns["point"] == 17))[0])
+    for axis in "xyz":
+        columns[f"{axis}_mm"] = np.array(columns[f"{axis}_mm"])
+        columns[f"{axis}_mm"][at] += 0.05 * columns[f"dir_{axis}"][at]
+    d = tn.diagnose(tn.Touches(columns), read)
+    assert d.outliers == tuple(np.flatnonzero(rows))
+    assert d.causes == ()
+    assert d.lost == ("EB0A", "EC0A")
+    assert all(np.isinf(d.errors_std[name]) for name in d.lost)
+    assert all(np.isfinite(s) for name, s in d.errors_std.items() if name not in d.lost)
+    assert "nothing determines EB0A and EC0A: measure them again" in d.summary()
