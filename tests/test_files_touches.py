@@ -23,7 +23,7 @@ BAD_FILES = {
     "empty field": (f"{HEADER}\n# c\n\n0,0,1, ,3,0,0,-1\n", ":4:8: y_mm (row 0): got an empty field, wanted"),
     "decimal comma": (f"{HEADER}\n0,0,1,5,2,3,0,0,-1\n", ":2:17: after the last column (row 0): got 9 fields, wanted 8"),
     "too few": (f"{HEADER}\n0,0,1,2,3,0,0\n", ":2:14: dir_z (row 0): got 7 fields, wanted 8"),
-    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":1:1: x_mm: no such column, got the header 'a_deg;c_deg"),
+    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":1:6: header: got semicolons between the columns, wanted commas"),
     "column twice": (f"{HEADER},a_deg\n{ROW},0\n", ":1:46: a_deg: got the column twice"),
     "nameless": (f"{HEADER},\n{ROW},0\n", ":1:46: header: got an empty field, wanted the name of a column"),
     "missing": (f"{HEADER[:-6]}\n0,0,1,2,3,0,0\n", ":1:1: dir_z: no such column"),

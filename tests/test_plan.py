@@ -136,7 +136,7 @@ def test_the_control_sees_the_program_as_planned_and_its_log_reads_back(tmp_path
     ("arguments", "message"),
     [
         ({"c_deg": (), "a_deg": ()}, "angles of a plan: got none"),
-        ({"c_deg": (float("nan"),)}, "NaN, wanted a finite number"),
+        ({"c_deg": (float("nan"),)}, "c_deg: got nan, wanted angles within"),
         ({"feeds_mm_min": ()}, "feeds of a plan: got none"),
         ({"feeds_mm_min": (-5,)}, "feeds_mm_min: got -5"),
         ({"repeats": 0}, "repeats: got 0"),

@@ -72,10 +72,10 @@ def closed_form(
     """
     if method not in ("printed", "separating"):
         raise UnknownNameError(f"method: got {method!r}, wanted 'printed' or 'separating'")
-    if data.point is None:
-        raise DataError("column point: got none, wanted the paper's labels 1 to 20")
     model = TouchModel(setup)
     moves = model.moves(data)
+    if data.point is None:
+        raise DataError("column point: got none, wanted the paper's labels 1 to 20")
     labels = [int(label) for label in data.point]
     start = model.values()
     printed, per_c, per_a, operator = model.core.printed(moves, labels)

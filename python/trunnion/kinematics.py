@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion import _core
+from trunnion.arguments import instance
 from trunnion.errors import InputError, UnknownNameError
 from trunnion.names import canonical_error_name
 from trunnion.setup import Setup
@@ -42,6 +43,7 @@ class AxisSolution(NamedTuple):
 
 def core_machine(setup: Setup, errors: Mapping[str, float] | None = None) -> _core.Machine:
     """The core's machine with given location errors (µm, arcsec); those of the set-up if None."""
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     given = setup.machine.errors if errors is None else errors
     named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
     return _core.Machine(setup.machine.preset, setup.probe.length_mm, named)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.arguments import finite, instance
 from trunnion.data.touches import Touches
 from trunnion.errors import InputError
 from trunnion.identification import combination_in_words, known_sigma_um, reduced_rows
@@ -91,17 +92,33 @@ class Observability:
         lines.extend(self.unseen)
         if self.invisible:
             lines.append(f"Invisible once the errors are fitted: {', '.join(self.invisible)}.")
+        groups, sums = self._grouped()
+        lines.extend(f"Alike: {', '.join(group)} cannot be told apart." for group in groups)
         lines.extend(
-            f"Alike: {', '.join(sorted(group))} cannot be told apart."
-            if len(group) == 2
-            else f"Dependent: each of {', '.join(sorted(group))} is a sum of the others."
-            for group in self.alike
+            f"Dependent: each of {', '.join(members)} is a sum of the others." for members in sums
         )
+        if sums and any(set(group) & set(members) for group in groups for members in sums):
+            lines.append("In these sums an effect stands for all that are alike with it.")
         lines.extend(
             f"{effect} cannot be tested: the plan has no column {column}."
             for effect, column in self.untestable.items()
         )
         return lines
+
+    def _grouped(self) -> tuple[list[list[str]], list[list[str]]]:
+        """Groups of effects that are alike, and sums with one effect for each group."""
+        groups: list[set[str]] = []
+        for pair in (set(group) for group in self.alike if len(group) == 2):
+            joined = pair.union(*(group for group in groups if group & pair))
+            groups = [group for group in groups if not group & pair] + [joined]
+        first = {name: min(group) for group in groups for name in group}
+        sums = {
+            frozenset(first.get(name, name) for name in group)
+            for group in self.alike
+            if len(group) > 2
+        }
+        shown = sorted((sorted(members) for members in sums), key=lambda s: (len(s), s))
+        return sorted(sorted(group) for group in groups), shown
 
     def summary(self) -> str:
         """Table and sentences as text."""
@@ -158,8 +175,10 @@ def observability(
     InputError
         Negative noise, an effect that needs a column which the plan lacks.
     """
-    sigma = known_sigma_um(setup) or 1.0 if noise_um is None else noise_um
-    if not (np.isfinite(sigma) and sigma > 0):
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+    sigma = finite("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
+    if sigma <= 0:
         raise InputError(f"noise_um: got {noise_um!r}, wanted a positive number")
     ids, own = split_effects(effects)
     if own:

@@ -7,12 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from trunnion import _core
+from trunnion.arguments import instance
 from trunnion.data.touches import Touches
 from trunnion.errors import InputError
 from trunnion.setup import Setup
 from trunnion.touch_model import dimensions_mm
 
 __all__ = ["plan"]
+
+
+MOST_DEG = 3600.0
+"""Ten turns: more is a slip of the pen."""
 
 
 def plan(
@@ -74,6 +79,7 @@ def plan(
     DataError
         No face can be reached.
     """
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     letters = _core.Machine(setup.machine.preset, setup.probe.length_mm, []).letters
     tilting = next((letter for letter in letters if letter != "C"), None)
     given = {"A": a_deg, "B": b_deg}
@@ -95,8 +101,8 @@ def plan(
         setup.machine.preset,
         setup.probe.length_mm,
         *dimensions_mm(setup),
-        c_deg=_numbers("c_deg", c_deg, sense.get("C", 1)),
-        tilt_deg=_numbers(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
+        c_deg=_angles("c_deg", c_deg, sense.get("C", 1)),
+        tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
         pairs_deg=[(t * tilt_sense, c * sense.get("C", 1)) for t, c in positions_deg],
         feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
         both_senses=both_senses,
@@ -135,6 +141,14 @@ def _numbers(what: str, values: Sequence[float], factor: int) -> list[float]:
         return [float(value) * factor for value in values]
     except (TypeError, ValueError):
         raise InputError(f"{what}: got {values!r}, wanted a sequence of numbers") from None
+
+
+def _angles(what: str, values: Sequence[float], factor: int) -> list[float]:
+    angles = _numbers(what, values, factor)
+    for angle in angles:
+        if not abs(angle) <= MOST_DEG:
+            raise InputError(f"{what}: got {angle * factor:g}, wanted angles within ±{MOST_DEG:g}°")
+    return angles
 
 
 def _count(repeats: int) -> int:

@@ -45,6 +45,7 @@ from numbers import Real
 from os import PathLike
 from typing import Any, ClassVar
 
+from trunnion import _core
 from trunnion.data.toml_text import TomlText
 from trunnion.errors import InputError, UnknownNameError
 from trunnion.names import canonical_error_name
@@ -72,6 +73,10 @@ class _EntryError(InputError):
     def __init__(self, message: str, keys: tuple[str | int, ...] = ()) -> None:
         super().__init__(message)
         self.keys = keys
+
+
+class _UnknownEntryError(_EntryError, UnknownNameError):
+    """A value that is no name of the list."""
 
 
 def _fault(name: str, got: object, wanted: str, *below: str | int) -> _EntryError:
@@ -106,16 +111,16 @@ def _not_negative(name: str, value: object) -> float:
     return number
 
 
-def _name(name: str, value: object) -> str:
-    if isinstance(value, str) and value.strip():
-        return value
-    raise _fault(name, value, "a name")
-
-
 def _sense(name: str, value: object) -> int:
     if not isinstance(value, bool) and isinstance(value, Real) and value in (1, -1):
         return 1 if value == 1 else -1
     raise _fault(name, value, "1 or -1")
+
+
+def _preset(name: str, value: object) -> str:
+    if value in _core.presets():
+        return str(value)
+    raise _UnknownEntryError(f"{name}: got {value!r}, wanted one of {', '.join(_core.presets())}")
 
 
 def _kind(name: str, value: object) -> str:
@@ -182,8 +187,19 @@ class Machine(_Part):
     """Chain of axes and what is known of its location errors (µm, arcsec; part of the model)."""
 
     table: ClassVar[str] = "machine"
-    preset: str = _checked(_name, "trt-ca")
+    preset: str = _checked(_preset, "trt-ca")
     errors: Mapping[str, float] = field(default_factory=dict, metadata={"check": _errors})
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
+        for name in self.errors:
+            if name not in known:
+                raise _UnknownEntryError(
+                    f"machine.errors: got {name!r}, wanted an error that {self.preset} has: "
+                    f"{', '.join(known)}",
+                    ("errors", name),
+                )
 
 
 @dataclass(frozen=True)

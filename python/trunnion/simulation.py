@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.arguments import finite, instance, named
 from trunnion.data.touches import Touches
 from trunnion.errors import InputError
 from trunnion.setup import Setup
@@ -70,16 +71,19 @@ def simulate(
     DataError
         A move that does not meet the artefact, a column that an effect needs and the plan lacks.
     """
-    if not (np.isfinite(noise_um) and noise_um >= 0):
+    wanted = "effect → parameter → value, {'drift_z': {'rate_um_h': 5.0}}"
+    effects = named("effects", effects, wanted)
+    if finite("noise_um", noise_um) < 0:
         raise InputError(f"noise_um: got {noise_um!r}, wanted 0 or a positive number")
     if noise_um > 0 and seed is None:
         raise InputError("seed: got none, wanted a whole number: there is no noise without a seed")
-    ids, own = split_effects(effects or {})
+    if tick_um is not None and finite("tick_um", tick_um) < 0:
+        raise InputError(f"tick_um: got {tick_um!r}, wanted 0 or a positive number")
+    ids, own = split_effects(effects)
     model = TouchModel(setup, ids, tick_um=tick_um)
-    named = {
-        effect: values for effect, values in (effects or {}).items() if isinstance(effect, str)
-    }
-    values = model.values(errors, placement, named)
+    built_in = {effect: values for effect, values in effects.items() if isinstance(effect, str)}
+    values = model.values(errors, placement, built_in)
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     from_start = plan.start_mm is not None
     moves = model.moves(plan, from_start=from_start)
     # A contact is expected at the planned distance; the true surface may lie off by 5 mm.
@@ -97,7 +101,7 @@ def simulate(
         _whole("sample", sample),
     )
     for effect in own:
-        travel = travel + 1e-3 * effect.change(plan, (effects or {})[effect])
+        travel = travel + 1e-3 * effect.change(plan, effects[effect])
     start = plan.start_mm if plan.start_mm is not None else plan.position_mm
     recorded = start + travel[:, None] * plan.direction
     return plan.with_columns(x_mm=recorded[:, 0], y_mm=recorded[:, 1], z_mm=recorded[:, 2])

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion import _core
+from trunnion.arguments import finite, instance, named
 from trunnion.data.touches import Touches
 from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.names import canonical_error_name
@@ -135,7 +136,7 @@ class TouchModel:
     def __init__(
         self, setup: Setup, effects: Sequence[str] = (), *, tick_um: float | None = None
     ) -> None:
-        self.setup = setup
+        self.setup = instance("setup", setup, Setup, "a Setup, as read_setup gives it")
         self.core = _core.TouchModel(
             setup.machine.preset,
             setup.probe.length_mm,
@@ -164,8 +165,7 @@ class TouchModel:
 
     def moves(self, touches: Touches, *, from_start: bool = False) -> _core.Moves:
         """Rows of the touches in the core's units; points are recorded positions or starts."""
-        if not isinstance(touches, Touches):
-            raise InputError(f"touches: got {type(touches).__name__}, wanted trunnion.Touches")
+        instance("touches", touches, Touches, "Touches, as read_touches or plan gives them")
         columns = []
         for letter in self._letters:
             if letter not in touches.rotary_deg:
@@ -229,14 +229,16 @@ class TouchModel:
         values = dict.fromkeys(self.names, 0.0)
         values.update(self._known)
         given: dict[str, float] = {}
-        for spelling, value in (errors or {}).items():
+        wanted = "names with values, {'EX0C': 15.0}"
+        for spelling, value in named("errors", errors, wanted).items():
             name = canonical_error_name(spelling)
             if name in given:
                 raise InputError(f"location error {name}: got two spellings, wanted it once")
             given[name] = value
         self._check_errors(given)
         values.update(given)
-        for name, value in (placement or {}).items():
+        wanted = "names with values, {'dx_um': 50.0}"
+        for name, value in named("placement", placement, wanted).items():
             if name not in PLACEMENT:
                 raise UnknownNameError(
                     f"placement: got {name!r}, wanted one of {', '.join(PLACEMENT)}"
@@ -244,11 +246,7 @@ class TouchModel:
             values[name] = value
         for effect, parameters in (effects or {}).items():
             self._take_effect(values, effect, parameters)
-        vector = np.array([values[name] for name in self.names], dtype=float)
-        if not np.all(np.isfinite(vector)):
-            name = self.names[int(np.flatnonzero(~np.isfinite(vector))[0])]
-            raise InputError(f"{name}: got {values[name]}, wanted a finite number")
-        return vector
+        return np.array([finite(name, values[name]) for name in self.names])
 
     def _take_effect(
         self, values: dict[str, float], effect: str, parameters: Mapping[str, float]

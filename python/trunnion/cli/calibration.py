@@ -12,7 +12,7 @@ from trunnion.cli.common import clean_errors, named_values, numbers, say, show_j
 from trunnion.closed_forms import closed_form
 from trunnion.data.linuxcnc_log import read_probe_log
 from trunnion.data.touches import Touches, read_touches
-from trunnion.errors import TrunnionError, UnknownNameError
+from trunnion.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.identification import identify
 from trunnion.observability import observability
 from trunnion.planning import plan as make_plan
@@ -170,7 +170,12 @@ def estimate(
         method = "least-squares"
         with contextlib.suppress(TrunnionError):
             results["separating"] = closed_form(data, made, "separating")
-    for name in (part.strip() for part in method.split(",")):
+    methods = [part.strip() for part in method.split(",")]
+    if chosen and "least-squares" not in methods:
+        raise InputError(
+            f"--effects: got {', '.join(chosen)}, wanted none: only least-squares estimates effects"
+        )
+    for name in methods:
         if name not in METHODS:
             raise UnknownNameError(f"--method: got {name!r}, wanted one of {', '.join(METHODS)}")
         if name == "least-squares":

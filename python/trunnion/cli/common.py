@@ -30,11 +30,17 @@ def clean_errors(command: Callable[P, R]) -> Callable[P, R]:
             raise typer.Exit(0) from None
         except (TrunnionError, OSError) as error:
             Console(stderr=True, soft_wrap=True, highlight=False).print(
-                f"[bold red]error:[/] {_plain(str(error))}"
+                f"[bold red]error:[/] {_plain(_message(error))}"
             )
             raise typer.Exit(2) from None
 
     return wrapped
+
+
+def _message(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
+    return str(error)
 
 
 def _plain(text: str) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion import _core
+from trunnion.arguments import instance
 from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.names import canonical_error_name
 from trunnion.setup import Setup
@@ -86,6 +87,7 @@ class MachineErrors:
         DataError
             A result with a location error or an effect of the machine that its data could not see.
         """
+        instance("setup", setup, Setup, "a Setup, as read_setup gives it")
         if isinstance(errors, MachineErrors):
             if effects or placement:
                 raise InputError("effects, placement: got both them and MachineErrors, wanted one")

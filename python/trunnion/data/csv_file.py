@@ -98,6 +98,13 @@ class _CsvFile:
         missing = [name for name in self.kind.required() if name not in self.header]
         if missing:
             got = self.lines[self.header_line].strip()
+            for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+                if mark in got and "," not in got:
+                    raise self.error(
+                        self.header_line,
+                        got.index(mark),
+                        f"header: got {word} between the columns, wanted commas",
+                    )
             raise self.error(
                 self.header_line,
                 0,

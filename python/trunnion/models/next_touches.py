@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.arguments import instance
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.fit import Flags, fit
 from trunnion.diagnosis.parting import Hypothesis, Parting
@@ -101,6 +102,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
     InputError
         The diagnosis is not one of touches, or n is no positive number.
     """
+    instance("d", d, Diagnosis, "a Diagnosis, as diagnose gives it")
     model = d.source
     if not isinstance(model, TouchDiagnosisModel):
         raise InputError("diagnosis: got one of other data, wanted a diagnosis of touches")
