@@ -41,7 +41,7 @@ power: build  ## how often a diagnosis is right: the whole table, half an hour, 
 
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py 50
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md
 
 .PHONY: lint
 lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest

@@ -1,13 +1,15 @@
 """Blind ball-bar diagnoses: causes hidden by the twin, found or not. Run as a script for a table.
 
-``python tests/ballbar_study.py 50`` runs 50 of each case; the tests run a seeded sample.
+``python tests/ballbar_study.py --runs 50`` runs 50 of each case; the tests run a seeded sample.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,21 +201,45 @@ def run(kind: str, hidden: str | None, seed: int) -> Outcome:
     return judge(data, name)
 
 
-def main(count: int) -> None:
-    """Print a table of rates."""
-    print(f"{'machine':10}{'hidden':18}{'found':>8}{'named':>8}{'wrong':>8}  other verdicts")
+def main() -> None:
+    """Measure every rate and print or write the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=50, help="of each cause; four times without")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    lines = [
+        "# How often a diagnosis of ball-bar tests is right",
+        "",
+        "Made by `make power-ballbar` on lengths of the independent generator in "
+        "`tests/ballbar_twin.py`: random errors, centres and ways, noise unknown to the code. "
+        "Found: named, in its alias group, or among the alternatives; wanted 95 % of each cause, "
+        "and 95 % consistent where nothing is hidden.",
+        "",
+        "| machine | hidden | runs | found | named | wrong name | when not found |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for kind, cases in (("hybrid", HYBRID), ("cartesian", CARTESIAN)):
         for hidden in (None, *cases):
+            count = given.runs if hidden else 4 * given.runs
             outcomes = [run(kind, hidden, 1000 + k) for k in range(count)]
             found = np.mean([o.found for o in outcomes])
             named = np.mean([o.hidden in o.named for o in outcomes])
             wrong = np.mean([bool(o.named) and not o.found for o in outcomes])
             rest = Counter(
-                f"{o.verdict} {'+'.join(sorted(o.named))}" for o in outcomes if not o.found
+                f"{o.verdict} {'+'.join(sorted(o.named))}".strip() for o in outcomes if not o.found
             )
-            print(f"{kind:10}{hidden or 'nothing':18}{found:8.0%}{named:8.0%}{wrong:8.0%}", end="")
-            print("  " + ", ".join(f"{n} × {what}" for what, n in rest.most_common(3)), flush=True)
+            others = ", ".join(f"{n} × {what}" for what, n in rest.most_common(3))
+            lines.append(
+                f"| {kind} | {hidden or 'nothing'} | {count} | {100 * found:.1f} % "
+                f"| {100 * named:.1f} % | {100 * wrong:.1f} % | {others} |"
+            )
+            sys.stderr.write(lines[-1] + "\n")
+    text = "\n".join(lines) + "\n"
+    if given.out:
+        given.out.write_text(text, encoding="utf-8")
+    else:
+        sys.stdout.write(text)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
+    main()

@@ -53,7 +53,9 @@ class Table:
             title=self.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD
         )
         for index, column in enumerate(self.columns):
-            table.add_column(column, justify="left" if index == 0 else "right")
+            # Names stay whole on a narrow terminal: the numbers beside them wrap.
+            least = max(len(row[0]) for row in self.rows) if index == 0 and self.rows else None
+            table.add_column(column, justify="left" if index == 0 else "right", min_width=least)
         for row in self.rows:
             table.add_row(*row)
         return table

@@ -18,7 +18,7 @@ __all__ = ["register"]
 
 Data = Annotated[Path, typer.Argument(help="ball-bar lengths (CSV)")]
 SetupFile = Annotated[
-    Path | None, typer.Argument(help="set-up (TOML) with tables [ballbar] and [hybrid]")
+    Path | None, typer.Argument(help="set-up (TOML) with tables \\[ballbar] and \\[hybrid]")
 ]
 Json = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
 

@@ -16,7 +16,7 @@ from trunnion.setup import read_setup
 __all__ = ["register"]
 
 SetupFile = Annotated[
-    Path | None, typer.Argument(help="set-up (TOML) with a table [hybrid]; default: the example")
+    Path | None, typer.Argument(help="set-up (TOML) with a table \\[hybrid]; default: the example")
 ]
 Json = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
 

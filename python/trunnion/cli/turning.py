@@ -162,7 +162,7 @@ def correct_(
 @clean_errors
 def diagnose(
     diameters: Annotated[Path, typer.Argument(exists=True, help="diameters.csv")],
-    setup: Annotated[Path, typer.Option(exists=True, help="setup.toml with [turning]")],
+    setup: Annotated[Path, typer.Option(exists=True, help="setup.toml with \\[turning]")],
     html: Annotated[Path | None, typer.Option(help="write a page here")] = None,
     as_json: AsJson = False,
 ) -> None:

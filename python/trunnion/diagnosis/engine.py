@@ -647,13 +647,15 @@ def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Ar
     white, raw = white / scale, raw / scale
     gram = white.T @ white
     rhs = white.T @ y
+    frame = _frame(gram[:p, :p])
     total = 0.0
     for g in np.unique(groups):
         held = groups == g
         a = white[held]
         matrix = gram - a.T @ a
         b = rhs - a.T @ y[held]
-        seen, unseen = _pseudo_inverse(matrix[:p, :p])
+        seen, unseen = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
+        seen, unseen = frame @ seen @ frame.T, frame @ unseen
         cross = matrix[:p, p:]
         rest = matrix[p:, p:] - cross.T @ seen @ cross
         effect = _pseudo_inverse(rest)[0] @ (b[p:] - cross.T @ seen @ b[:p])
@@ -664,6 +666,16 @@ def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Ar
         miss = y_raw[held] - raw[held] @ beta
         total += float(miss @ miss)
     return float(np.sqrt(total / len(rows)))
+
+
+def _frame(gram: Array) -> Array:
+    """Directions in which all readings together see a unit, however weakly they see it.
+
+    What a part of them sees is then judged by the share that it keeps.
+    """
+    w, v = np.linalg.eigh(gram)
+    seen = w > ROUNDING * w.max(initial=0.0)
+    return np.asarray(v[:, seen] / np.sqrt(w[seen]))
 
 
 def _pseudo_inverse(matrix: Array) -> tuple[Array, Array]:

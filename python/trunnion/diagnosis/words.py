@@ -12,12 +12,15 @@ MANY = 8  # parameters of a cause: more are counted, not listed
 
 
 def number(value: float, error: float | None = None, unit: str = "") -> str:
-    """Write a value to the two leading digits of its standard error: ``4.82 ± 0.31 µm/h``."""
+    """Write a value to the two leading digits of its standard error: ``4.82 ± 0.31 µm/h``.
+
+    What the data do not determine gets no number.
+    """
     u = f" {unit}" if unit else ""
     if error is None or error <= 0:
         return f"{value:.3g}{u}"
     if not np.isfinite(error):
-        return f"{value:.3g}{u} (not determined)"
+        return "not determined"
     digits = int(np.clip(1 - np.floor(np.log10(error)), 0, 9))
     return f"{value:.{digits}f} ± {error:.{digits}f}{u}"
 
@@ -42,6 +45,10 @@ def cause_sentence(c: Cause) -> str:
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def _chance(p: float, digits: int = 2) -> str:
+    return f"p = {p:.{digits}g}" if p > 0.0 else "p < 1e-300"
 
 
 def _sets(d: Diagnosis) -> str:
@@ -91,7 +98,7 @@ def opening(d: Diagnosis) -> str:
         case "consistent":
             lines.append(
                 f"The model explains the data: what is left is noise of {d.sigma:.3g} {u}".rstrip()
-                + f" (p = {d.p_value:.2g})."
+                + f" ({_chance(d.p_value)})."
             )
         case "explained" if said:
             lines.append(f"{_capital('; '.join(said))}; {tail}.")
@@ -123,7 +130,7 @@ def table(d: Diagnosis) -> list[tuple[str, str]]:
     g = d.gain
     rows = [
         ("verdict", d.verdict),
-        ("p-value, all tests together", f"{d.p_value:.2g}"),
+        ("p-value, all tests together", _chance(d.p_value).removeprefix("p = ")),
         ("noise of one reading", f"{d.sigma:.3g} {u}".rstrip()),
         ("rms before, after", f"{g.rms_before_um:.3g}, {g.rms_after_um:.3g} {u}".rstrip()),
         (
@@ -133,12 +140,13 @@ def table(d: Diagnosis) -> list[tuple[str, str]]:
     ]
     for c in d.causes:
         if len(c.parameters) > MANY:
-            rows.append((c.id, f"{len(c.parameters)} parameters (p = {c.p_value:.1g})"))
+            rows.append((c.id, f"{len(c.parameters)} parameters ({_chance(c.p_value, 1)})"))
             continue
         rows += [
             (
                 f"{c.id}.{name}",
-                number(value, c.std_errors[name], Parameter(name).unit) + f" (p = {c.p_value:.1g})",
+                number(value, c.std_errors[name], Parameter(name).unit)
+                + f" ({_chance(c.p_value, 1)})",
             )
             for name, value in c.parameters.items()
         ]

@@ -147,7 +147,7 @@ class CubeStudy:
         return Table.of(
             f"Cube of {self.side_mm:g} mm at ({place}) mm, tool along "
             f"({', '.join(f'{v:.3g}' for v in self.direction)})",
-            ("error", "amount", "centre µm", "edge µm", "edge/centre", "turn arcsec", "circle µm"),
+            ("error", "amount", "centre µm", "edge µm", "share", "turn arcsec", "circle µm"),
             rows,
         )
 

@@ -3,8 +3,9 @@
 ``cross/setup.toml`` and ``cross/touches.csv``: a trt-ca table with the errors of the paper's
 Table 2, simulated by ``samples/make_samples.py`` (an artefact 50 µm and 60" off its place, 0.3 µm
 repeatability, 0.1 µm ticks).
-``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``: points and sweeps,
-made by ``samples/make_measured.py``, which says what is in them.
+``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
+``ballbar/circle.csv``: points, sweeps and a ball-bar test, made by ``samples/make_measured.py``,
+which says what is in them.
 """
 
 from importlib.resources import as_file, files

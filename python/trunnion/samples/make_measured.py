@@ -1,4 +1,4 @@
-"""Make the samples of points and sweeps again: ``python -m trunnion.samples.make_measured``.
+"""Make samples of measured data again: ``python -m trunnion.samples.make_measured``.
 
 Small measurements of the project's own making, with what is in them written here:
 
@@ -11,6 +11,9 @@ Small measurements of the project's own making, with what is in them written her
 ``axis/arc.csv``
     95 degrees of the same kind with one target and an axial motion of 80 µm twice a turn: more
     than one explanation fits.
+``ballbar/circle.csv``
+    A ball-bar of 100 mm on an XY circle at 1000 mm/min, both senses, twice: Y loses 3 µm when it
+    turns back, X and Y are 6 arcsec off square; 0.3 µm noise, the fixed ball off by 20 µm.
 """
 
 from pathlib import Path
@@ -19,7 +22,7 @@ import numpy as np
 
 import trunnion as tn
 
-__all__ = ["make_axis", "make_plate"]
+__all__ = ["make_axis", "make_ballbar", "make_plate"]
 
 SEED = 2003
 ARCSEC = np.pi / 648000
@@ -92,6 +95,31 @@ def _write(
     ).to_csv(path)
 
 
+def make_ballbar(folder: Path) -> None:
+    """Write the circle."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(SEED + 2)
+    step = np.radians(2.0)
+    senses = np.repeat([1, -1, 1, -1], 180)
+    t = senses * step * np.tile(np.arange(180), 4) + step / 2
+    commanded = 100.0 * np.column_stack([np.cos(t), np.sin(t)])
+    along_y = senses * np.cos(t)
+    actual = commanded + np.column_stack(
+        [6.0 * ARCSEC * commanded[:, 1], -0.5 * 3e-3 * np.sign(along_y)]
+    )
+    length = np.linalg.norm(actual - [0.017, -0.011], axis=1) + 0.3e-3 * rng.normal(size=len(t))
+    tn.Ballbar(
+        setup=np.ones(len(t), dtype=int),
+        x_mm=np.round(commanded[:, 0], 6),
+        y_mm=np.round(commanded[:, 1], 6),
+        length_mm=np.round(length, 5),
+        sense=senses,
+        feed_mm_min=np.full(len(t), 1000.0),
+        time_s=np.round(np.arange(len(t)) * 100.0 * step / (1000.0 / 60.0), 3),
+    ).to_csv(folder / "circle.csv")
+
+
 if __name__ == "__main__":
     make_plate(Path(__file__).parent / "plate")
     make_axis(Path(__file__).parent / "axis")
+    make_ballbar(Path(__file__).parent / "ballbar")
