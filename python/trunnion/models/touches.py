@@ -33,6 +33,7 @@ from trunnion.diagnosis.protocol import (
 )
 from trunnion.diagnosis.registry import register
 from trunnion.errors import DataError, InputError
+from trunnion.identification import known_sigma_um
 from trunnion.models.candidates import own_effects
 from trunnion.setup import Setup
 from trunnion.touch_model import EffectInfo, TouchModel, catalogue
@@ -119,7 +120,7 @@ class TouchDiagnosisModel(BaseModel):
             along,
             np.arange(len(data)),
             "µm",
-            _stated_noise(setup, len(data)),
+            np.full(len(data), sigma) if (sigma := known_sigma_um(setup)) else None,
             setup.probe.tick_um,
         )
         self._start = self._full.values()[: self._plain]
@@ -359,14 +360,6 @@ class TouchDiagnosisModel(BaseModel):
 
 def _has(data: Touches, column: str) -> bool:
     return getattr(data, column, None) is not None
-
-
-def _stated_noise(setup: Setup, n: int) -> Array | None:
-    """Noise of a reading, µm, if the set-up states the probe's repeatability."""
-    sigma = setup.probe.repeatability_um
-    if sigma <= 0:
-        return None
-    return np.full(n, float(np.hypot(sigma, setup.probe.tick_um / np.sqrt(12))))
 
 
 def build(
