@@ -46,6 +46,13 @@ class Feed:
     normal_acceleration_mm_s2: float = inf
     dwell_s: float = 0.0
 
+    def __post_init__(self) -> None:
+        """Check the feed, in its own unit."""
+        if not (isfinite(self.feed_mm_min) and self.feed_mm_min > 0):
+            raise InputError(
+                f"feed: got {self.feed_mm_min:g} mm/min, wanted a finite number above 0"
+            )
+
     @property
     def core(self) -> tuple[float, float, bool, float, float]:
         """Arguments of the core."""
@@ -74,8 +81,9 @@ class ContourRun:
         Path parameter of the reference samples.
     point_mm, tip_mm:
         Reference and actual tool tip in the part's frame, shape (n, 3).
-    reference, actual:
-        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5).
+    reference, commanded, actual:
+        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those that the position
+        loops were told to go to (with what the coupling adds), and those that came of it.
     foot_u:
         Path parameter of the true foot point of the tool tip: solved, not sampled.
     contour_vector_um, contour_um:
@@ -98,6 +106,7 @@ class ContourRun:
     point_mm: Array
     tip_mm: Array
     reference: Array
+    commanded: Array
     actual: Array
     foot_u: Array
     contour_vector_um: Array
@@ -152,9 +161,25 @@ class ContourRun:
     ) -> AxisLog:
         """Return what a control would log: commanded and actual axis positions.
 
+        The commands are those that the position loops get; under cross-coupled control they are not
+        those of the path.
+
         Noise is normal, 1 σ. ``log_delay_ms``: the actual positions are those of so much earlier
         (cubic interpolation between samples).
+
+        Raises
+        ------
+        InputError
+            Noise, delay or seed that is negative or not finite.
         """
+        for name, value in (
+            ("noise_um", noise_um),
+            ("noise_arcsec", noise_arcsec),
+            ("log_delay_ms", log_delay_ms),
+            ("seed", seed),
+        ):
+            if not (isfinite(value) and value >= 0):
+                raise InputError(f"{name}: got {value:g}, wanted a finite number, 0 or more")
         rng = np.random.default_rng(seed)
         actual: Array = self.actual
         if log_delay_ms != 0.0:
@@ -163,7 +188,7 @@ class ContourRun:
         actual = actual + sigma * rng.standard_normal(actual.shape)
         columns: dict[str, Any] = {"time_s": self.time_s}
         for i, (axis, unit) in enumerate(zip("xyzac", ("mm",) * 3 + ("deg",) * 2, strict=True)):
-            columns[f"{axis}_cmd_{unit}"] = self.reference[:, i]
+            columns[f"{axis}_cmd_{unit}"] = self.commanded[:, i]
             columns[f"{axis}_act_{unit}"] = actual[:, i]
         if run is not None:
             columns["run"] = [run] * len(self)

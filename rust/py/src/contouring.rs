@@ -179,7 +179,7 @@ pub fn contour_simulate<'py>(
             let simulation =
                 Simulation { reference: &reference, axes, feedback, coupling, machine: &believed };
             let run = simulation.run()?;
-            let trace = Trace::new(path, &reference, &believed, &real, &run.axes);
+            let trace = Trace::new(path, &reference, &believed, &real, &run);
             Ok((trace, run.diverged))
         })
         .into_py()?;
@@ -188,6 +188,7 @@ pub fn contour_simulate<'py>(
     for (name, values, columns) in [
         ("point_mm", trace.point_mm, 3),
         ("reference", trace.reference, 5),
+        ("commanded", trace.commanded, 5),
         ("actual", trace.actual, 5),
         ("tip_mm", trace.tip_mm, 3),
         ("contour_vector_um", trace.contour_vector_um, 3),

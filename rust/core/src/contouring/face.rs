@@ -9,7 +9,7 @@ use super::interpolator::{Feed, Reference};
 use super::kinematics::Machine;
 use super::orientation_error::OrientationModel;
 use super::path::Path;
-use super::simulation::{Order, estimates, model_error, true_errors};
+use super::simulation::{Order, Run, estimates, model_error, true_errors};
 use crate::error::{Error, Result};
 use crate::units::{ARCSEC, DEG, MM_PER_MIN, MS, UM};
 
@@ -125,6 +125,8 @@ pub struct Trace {
     pub point_mm: Vec<f64>,
     /// Reference axis positions, five columns, mm and degrees.
     pub reference: Vec<f64>,
+    /// Positions that the loops were told to go to, five columns, mm and degrees.
+    pub commanded: Vec<f64>,
     /// Actual axis positions, five columns, mm and degrees.
     pub actual: Vec<f64>,
     /// Actual tool tip, part frame, mm, three columns.
@@ -162,8 +164,9 @@ impl Trace {
         reference: &Reference,
         machine: &Machine,
         real: &Machine,
-        axes: &[[f64; 5]],
+        run: &Run,
     ) -> Self {
+        let axes = &run.axes;
         let mut out = Self::default();
         let new =
             estimates(reference, machine, axes, PositionModel::Circle, OrientationModel::Proposed);
@@ -175,6 +178,7 @@ impl Trace {
             out.u.push(reference.u[k]);
             out.point_mm.extend(reference.point[k].iter());
             out.reference.extend(degrees(&reference.axes[k]));
+            out.commanded.extend(degrees(&run.commands[k]));
             out.actual.extend(degrees(&axes[k]));
             out.tip_mm.extend(tip.iter());
             out.foot_u.push(truth.u);

@@ -145,6 +145,7 @@ pub struct Loop<'a> {
     estimator: Estimator<'a>,
     drives: [Drive; 5],
     pids: [Pid; 5],
+    commanded: [f64; 5],
     k: usize,
 }
 
@@ -168,6 +169,7 @@ impl<'a> Loop<'a> {
             estimator: Estimator::new(reference, simulation.machine),
             drives: [drive(0)?, drive(1)?, drive(2)?, drive(3)?, drive(4)?],
             pids: [Pid::default(); 5],
+            commanded: reference.axes[0],
             k: 0,
         })
     }
@@ -176,6 +178,12 @@ impl<'a> Loop<'a> {
     #[must_use]
     pub fn loads(&self) -> [f64; 5] {
         [0, 1, 2, 3, 4].map(|i| self.drives[i].load())
+    }
+
+    /// Position that each loop was last told to go to: the reference and what the coupling adds.
+    #[must_use]
+    pub fn commanded(&self) -> [f64; 5] {
+        self.commanded
     }
 
     /// Command for sample k and motion to sample k + 1; allocates nothing.
@@ -189,6 +197,7 @@ impl<'a> Loop<'a> {
             Some(coupling) if k >= 2 => self.couple(coupling, &y, &mut command),
             _ => {}
         }
+        self.commanded = [0, 1, 2, 3, 4].map(|i| y[i] + command[i]);
         for (drive, error) in self.drives.iter_mut().zip(command) {
             drive.step(drive.gain() * error);
         }
@@ -259,6 +268,8 @@ impl<'a> Loop<'a> {
 pub struct Run {
     /// Load positions x, y, z (mm), a, c (rad) at each sample.
     pub axes: Vec<[f64; 5]>,
+    /// Positions that the five loops were told to go to: reference and coupling.
+    pub commands: Vec<[f64; 5]>,
     /// Whether the run broke off because the axes left the reference by [`DIVERGED_MM`] mm or rad.
     pub diverged: bool,
 }
@@ -272,16 +283,18 @@ impl Simulation<'_> {
         let mut state = Loop::new(self)?;
         let count = self.reference.len();
         let mut axes = Vec::with_capacity(count);
+        let mut commands = Vec::with_capacity(count);
         for k in 0..count {
             let now = state.loads();
             let near = |i: usize| (now[i] - self.reference.axes[k][i]).abs() < DIVERGED_MM;
             if !(0..5).all(near) {
-                return Ok(Run { axes, diverged: true });
+                return Ok(Run { axes, commands, diverged: true });
             }
             axes.push(now);
             state.step();
+            commands.push(state.commanded());
         }
-        Ok(Run { axes, diverged: false })
+        Ok(Run { axes, commands, diverged: false })
     }
 }
 
