@@ -44,7 +44,7 @@ from trunnion.errors import (
 )
 from trunnion.identification import identify, identify_many
 from trunnion.kinematics import forward_kinematics, inverse_kinematics, kinematic_jacobian
-from trunnion.models import axis_log as _axis_log  # noqa: F401  registers its kind of data
+from trunnion.models.axis_log import AxisLogModel, ExtendedServo
 from trunnion.models.ballbar import BallbarModel
 from trunnion.models.diameters import DiameterLaw
 from trunnion.models.next_passes import NextPass, next_passes
@@ -200,4 +200,4 @@ __all__ += [
     "repeatable_part",
 ]
 # --- contouring (paper 003)
-__all__ += ["contouring"]
+__all__ += ["AxisLogModel", "ExtendedServo", "contouring"]

@@ -72,7 +72,7 @@ class AxisLog(Table):
                 "time_s",
                 row,
                 f"{self.time_s[row]:.9g} after {self.time_s[row - 1]:.9g}",
-                "a later time in each row of a run",
+                "a later time in each row of a run (column run: a label for each)",
             )
 
 

@@ -27,13 +27,13 @@ Where two effects look alike:
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 
 from trunnion import _core
 from trunnion.contouring.servo import ROTARY, Axis, Servo
@@ -64,7 +64,11 @@ ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
 MOST_ORDER = 6
+SAFE = 1.0  # σ by which an estimated memory of the noise is taken longer
 TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+MOST_SUBSTEPS = 100
+SLOWEST = 2.0  # samples apart, times the loop gain
+SHORTEST = 0.01  # rms motion from which on it is checked, mm or deg
 SMALLEST_NOISE = 1e-6  # µm, arcsec: a simulated log has rounding only
 SCALE = {"mm": 1e3, "deg": 3600.0}
 
@@ -76,6 +80,11 @@ class _Run:
     rows: slice
     period_s: float
     substeps: int  # control periods between two samples
+
+    @property
+    def control_s(self) -> float:
+        """Control period."""
+        return self.period_s / self.substeps
 
     @property
     def count(self) -> int:
@@ -143,8 +152,10 @@ class AxisLogModel(BaseModel):
         total = len(log) * len(self.axes)
         self.block = block or max(1, -(-total // MOST_READINGS))
         self._index()
+        self._check_loops()
         self._motor = {a: self._response(a, self.servo.row(a)) for a in self.axes}
         self._predicted = self._motor  # at the load: the set-up may know of backlash and the like
+        self._check_motion()
         self.has_tip = all(t in log.extra for t in TIPS)
         self._build(chords or {})
 
@@ -193,27 +204,25 @@ class AxisLogModel(BaseModel):
         """Divide by the noise of each axis, after an autoregression where the noise has one.
 
         Both come from what is left when every effect of the axis is fitted at once, so that an
-        effect is not mistaken for noise.
+        effect is not mistaken for noise; what the fit takes of the noise is allowed for.
         """
-        rest = self._unexplainable(residuals)
-        filters: list[tuple[IntArray, Array, float, float]] = []
+        fixed, sought = self._taken()
+        filters: list[tuple[IntArray, _Noise]] = []
         for channel in np.unique(self._channel_of):
-            segments = [
-                np.flatnonzero((self._channel_of == channel) & (self._groups == g))
-                for g in np.unique(self._groups)
-            ]
+            own = np.flatnonzero(self._channel_of == channel)
+            segments = [np.flatnonzero(self._groups[own] == g) for g in np.unique(self._groups)]
             segments = [s for s in segments if len(s)]
-            ar = _autoregression([rest[s] for s in segments])
-            white = [_whiten(rest[s][:, None], ar, 1.0)[len(ar) :, 0] for s in segments]
-            size = max(_rms(np.concatenate(white)), SMALLEST_NOISE)
-            first = min(size / max(_rms(rest[np.concatenate(segments)]), SMALLEST_NOISE), 1.0)
-            filters += [(s, ar, size, first) for s in segments]
+            y, some = residuals[own], [x[:, own] for x in sought if np.any(x[:, own])]
+            noise = _noise(y, _absorbed(y, fixed[own], some, _Noise(), segments), segments)
+            if len(noise.sizes) > 1:  # of noise with a memory another place may fit best
+                noise = _noise(y, _absorbed(y, fixed[own], some, noise, segments), segments)
+            filters += [(own[s], noise) for s in segments]
 
         def apply(values: Array) -> Array:
             flat = values.reshape(len(values), -1)
             out = np.empty_like(flat, dtype=np.float64)
-            for rows, ar, size, first in filters:
-                out[rows] = _whiten(flat[rows], ar, first) / size
+            for rows, noise in filters:
+                out[rows] = noise.whiten(flat[rows])
             return out.reshape(values.shape)
 
         return apply
@@ -297,16 +306,19 @@ class AxisLogModel(BaseModel):
     def _response(self, axis: str, row: Array, feedback: str | None = None) -> Array:
         """Load position of an axis with these parameters, every row, mm or deg."""
         command = self.data.commanded(axis.lower())
+        return self._follow(axis, row, feedback or self.servo.feedback, command)
+
+    def _follow(self, axis: str, row: Array, feedback: str, command: Array) -> Array:
+        """Load positions for commands by row; between rows the command is a cubic spline."""
         out = np.empty(len(command))
         for run in self.runs:
-            period = run.period_s / run.substeps
             values = np.ascontiguousarray(command[run.rows], dtype=np.float64)
             if run.substeps > 1:
                 n = np.arange(len(values))
                 fine = np.arange((len(values) - 1) * run.substeps + 1) / run.substeps
                 values = CubicSpline(n, values)(fine)
             load = _core.contour_axis_response(
-                axis, row, period, feedback or self.servo.feedback, np.asarray(values)
+                axis, row, run.control_s, feedback, np.asarray(values)
             )
             out[run.rows] = load[:: run.substeps]
         return out
@@ -320,18 +332,77 @@ class AxisLogModel(BaseModel):
         scale = SCALE[_names(axis)[0]]
         return scale * (self._response(axis, row) - self._predicted[axis])
 
+    def _check_loops(self) -> None:
+        """Check that every loop is stable and that the samples are close enough to see it.
+
+        Raises
+        ------
+        DataError, InputError
+            Samples further apart than `SLOWEST` over the loop gain; an unstable loop.
+        """
+        for axis, run in product(self.axes, self.runs):
+            gain, tau = self.servo.row(axis)[:2]
+            if run.period_s * gain > SLOWEST:
+                raise DataError(
+                    f"axis log, row {run.rows.start}: got samples every {run.period_s * 1e3:.6g} "
+                    f"ms, wanted at most {1e3 * SLOWEST / gain:.3g} ms ({SLOWEST:g} over the loop "
+                    f"gain {gain:g} 1/s of {axis}); time_s is in s"
+                )
+            if float(np.abs(np.linalg.eigvals(self._step(axis, run))).max()) >= 1.0:
+                raise InputError(
+                    f"set-up: servo.{axis}: got gain_per_s = {gain:g} and time_constant_ms = "
+                    f"{tau:g}, wanted a loop that is stable at a control period of "
+                    f"{run.control_s * 1e3:.6g} ms"
+                )
+
+    def _check_motion(self) -> None:
+        """Check that each axis goes where it is told, as far and not earlier.
+
+        Raises
+        ------
+        DataError
+            Actual positions that move less than half or more than twice as far as the servo model
+            says (another unit), or that are ahead of the commanded ones (columns exchanged).
+        """
+        for axis in self.axes:
+            face, name = _names(axis)[0], axis.lower()
+            actual = np.array(self.data.actual(name), dtype=np.float64)
+            command = np.array(self.data.commanded(name), dtype=np.float64)
+            model = np.array(self._predicted[axis])
+            speed = np.empty(len(model))
+            for run in self.runs:
+                for values in (actual, model):
+                    values[run.rows] -= values[run.rows].mean()
+                speed[run.rows] = np.gradient(command[run.rows], run.period_s)
+            if float(model @ model) < len(model) * SHORTEST**2:
+                continue  # at rest, or nearly
+            ratio = float(model @ actual / (model @ model))
+            if not 0.5 < ratio < 2.0:
+                raise DataError(
+                    f"axis log, {name}_act_{face}: got {ratio:.3g} times the motion that the servo "
+                    f"model says for {name}_cmd_{face}, wanted about 1: both in {face}, of one axis"
+                )
+            lag = command - np.asarray(self.data.actual(name))
+            late_s = float(speed @ lag / (speed @ speed))
+            if late_s < -0.25 / self.servo.row(axis)[0]:
+                raise DataError(
+                    f"axis log, {name}_act_{face}: got positions {-1e3 * late_s:.3g} ms ahead of "
+                    f"{name}_cmd_{face}, wanted them behind: are the columns exchanged?"
+                )
+
+    def _step(self, axis: str, run: _Run) -> Array:
+        """Position and velocity a control period later, commanded to 0, by those before: (2, 2)."""
+        gain, tau = self.servo.row(axis)[:2] * [1.0, 1e-3]
+        e = float(np.exp(-run.control_s / tau)) if tau > 0 else 0.0
+        g = tau * (1 - e)
+        return np.array([[1 - gain * (run.control_s - g), g], [-gain * (1 - e), e]])
+
     def _free(self, axis: str) -> Array:
         """Free response of an axis to 1 µm (arcsec) and 1 µm a ms at the start, (rows, 2)."""
-        row = self.servo.row(axis)
         out = np.empty((len(self.data), 2))
         for run in self.runs:
-            period = run.period_s
-            tau = row[1] * 1e-3
-            e = float(np.exp(-period / tau)) if tau > 0 else 0.0
-            g = tau * (1 - e)
-            step = np.array([[1 - row[0] * (period - g), g], [-row[0] * (1 - e), e]])
-            poles, vectors = np.linalg.eig(step.astype(complex))
-            powers = poles ** np.arange(run.count)[:, None]
+            poles, vectors = np.linalg.eig(self._step(axis, run).astype(complex))
+            powers = poles ** (run.substeps * np.arange(run.count))[:, None]
             first = vectors[0] * powers
             out[run.rows] = np.real(first @ np.linalg.inv(vectors)) * [1.0, 1e3]
         return out
@@ -364,12 +435,7 @@ class AxisLogModel(BaseModel):
         """What the closed loop makes of a position disturbance at the command: linear response."""
         row = np.zeros(13)
         row[:2], row[12] = self.servo.row(axis)[:2], np.inf
-        out = np.empty(len(disturbance))
-        for run in self.runs:
-            out[run.rows] = _core.contour_axis_response(
-                axis, row, run.period_s, "motor", np.ascontiguousarray(disturbance[run.rows])
-            )
-        return out
+        return self._follow(axis, row, "motor", disturbance)
 
     # --- building
 
@@ -502,6 +568,7 @@ class AxisLogModel(BaseModel):
         top = float(np.quantile(speed, 0.9)) if len(speed) else 0.0
         peaks = tuple(float(v) for v in np.geomspace(0.01, 0.3, 6) * max(top, 1e-9))
         unit = "mm" if small == "um" else "deg"
+        fading = f"speed_{unit}_s"
 
         def spike(v_s: float) -> Array:
             bump = sense * np.exp(-((speed / v_s) ** 2))
@@ -513,9 +580,9 @@ class AxisLogModel(BaseModel):
                 (
                     Parameter(f"coulomb_{small}"),
                     Parameter(f"stribeck_{small}"),
-                    Parameter("speed", unit=f"{unit}/s", grid=peaks, bounds=(1e-9, np.inf)),
+                    Parameter(fading, unit=f"{unit}/s", grid=peaks, bounds=(1e-9, np.inf)),
                 ),
-                lambda v: np.stack([coulomb, spike(v["speed"])], axis=1),
+                lambda v: np.stack([coulomb, spike(v[fading])], axis=1),
                 f"{who} has friction",
             )
         )
@@ -687,36 +754,24 @@ class AxisLogModel(BaseModel):
 
     # --- noise
 
-    def _unexplainable(self, residuals: Array) -> Array:
-        """Residuals less what the effects can make of them, brought to the size of noise.
-
-        Every effect takes part at the place where it fits best by itself, so that little of the
-        noise goes with them.
-        """
+    def _taken(self) -> tuple[Array, list[Array]]:
+        """Columns that what is not noise may have: (n, k), and (places, n, k) of which one is."""
         fixed = [self._design]
-        sought: list[list[Array]] = []
+        sought: list[Array] = []
         for effect in self.effects:
             linear = [i for i, p in enumerate(effect.parameters) if p.linear]
             grids = [p.grid or (0.0,) for p in effect.parameters]
             if not effect.id.startswith("cyclic"):
                 grids = [(g[len(g) // 2],) for g in grids]
-            mesh = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, len(grids))
             places = [
                 effect.columns(self.data, effect.values(map(float, place)))[:, linear]
-                for place in mesh
+                for place in product(*grids)
             ]
             if len(places) == 1:
                 fixed += places
             else:
-                sought.append(places)
-        q = _basis(np.concatenate(fixed, axis=1))
-        rest = residuals - q @ (q.T @ residuals)
-        for places in sought:
-            own = [_basis(x - q @ (q.T @ x)) for x in places]
-            best = int(np.argmax([float(np.sum((b.T @ rest) ** 2)) for b in own]))
-            q = np.concatenate([q, own[best]], axis=1)
-            rest = rest - own[best] @ (own[best].T @ rest)
-        return np.asarray(rest * np.sqrt(len(rest) / max(len(rest) - q.shape[1], 1)))
+                sought.append(np.stack(places))
+        return np.concatenate(fixed, axis=1), sought
 
 
 # Which number of an axis's row a servo effect changes.
@@ -816,6 +871,11 @@ def _runs(log: AxisLog, servo: Servo) -> tuple[_Run, ...]:
             )
         control = period if servo.period_ms is None else servo.period_ms * 1e-3
         substeps = max(1, round(period / control))
+        if substeps > MOST_SUBSTEPS:
+            raise DataError(
+                f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, wanted at most "
+                f"{MOST_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
+            )
         if abs(period - substeps * control) > 0.01 * period:
             raise DataError(
                 f"axis log, row {start}: sampled every {period * 1e3:.6g} ms, wanted a multiple of "
@@ -852,17 +912,127 @@ def _autoregression(series: Sequence[Array]) -> Array:
     return best
 
 
-def _whiten(values: Array, ar: Array, first: float) -> Array:
-    """Innovations of (n, m) values; the first ones, without a past, times ``first``."""
-    out = np.array(values, dtype=np.float64)
-    out[: len(ar)] *= first
-    for k, a in enumerate(ar, start=1):
-        out[len(ar) :] -= a * values[len(ar) - k : len(values) - k]
+@dataclass(frozen=True)
+class _Noise:
+    """Autoregressive noise: ``predictors[k]`` foretells a reading from the k before it.
+
+    ``sizes[k]``: what is left then (1 σ); the last pair holds from there on.
+    """
+
+    predictors: tuple[Array, ...] = (np.zeros(0),)
+    sizes: tuple[float, ...] = (1.0,)
+
+    def whiten(self, values: Array) -> Array:
+        """Innovations of (n, m) consecutive values in units of their size."""
+        order = len(self.predictors) - 1
+        out = np.array(values, dtype=np.float64)
+        for i, ar in enumerate(self.predictors[:order]):
+            for k, a in enumerate(ar, start=1):
+                out[i : i + 1] -= a * values[i - k : i - k + 1]
+            out[i : i + 1] /= self.sizes[i]
+        for k, a in enumerate(self.predictors[-1], start=1):
+            out[order:] -= a * values[order - k : len(values) - k]
+        out[order:] /= self.sizes[-1]
+        return out
+
+
+def _noise(y: Array, q: Array, segments: Sequence[IntArray]) -> _Noise:
+    """Noise of readings y (n,) of which columns q (n, k), orthonormal, may be no noise.
+
+    The order is the one that BIC takes for what q leaves. Its coefficients maximise the restricted
+    likelihood (of what no q can change): those of the rest itself would be too small, for q takes
+    most of the slow part of the noise.
+    """
+    rest = y - q @ (q.T @ y)
+    start = _autoregression([rest[s] for s in segments])
+    order = len(start)
+    both = np.concatenate([q, y[:, None]], axis=1)
+    count = sum(max(len(s) - order, 0) for s in segments) - q.shape[1]
+
+    def triangle(ar: Array) -> Array:
+        white = []
+        for s in segments:
+            out = both[s][order:].copy()
+            for k, a in enumerate(ar, start=1):
+                out -= a * both[s][order - k : len(s) - k]
+            white.append(out)
+        return np.abs(np.diag(np.linalg.qr(np.concatenate(white), mode="r")))
+
+    def cost(z: Array) -> float:
+        d = np.maximum(triangle(_levinson(np.tanh(z))[-1]), 1e-300)
+        return float(2 * count * np.log(d[-1]) + 2 * np.sum(np.log(d[:-1])))
+
+    partial = np.clip(_partial(start), -0.999, 0.999)
+    if order:
+        z = np.asarray(minimize(cost, np.arctanh(partial), method="BFGS").x)
+        partial = np.tanh(z + SAFE * _longer(cost, z))
+    predictors = _levinson(partial)
+    size = max(float(triangle(predictors[-1])[-1]) / np.sqrt(max(count, 1)), SMALLEST_NOISE)
+    left = np.cumprod((1.0 / np.sqrt(1.0 - np.minimum(partial**2, 1 - 1e-12)))[::-1])[::-1]
+    return _Noise(predictors, (*(size * left).tolist(), size))
+
+
+def _longer(cost: Callable[[Array], float], z: Array) -> Array:
+    """Change of z = artanh of partial autocorrelations that makes the memory longer by 1 σ.
+
+    ``cost``: -2 ln L, least at z. The slow part of the noise goes with Π 1/(1 - tanh z)².
+    """
+    step = 0.02 * np.eye(len(z))
+    middle = cost(z)
+    up, down = np.array([[cost(z + s), cost(z - s)] for s in step]).T
+    hessian = np.diag(up + down - 2 * middle)
+    for i, j in combinations(range(len(z)), 2):
+        both = cost(z + step[i] + step[j]) + cost(z - step[i] - step[j])
+        hessian[i, j] = hessian[j, i] = (both + 2 * middle - up[i] - down[i] - up[j] - down[j]) / 2
+    values, vectors = np.linalg.eigh(hessian / 0.02**2 / 2)
+    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    slope = 1.0 + np.tanh(z)
+    return np.asarray(covariance @ slope / np.sqrt(slope @ covariance @ slope))
+
+
+def _levinson(partial: Array) -> tuple[Array, ...]:
+    """Coefficients of every order from 0 up, from partial autocorrelations."""
+    out: list[Array] = [np.zeros(0)]
+    for r in partial:
+        out.append(np.append(out[-1] - r * out[-1][::-1], r))
+    return tuple(out)
+
+
+def _partial(ar: Array) -> Array:
+    """Partial autocorrelations of an autoregression; of an unstable one, those to where it is."""
+    out, a = np.zeros(len(ar)), np.asarray(ar, dtype=np.float64)
+    for k in range(len(ar) - 1, -1, -1):
+        out[k] = a[k]
+        a = (a[:k] + a[k] * a[:k][::-1]) / max(1.0 - a[k] ** 2, 1e-6)
     return out
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _absorbed(
+    y: Array,
+    fixed: Array,
+    sought: Sequence[Array],
+    noise: _Noise,
+    segments: Sequence[IntArray],
+) -> Array:
+    """Orthonormal basis of the columns and, of each set of places, the one that fits y best.
+
+    So little of the noise goes with what is not noise. ``noise``: what is known of it.
+    """
+
+    def white(columns: Array) -> Array:
+        return np.concatenate([noise.whiten(columns[s]) for s in segments])
+
+    taken = fixed[:, np.any(fixed != 0, axis=0)]
+    q = _basis(white(taken))
+    r = white(y[:, None])
+    rest = r - q @ (q.T @ r)
+    for places in sought:
+        own = [_basis(x - q @ (q.T @ x)) for x in map(white, places)]
+        best = int(np.argmax([float(np.sum((b.T @ rest) ** 2)) for b in own]))
+        taken = np.concatenate([taken, places[best]], axis=1)
+        q = np.concatenate([q, own[best]], axis=1)
+        rest = rest - own[best] @ (own[best].T @ rest)
+    return _basis(taken)
 
 
 def _basis(columns: Array) -> Array:
