@@ -5,14 +5,18 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
+from trunnion.diagnosis import Diagnosis
+from trunnion.diagnosis.words import opening, table
 from trunnion.errors import InputError, TrunnionError
 
-__all__ = ["clean_errors", "named_values", "numbers", "say", "show_json"]
+__all__ = ["clean_errors", "named_values", "numbers", "say", "show_diagnosis", "show_json"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -55,6 +59,21 @@ def say(text: str) -> None:
 def show_json(value: Any) -> None:
     """Print plain values as JSON."""
     typer.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def show_diagnosis(d: Diagnosis, *, html: Path | None, json_output: bool) -> None:
+    """Print a diagnosis as JSON or in words and a table, and write its page where wanted."""
+    if json_output:
+        show_json(d.to_dict())
+    else:
+        console = Console(highlight=False)
+        console.print(opening(d), markup=False)
+        shown = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+        for what, value in table(d):
+            shown.add_row(_plain(what), _plain(value))
+        console.print(shown)
+    if html is not None:
+        d.to_html(html)
 
 
 def named_values(what: str, texts: Iterable[str]) -> dict[str, float]:

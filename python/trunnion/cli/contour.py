@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.table import Table
 
 from trunnion import contouring, nc
-from trunnion.cli.common import clean_errors, named_values, say, show_json
+from trunnion.cli.common import clean_errors, named_values, say, show_diagnosis, show_json
 from trunnion.data.axis_log import read_axis_log
 from trunnion.diagnosis import diagnose as diagnose_data
-from trunnion.diagnosis.words import opening, table
 from trunnion.errors import InputError
 from trunnion.setup import read_setup
 
@@ -71,7 +70,7 @@ def simulate(
     """Simulate runs along a path and report true contour and orientation errors."""
     servo = contouring.Servo.paper()
     if setup is not None:
-        servo = contouring.Servo.from_table(read_setup(setup).servo)
+        servo = contouring.read_servo(setup)
     if program is None:
         path = contouring.Path.paper(offset_mm=offset_mm)
     else:
@@ -102,7 +101,8 @@ def simulate(
     for feed, name, run in runs:
         f = run.figures
         keys = ("contour_max_um", "contour_rms_um", "orientation_max_arcsec")
-        shown.add_row(f"{feed:g}", name, *(f"{f[key]:.3f}" for key in keys))
+        told = ["diverged"] * 3 if run.diverged else [f"{f[key]:.3f}" for key in keys]
+        shown.add_row(f"{feed:g}", name, *told)
     Console(highlight=False).print(shown)
     if axis_log is not None:
         say(f"axis log: {axis_log}")
@@ -121,6 +121,9 @@ def _write_log(
     noise_arcsec: float,
     seed: int,
 ) -> None:
+    for feed, name, run in runs:
+        if run.diverged:
+            raise InputError(f"--log: {name} at {feed:g} mm/min diverged; nothing of it is logged")
     logs = [
         run.axis_log(
             noise_um=noise_um,
@@ -152,15 +155,6 @@ def diagnose(
             f"files: got {len(logs)} logs and {len(setups)} set-ups, wanted one axis log and one "
             "set-up (.toml)"
         )
+    contouring.read_servo(setups[0])  # a fault of the table with its place
     d = diagnose_data(read_axis_log(logs[0]), read_setup(setups[0]))
-    if json_output:
-        show_json(d.to_dict())
-    else:
-        console = Console(highlight=False)
-        console.print(opening(d))
-        shown = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-        for what, value in table(d):
-            shown.add_row(what, value)
-        console.print(shown)
-    if html is not None:
-        d.to_html(html)
+    show_diagnosis(d, html=html, json_output=json_output)

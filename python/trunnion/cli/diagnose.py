@@ -6,10 +6,9 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 import trunnion.models.touches  # noqa: F401  the kinds of data announce themselves
-from trunnion.cli.common import clean_errors, show_json
+from trunnion.cli.common import clean_errors, show_diagnosis
 from trunnion.data.axis_log import read_axis_log
 from trunnion.data.ballbar import read_ballbar
 from trunnion.data.diameters import read_diameters
@@ -17,7 +16,6 @@ from trunnion.data.points import read_points
 from trunnion.data.sweep import read_sweep
 from trunnion.data.touches import read_touches
 from trunnion.diagnosis import diagnose as diagnose_data
-from trunnion.diagnosis.words import opening, table
 from trunnion.errors import InputError
 from trunnion.models.next_touches import prospect
 from trunnion.setup import read_setup
@@ -81,17 +79,7 @@ def diagnose(
         raise InputError(f"kind: got {chosen!r}, wanted one of {', '.join(KINDS)}")
     read = KINDS[chosen][0](data[0])
     d = diagnose_data(read, read_setup(setups[0]) if setups else None)
-    if json_output:
-        show_json(d.to_dict())
-    else:
-        console = Console(highlight=False)
-        console.print(opening(d))
-        shown = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-        for what, value in table(d):
-            shown.add_row(what, value)
-        console.print(shown)
-    if html is not None:
-        d.to_html(html)
+    show_diagnosis(d, html=html, json_output=json_output)
     if next_touches:
         found = prospect(d, next_touches)
         found.plan.to_csv(output)

@@ -1,7 +1,7 @@
 """Five-axis contouring with cross-coupled control (paper 003: Byun and Jee 2010).
 
 - `Path`: where tool tip and tool axis should be;
-- `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`: what moves and what controls it;
+- `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`, `read_servo`: what moves and what controls it;
 - `simulate`, `sweep`: one run, or thousands in one call, with true errors;
 - `margins`: gain and stability margins of the coupled loop;
 - `compare`, `order_of_controller`, `offsets`: the paper's comparisons.
@@ -35,7 +35,14 @@ from trunnion.contouring.plots import (
     plot_path,
 )
 from trunnion.contouring.reproduction import Comparison, compare, offsets, order_of_controller
-from trunnion.contouring.servo import Controller, Coupling, LinearAxis, RotaryAxis, Servo
+from trunnion.contouring.servo import (
+    Controller,
+    Coupling,
+    LinearAxis,
+    RotaryAxis,
+    Servo,
+    read_servo,
+)
 from trunnion.contouring.simulation import ContourRun, ContourSweep, Feed, simulate, sweep
 
 __all__ = [
@@ -60,6 +67,7 @@ __all__ = [
     "plot_model_error",
     "plot_orientation_error",
     "plot_path",
+    "read_servo",
     "simulate",
     "sweep",
 ]

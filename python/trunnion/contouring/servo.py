@@ -17,15 +17,17 @@ speed v lies v/K_v behind.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from math import inf
+from math import inf, isfinite
+from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.data.toml_text import TomlText
 from trunnion.errors import InputError, UnknownNameError
 
-__all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo"]
+__all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo", "read_servo"]
 
 Array: TypeAlias = NDArray[np.float64]
 Feedback: TypeAlias = Literal["motor", "load"]
@@ -150,22 +152,11 @@ class Servo:
         InputError
             A key or value that is not as the module says; the message names it.
         """
-        axes: dict[str, Axis] = {}
-        period: float | None = None
-        feedback: Feedback = "motor"
-        for key, value in table.items():
-            if key == "period_ms":
-                period = _number("servo.period_ms", value)
-                if period <= 0:
-                    raise InputError(f"servo.period_ms: got {period}, wanted more than 0")
-            elif key == "feedback":
-                feedback = value
-            elif key.upper() in (*LINEAR, *ROTARY):
-                axes[key.upper()] = _axis(key.upper(), value)
-            else:
-                known = "period_ms, feedback, X, Y, Z, A, B, C"
-                raise UnknownNameError(f"servo.{key}: unknown key; wanted one of {known}")
-        return cls(axes, period, feedback)
+        try:
+            return _servo(cls, table)
+        except _TableError as fault:
+            kind = UnknownNameError if fault.unknown else InputError
+            raise kind(str(fault)) from None
 
     def to_table(self) -> dict[str, Any]:
         """Return the ``[servo]`` table; numbers at their default are left out."""
@@ -189,32 +180,85 @@ class Servo:
         return np.stack([self.row(letter) for letter in "XYZAC"])
 
 
-def _number(name: str, value: Any) -> float:
+def read_servo(path: str | PathLike[str]) -> Servo:
+    """Read the ``[servo]`` table of a set-up file.
+
+    Raises
+    ------
+    FileFormatError
+        No such table, or a key or value that is not as the module says; with its place.
+    """
+    file = TomlText.read(path)
+    table = file.tables.get("servo")
+    if not isinstance(table, Mapping):
+        wanted = "gain_per_s and time_constant_ms of each axis are wanted, in [servo.X] and so on"
+        raise file.error((), f"servo: the table is missing; {wanted}", at_value=False)
+    try:
+        return _servo(Servo, table)
+    except _TableError as fault:
+        raise file.error(fault.keys, str(fault), at_value=not fault.unknown) from None
+
+
+class _TableError(Exception):
+    """What is wrong in a ``[servo]`` table, and at which keys."""
+
+    def __init__(self, keys: tuple[str, ...], what: str, *, unknown: bool = False) -> None:
+        super().__init__(f"{'.'.join(keys)}: {what}")
+        self.keys = keys
+        self.unknown = unknown
+
+
+def _servo(cls: type[Servo], table: Mapping[str, Any]) -> Servo:
+    axes: dict[str, Axis] = {}
+    period: float | None = None
+    feedback: Feedback = "motor"
+    for key, value in table.items():
+        if key == "period_ms":
+            period = _number(("servo", key), value)
+            if not (isfinite(period) and period > 0):
+                wanted = "a finite number above 0"
+                raise _TableError(("servo", key), f"got {period:g}, wanted {wanted}")
+        elif key == "feedback":
+            if value not in ("motor", "load"):
+                raise _TableError(("servo", key), f"got {value!r}, wanted 'motor' or 'load'")
+            feedback = value
+        elif key.upper() in axes:
+            raise _TableError(("servo", key), "got the axis twice, wanted it once")
+        elif key.upper() in (*LINEAR, *ROTARY):
+            axes[key.upper()] = _axis(key, value)
+        else:
+            known = "period_ms, feedback, X, Y, Z, A, B, C"
+            what = f"unknown key; wanted one of {known}"
+            raise _TableError(("servo", key), what, unknown=True)
+    return cls(axes, period, feedback)
+
+
+def _number(keys: tuple[str, ...], value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or np.isnan(value):
-        raise InputError(f"{name}: got {value!r}, wanted a number")
+        raise _TableError(keys, f"got {value!r}, wanted a number")
     return float(value)
 
 
-def _axis(letter: str, table: Any) -> Axis:
-    kind = LinearAxis if letter in LINEAR else RotaryAxis
+def _axis(key: str, table: Any) -> Axis:
+    kind = LinearAxis if key.upper() in LINEAR else RotaryAxis
+    here = ("servo", key)
     if not isinstance(table, Mapping):
         wanted = "a table with gain_per_s and time_constant_ms"
-        raise InputError(f"servo.{letter}: got {table!r}, wanted {wanted}")
+        raise _TableError(here, f"got {table!r}, wanted {wanted}")
     names = [f.name for f in fields(kind)]
-    for key in table:
-        if key not in names:
-            raise UnknownNameError(
-                f"servo.{letter}.{key}: unknown key; wanted one of {', '.join(names)}"
-            )
-    for key in names[:2]:
-        if key not in table:
-            raise InputError(f"servo.{letter}.{key}: missing; it is wanted")
-    values = {key: _number(f"servo.{letter}.{key}", value) for key, value in table.items()}
-    if values["gain_per_s"] <= 0 or values["time_constant_ms"] < 0:
-        raise InputError(
-            f"servo.{letter}: got gain {values['gain_per_s']} 1/s and time constant "
-            f"{values['time_constant_ms']} ms, wanted more than 0 and at least 0"
-        )
+    for name in table:
+        if name not in names:
+            wanted = ", ".join(names)
+            raise _TableError((*here, name), f"unknown key; wanted one of {wanted}", unknown=True)
+    for name in names[:2]:
+        if name not in table:
+            raise _TableError(here, f"{name} is missing; it is wanted")
+    values = {name: _number((*here, name), value) for name, value in table.items()}
+    gain, tau = values["gain_per_s"], values["time_constant_ms"]
+    if not (isfinite(gain) and gain > 0):
+        raise _TableError((*here, names[0]), f"got {gain:g} 1/s, wanted a finite number above 0")
+    if not (isfinite(tau) and tau >= 0):
+        raise _TableError((*here, names[1]), f"got {tau:g} ms, wanted a finite number, 0 or more")
     return kind(**values)
 
 
