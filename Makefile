@@ -43,6 +43,10 @@ power: build  ## how often a diagnosis is right: the whole table, half an hour, 
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md
 
+.PHONY: power-axis-logs
+power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --out ../docs/power-axis-logs.md
+
 .PHONY: lint
 lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest
 	cargo fmt --all --check

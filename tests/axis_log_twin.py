@@ -152,7 +152,9 @@ KINDS = (
 )
 
 
-def draw(m: int, rng: np.random.Generator) -> tuple[Cases, list[str | None]]:
+def draw(
+    m: int, rng: np.random.Generator, kinds: Sequence[str] = KINDS
+) -> tuple[Cases, list[str | None]]:
     """Draw m cases, one hidden effect each, the kinds in turn: sizes of a real machine's servo.
 
     Gain 0.5 to 3 %, time constant 5 to 20 %, delays 0.25 to 1.5 ms (loop) and 0.2 to 2 ms (log),
@@ -162,7 +164,7 @@ def draw(m: int, rng: np.random.Generator) -> tuple[Cases, list[str | None]]:
     cases = Cases(m)
     truth: list[str | None] = []
     for i in range(m):
-        kind, j = KINDS[i % len(KINDS)], int(rng.integers(5))
+        kind, j = kinds[i % len(kinds)], int(rng.integers(5))
         sign = rng.choice([-1, 1])
         small = SMALL[j] * (2 if j >= 3 else 1)
         truth.append(f"{kind}_{AXES[j].lower()}")

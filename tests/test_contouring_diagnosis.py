@@ -6,20 +6,26 @@ The full power table is made by ``tests/power/axis_logs.py``.
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 import axis_log_twin as twin
 import trunnion as tn
 from trunnion import contouring as ct
+from trunnion._core import contour_axis_response
 from trunnion.diagnosis import Diagnosis, diagnose
-from trunnion.errors import DataError, InputError, UnknownNameError
-from trunnion.models.axis_log import AxisLogModel
+from trunnion.errors import DataError, FileFormatError, InputError, UnknownNameError
+from trunnion.models.axis_log import AxisLogModel, _levinson, _Noise, _noise, _partial
+from trunnion.samples.make_contour import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, Setup
 
-SETUP = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
+SERVO = ct.Servo.paper()
+SETUP = Setup(artefact=Artefact("none"), servo=SERVO.to_table())
 BLIND_CASES = 9
 SEED = 20
 
@@ -124,3 +130,101 @@ def test_bad_input() -> None:
         AxisLogModel(log, SETUP, ("gain_q",))
     with pytest.raises(DataError, match="multiple of"):
         AxisLogModel(log, replace(SETUP, servo={**SETUP.servo, "period_ms": 0.7}))
+
+
+def test_memory_of_the_noise_is_not_lost_with_what_effects_absorb() -> None:
+    n, memory = 800, 0.8
+    slow = np.cos(np.pi * (np.arange(n) + 0.5) * np.arange(1, 17)[:, None] / n).T
+    q = np.linalg.qr(slow)[0]
+    segments = [np.arange(n)]
+    rng = np.random.default_rng(8)
+    seen, plain, size = [], [], []
+    for _ in range(20):
+        start = rng.standard_normal(1) * memory / np.sqrt(1 - memory**2)
+        y = lfilter([1.0], [1.0, -memory], rng.standard_normal(n), zi=start)[0]
+        noise = _noise(y, q, segments)
+        rest = y - q @ (q.T @ y)
+        plain.append(float(rest[1:] @ rest[:-1] / (rest[:-1] @ rest[:-1])))
+        seen.append(float(np.sum(noise.predictors[-1])))
+        size.append(noise.sizes[-1])
+    assert np.mean(plain) < 0.96 * memory
+    # Taken 1 σ longer than it most likely is: (1 - 0.8²)^½ / 800^½ = 0.02.
+    assert memory < np.mean(seen) < memory + 3 * 0.0212
+    assert np.mean(size) == pytest.approx(1.0, abs=0.02)
+
+
+def test_whitening_of_a_known_noise_is_exact() -> None:
+    partial = np.array([0.7, -0.3, 0.2])
+    predictors = _levinson(partial)
+    ar = predictors[-1]
+    assert _partial(ar) == pytest.approx(partial, abs=1e-12)
+    left = np.cumprod(1 / np.sqrt(1 - partial[::-1] ** 2))[::-1]
+    noise = _Noise(predictors, (*(2.0 * left).tolist(), 2.0))
+    # Autocovariances of the process by its impulse response; W V Wᵀ is the unit matrix.
+    response = lfilter([2.0], np.r_[1.0, -ar], np.r_[1.0, np.zeros(4000)])
+    lagged = [float(response[: len(response) - k] @ response[k:]) for k in range(12)]
+    white = noise.whiten(np.eye(12))
+    assert white @ toeplitz(lagged) @ white.T == pytest.approx(np.eye(12), abs=1e-9)
+
+
+def test_a_log_of_coupled_axes_has_the_commands_that_the_loops_got() -> None:
+    runs = [ct.simulate(ct.Path.paper(), feed, controller="proposed") for feed in (1000.0, 3000.0)]
+    followed = [
+        contour_axis_response(
+            letter, SERVO.row(letter), 1e-3, "motor", runs[1].commanded[:, i].copy()
+        )
+        for i, letter in enumerate("XYZAC")
+    ]
+    assert np.abs(np.stack(followed, axis=1) - runs[1].actual).max() < 1e-9
+    assert np.abs(runs[1].commanded - runs[1].reference)[:, 0].max() > 0.001
+    logs = [r.axis_log(noise_um=0.2, noise_arcsec=1.0, seed=i, run=i) for i, r in enumerate(runs)]
+    assert diagnose(tn.AxisLog.concatenate(logs), SETUP).verdict == "consistent"
+
+
+def test_a_log_sampled_slower_than_the_control_is_diagnosed() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    assert float(np.diff(log.time_s)[0]) == pytest.approx(0.004)
+    d = diagnose(log, setup)
+    assert [c.id for c in d.causes] == ["backlash_y"]
+    cause = d.causes[0]
+    assert cause.parameters["backlash_um"] == pytest.approx(
+        HIDDEN_BACKLASH_UM, abs=4 * cause.std_errors["backlash_um"]
+    )
+
+
+def test_columns_that_cannot_be_an_axis_log_are_refused() -> None:
+    log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
+    swapped = log.with_columns(x_cmd_mm=log.actual("x"), x_act_mm=log.commanded("x"))
+    with pytest.raises(DataError, match=r"x_act_mm: got positions 12\.\d ms ahead of x_cmd_mm"):
+        AxisLogModel(swapped, SETUP)
+    with pytest.raises(DataError, match=r"a_act_deg: got 0\.0175 times the motion"):
+        AxisLogModel(log.with_columns(a_act_deg=np.deg2rad(log.actual("a"))), SETUP)
+    slow = replace(SETUP, servo={k: v for k, v in SETUP.servo.items() if k != "period_ms"})
+    with pytest.raises(DataError, match=r"samples every 1000 ms, wanted at most 24\.6 ms"):
+        AxisLogModel(log.with_columns(time_s=1e3 * log.time_s), slow)
+    with pytest.raises(DataError, match=r"at most 100 times servo\.period_ms"):
+        AxisLogModel(log, replace(SETUP, servo={**SETUP.servo, "period_ms": 1e-9}))
+    wild = {**SETUP.servo, "Z": {"gain_per_s": 600.0, "time_constant_ms": 30.0}}
+    with pytest.raises(InputError, match=r"servo\.Z: .*stable"):
+        AxisLogModel(log, replace(SETUP, servo=wild))
+    run = ct.simulate(ct.Path.paper(), 3000.0, controller="independent")
+    for name, value in (("noise_um", -1.0), ("noise_arcsec", np.nan), ("seed", -1)):
+        with pytest.raises(InputError, match=name):
+            run.axis_log(**{name: value})  # type: ignore[arg-type]
+
+
+def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    for text, told in (
+        ('[artefact]\nkind = "cross"\n', r"s\.toml:1:1: servo: the table is missing"),
+        ("[servo.X]\ngain = 80\n", r"s\.toml:2:1: servo\.X\.gain: unknown key"),
+        ("[servo.X]\ngain_per_s = 80\n", r"s\.toml:1:\d+: servo\.X: time_constant_ms is missing"),
+        ("[servo.X]\ngain_per_s = inf\ntime_constant_ms=1\n", r"s\.toml:2:14: .*finite"),
+        ("[servo]\nfeedback = 3\n", r"s\.toml:2:12: servo\.feedback: got 3"),
+        ("[servo]\nperiod_ms = 0\n", r"s\.toml:2:13: servo\.period_ms: got 0"),
+        ("[servo.W]\n", r"servo\.W: unknown key; wanted one of period_ms, feedback, X"),
+    ):
+        file.write_text(text, encoding="utf-8")
+        with pytest.raises(FileFormatError, match=told):
+            ct.read_servo(file)
