@@ -34,10 +34,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, minimize
+from scipy.special import chdtri
 
 from trunnion import _core
 from trunnion.contouring.servo import ROTARY, Axis, Servo
 from trunnion.data.axis_log import AxisLog
+from trunnion.diagnosis.engine import NAMELESS
 from trunnion.diagnosis.protocol import (
     BaseModel,
     Covariate,
@@ -50,6 +52,7 @@ from trunnion.diagnosis.protocol import (
     as_effect,
 )
 from trunnion.diagnosis.registry import register
+from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.setup import Setup
 
@@ -64,6 +67,8 @@ ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
 MOST_ORDER = 6
+MOST_STRUCTURE = 4
+TRIED = 2
 SAFE = 1.0  # σ by which an estimated memory of the noise is taken longer
 TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 MOST_SUBSTEPS = 100
@@ -156,7 +161,7 @@ class AxisLogModel(BaseModel):
         self._motor = {a: self._response(a, self.servo.row(a)) for a in self.axes}
         self._predicted = self._motor  # at the load: the set-up may know of backlash and the like
         self._check_motion()
-        self.has_tip = all(t in log.extra for t in TIPS)
+        self.has_tip = self._tip_is_there()
         self._build(chords or {})
 
     # --- what the engine asks
@@ -187,8 +192,15 @@ class AxisLogModel(BaseModel):
     @property
     def components(self) -> Mapping[str, Array]:
         """Each axis by itself."""
-        names = [*self.axes, *(TIPS if self.has_tip else ())]
-        return {name: (self._channel_of == i).astype(np.float64) for i, name in enumerate(names)}
+        return {
+            name: (self._channel_of == i).astype(np.float64)
+            for i, name in enumerate(self._channels)
+        }
+
+    @property
+    def _channels(self) -> tuple[str, ...]:
+        """Names of what is read, in the order of the readings."""
+        return (*self.axes, *(TIPS if self.has_tip else ()))
 
     @property
     def single_faults(self) -> bool:
@@ -204,9 +216,12 @@ class AxisLogModel(BaseModel):
         """Divide by the noise of each axis, after an autoregression where the noise has one.
 
         Both come from what is left when every effect of the axis is fitted at once, so that an
-        effect is not mistaken for noise; what the fit takes of the noise is allowed for.
+        effect is not mistaken for noise; what the fit takes of the noise is allowed for. Where the
+        rest has a memory, structure without a name is fitted too if that says more than the memory:
+        a jump or a wave is not noise.
         """
         fixed, sought = self._taken()
+        terms: dict[str, list[Array]] | None = None
         filters: list[tuple[IntArray, _Noise]] = []
         for channel in np.unique(self._channel_of):
             own = np.flatnonzero(self._channel_of == channel)
@@ -215,7 +230,10 @@ class AxisLogModel(BaseModel):
             y, some = residuals[own], [x[:, own] for x in sought if np.any(x[:, own])]
             noise = _noise(y, _absorbed(y, fixed[own], some, _Noise(), segments), segments)
             if len(noise.sizes) > 1:  # of noise with a memory another place may fit best
-                noise = _noise(y, _absorbed(y, fixed[own], some, noise, segments), segments)
+                q = _absorbed(y, fixed[own], some, noise, segments)
+                terms = self._terms() if terms is None else terms
+                nameless = [x[own] for x in terms[self._channels[channel]]]
+                noise = _with_structure(y, q, segments, nameless)
             filters += [(own[s], noise) for s in segments]
 
         def apply(values: Array) -> Array:
@@ -354,6 +372,28 @@ class AxisLogModel(BaseModel):
                     f"{tau:g}, wanted a loop that is stable at a control period of "
                     f"{run.control_s * 1e3:.6g} ms"
                 )
+
+    def _tip_is_there(self) -> bool:
+        """Whether the log has the tool tip.
+
+        Raises
+        ------
+        DataError
+            Some of its three columns only, or what is no finite number.
+        """
+        there = [t for t in TIPS if t in self.data.extra]
+        if there and len(there) < len(TIPS):
+            raise DataError(f"axis log: got {', '.join(there)}, wanted all of {', '.join(TIPS)}")
+        for name in there:
+            for row, value in enumerate(self.data.extra[name]):
+                try:
+                    good = bool(np.isfinite(float(value)))
+                except ValueError:
+                    good = False
+                if not good:
+                    got = f"got {str(value)!r}, wanted a finite number"
+                    raise DataError(f"axis log, {name}, row {row}: {got}")
+        return bool(there)
 
     def _check_motion(self) -> None:
         """Check that each axis goes where it is told, as far and not earlier.
@@ -632,7 +672,7 @@ class AxisLogModel(BaseModel):
                     Parameter(
                         "damping",
                         unit="1",
-                        grid=tuple(damping * k for k in (0.8, 1.0, 1.25)),
+                        grid=tuple(min(damping * k, 0.9) for k in (0.8, 1.0, 1.25)),
                         bounds=(1e-3, 0.9),
                     ),
                 ),
@@ -753,6 +793,18 @@ class AxisLogModel(BaseModel):
         )
 
     # --- noise
+
+    def _terms(self) -> dict[str, list[Array]]:
+        """Structure without a name that each channel may have, the engine's own: columns (n, k)."""
+        dictionary = Dictionary(self, np.arange(len(self.readings)))
+        return {
+            name: [
+                dictionary.block(i)
+                for i, term in enumerate(dictionary.terms)
+                if term.component == name or term.kind == "class"
+            ]
+            for name in self._channels
+        }
 
     def _taken(self) -> tuple[Array, list[Array]]:
         """Columns that what is not noise may have: (n, k), and (places, n, k) of which one is."""
@@ -970,6 +1022,43 @@ def _noise(y: Array, q: Array, segments: Sequence[IntArray]) -> _Noise:
     size = max(float(triangle(predictors[-1])[-1]) / np.sqrt(max(count, 1)), SMALLEST_NOISE)
     left = np.cumprod((1.0 / np.sqrt(1.0 - np.minimum(partial**2, 1 - 1e-12)))[::-1])[::-1]
     return _Noise(predictors, (*(size * left).tolist(), size))
+
+
+def _with_structure(
+    y: Array, q: Array, segments: Sequence[IntArray], terms: Sequence[Array]
+) -> _Noise:
+    """Noise of y where structure without a name may be beside q, a term at a time.
+
+    A term is taken if it makes readings likelier than noise with a longer memory does, by the price
+    that the engine asks for it.
+    """
+
+    def told(basis: Array) -> tuple[float, _Noise]:
+        noise = _noise(y, basis, segments)
+        both = np.concatenate([basis, y[:, None]], axis=1)
+        white = np.concatenate([noise.whiten(both[s])[MOST_ORDER:] for s in segments])
+        rest = float(np.abs(np.linalg.qr(white, mode="r")[-1, -1])) * noise.sizes[-1]
+        order = len(noise.sizes) - 1
+        return len(white) * 2 * np.log(max(rest, 1e-300)) + order * np.log(len(white)), noise
+
+    score, noise = told(q)
+    for _ in range(MOST_STRUCTURE):
+        if len(noise.sizes) == 1:
+            break
+        rest = y - q @ (q.T @ y)
+        seen = [x - q @ (q.T @ x) for x in terms]
+        own = [_basis(x) if np.any(np.abs(x) > 1e-6) else np.zeros((len(y), 0)) for x in seen]
+        gain = [float(np.sum((x.T @ rest) ** 2)) for x in own]
+        tried = []
+        for i in np.argsort(gain)[::-1][:TRIED]:
+            wider = np.concatenate([q, own[i]], axis=1)
+            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms))) + NAMELESS
+            tried.append((*told(wider), price, wider))
+        value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
+        if value + price >= score:
+            break
+        score, noise, q = value, other, wider
+    return noise
 
 
 def _longer(cost: Callable[[Array], float], z: Array) -> Array:
