@@ -3,7 +3,8 @@
 The full power table is made by ``tests/power/axis_logs.py``.
 """
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -205,7 +206,7 @@ def test_columns_that_cannot_be_an_axis_log_are_refused() -> None:
         AxisLogModel(log.with_columns(time_s=1e3 * log.time_s), slow)
     with pytest.raises(DataError, match=r"at most 100 times servo\.period_ms"):
         AxisLogModel(log, replace(SETUP, servo={**SETUP.servo, "period_ms": 1e-9}))
-    wild = {**SETUP.servo, "Z": {"gain_per_s": 600.0, "time_constant_ms": 30.0}}
+    wild = {**SETUP.servo, "Z": {"gain_per_s": 8118.4, "time_constant_ms": 5.5}}
     with pytest.raises(InputError, match=r"servo\.Z: .*stable"):
         AxisLogModel(log, replace(SETUP, servo=wild))
     run = ct.simulate(ct.Path.paper(), 3000.0, controller="independent")
@@ -228,3 +229,58 @@ def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> N
         file.write_text(text, encoding="utf-8")
         with pytest.raises(FileFormatError, match=told):
             ct.read_servo(file)
+
+
+@pytest.mark.parametrize(
+    ("shape", "told"),
+    [
+        ("offset", "depends on axis 0"),
+        ("drift", "depends on time ("),
+        ("jump", "depends on time (a jump at 1.0"),
+    ],
+)
+def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
+    shape: str, told: str
+) -> None:
+    runs = [
+        ct.simulate(ct.Path.paper(), feed, controller="independent").axis_log(
+            noise_um=0.2, noise_arcsec=1.0, seed=30 + i, run=i
+        )
+        for i, feed in enumerate((1000.0, 3000.0))
+    ]
+    log = tn.AxisLog.concatenate(runs)
+    t = np.concatenate([r.time_s for r in runs])
+    added = {"offset": np.ones(len(t)), "drift": t / 2 - 1, "jump": np.where(t > 1, 1.0, 0.0)}
+    d = diagnose(log.with_columns(x_act_mm=log.actual("x") + 2e-3 * added[shape]), SETUP)
+    assert d.verdict == "unexplained"
+    assert d.unexplained is not None
+    assert told in d.unexplained
+
+
+def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
+    log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
+    x = log.actual("x")
+    with pytest.raises(DataError, match="got tip_x_mm, wanted all of"):
+        AxisLogModel(log.with_columns(tip_x_mm=x), SETUP)
+    gap = np.where(np.arange(len(x)) == 7, np.nan, x)
+    with pytest.raises(DataError, match=r"tip_y_mm, row 7: got 'nan'"):
+        AxisLogModel(log.with_columns(tip_x_mm=x, tip_y_mm=gap, tip_z_mm=x), SETUP)
+
+
+def test_wrong_kinds_of_values_are_told_by_name() -> None:
+    path = ct.Path.paper()
+    x = ct.LinearAxis("fast", 5.0)  # type: ignore[arg-type]
+    wrong: list[tuple[str, Callable[[], object]]] = [
+        ("path: got str", lambda: ct.simulate("p.nc", 1000.0)),  # type: ignore[arg-type]
+        ("feed: got 'slow'", lambda: ct.simulate(path, "slow")),  # type: ignore[arg-type]
+        ("feed: got -5 mm/min", lambda: ct.simulate(path, -5.0)),
+        ("dwell_s: got 1 without decelerate", lambda: ct.Feed(1000.0, dwell_s=1.0)),
+        ("servo: got dict", lambda: ct.simulate(path, 1e3, servo={})),  # type: ignore[arg-type]
+        ("servo.X.gain_per_s: got 'fast'", lambda: ct.Servo({"X": x}).row("X")),
+        ("location error EX0C: got 'a'", lambda: ct.simulate(path, 1e3, errors={"EX0C": "a"})),  # type: ignore[dict-item]
+        ("paths: got one Path", lambda: ct.sweep(path, [1000.0])),  # type: ignore[arg-type]
+        ("radius: got -1 mm", lambda: ct.Path.circle(-1.0)),
+    ]
+    for told, call in wrong:
+        with pytest.raises(InputError, match=re.escape(told)):
+            call()

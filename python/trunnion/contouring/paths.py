@@ -149,6 +149,8 @@ class Path:
         Without tilt the tool stays vertical. With a tilt and the centre on the C axis the machine
         turns C alone. u is the angle in rad.
         """
+        if not radius_mm > 0:
+            raise InputError(f"radius: got {radius_mm:g} mm, wanted above 0")
         tilt = np.deg2rad(tilt_deg)
         constant = np.array([*centre_mm, 0.0, 0.0, np.cos(tilt)], dtype=np.float64)
         cosine = np.array([radius_mm, 0.0, 0.0, np.sin(tilt), 0.0, 0.0])

@@ -173,7 +173,9 @@ class Servo:
         if letter not in self.axes:
             known = ", ".join(self.axes) or "none"
             raise InputError(f"servo axis {letter}: not there (there are: {known}); it is wanted")
-        return np.array([getattr(self.axes[letter], f.name) for f in fields(self.axes[letter])])
+        axis = self.axes[letter]
+        named = [f.name for f in fields(axis)]
+        return np.array([number(f"servo.{letter}.{n}", getattr(axis, n)) for n in named])
 
     def rows(self) -> Array:
         """Return the numbers of X, Y, Z, A, C, shape (5, 13)."""
@@ -322,6 +324,16 @@ class Coupling:
 
 
 Controller: TypeAlias = Literal["independent", "existing", "proposed"] | Coupling
+
+
+def number(what: str, value: Any) -> float:
+    """Return a number as a float; anything else is an InputError."""
+    try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: got {value!r}, wanted a number") from None
 
 
 def coupling_of(controller: Controller) -> Coupling | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion import _core
 from trunnion.contouring.paths import Path
-from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
+from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of, number
 from trunnion.data.axis_log import AxisLog
 from trunnion.errors import InputError
 from trunnion.names import canonical_error_name
@@ -47,8 +47,10 @@ class Feed:
     dwell_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the feed, in its own unit."""
-        if not (isfinite(self.feed_mm_min) and self.feed_mm_min > 0):
+        """Check the feed, in its own unit, and that a dwell has a rest to follow."""
+        if self.dwell_s and not self.decelerate:
+            raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, wanted it too")
+        if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
             raise InputError(
                 f"feed: got {self.feed_mm_min:g} mm/min, wanted a finite number above 0"
             )
@@ -178,9 +180,11 @@ class ContourRun:
             ("log_delay_ms", log_delay_ms),
             ("seed", seed),
         ):
-            if not (isfinite(value) and value >= 0):
+            if not (isfinite(number(name, value)) and value >= 0):
                 raise InputError(f"{name}: got {value:g}, wanted a finite number, 0 or more")
-        rng = np.random.default_rng(seed)
+        if seed != int(seed):
+            raise InputError(f"seed: got {seed:g}, wanted a whole number")
+        rng = np.random.default_rng(int(seed))
         actual: Array = self.actual
         if log_delay_ms != 0.0:
             actual = _earlier(self.time_s, actual, log_delay_ms * 1e-3)
@@ -242,14 +246,27 @@ def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
 
 
 def _errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
-    return [(canonical_error_name(k), float(v)) for k, v in (errors or {}).items()]
+    if not isinstance(errors, Mapping | None):
+        raise InputError(f"location errors: got {errors!r}, wanted a mapping of name to number")
+    return [
+        (canonical_error_name(k), number(f"location error {k}", v))
+        for k, v in (errors or {}).items()
+    ]
 
 
 def _feed(feed: "Feed | float") -> Feed:
-    return feed if isinstance(feed, Feed) else Feed(float(feed))
+    return feed if isinstance(feed, Feed) else Feed(number("feed", feed))
+
+
+def _path(path: Path) -> Path:
+    if not isinstance(path, Path):
+        raise InputError(f"path: got {type(path).__name__}, wanted a Path")
+    return path
 
 
 def _period(servo: Servo) -> float:
+    if not isinstance(servo, Servo):
+        raise InputError(f"servo: got {type(servo).__name__}, wanted a Servo")
     period = 1.0 if servo.period_ms is None else servo.period_ms
     if not (isfinite(period) and period > 0):
         raise InputError(f"control period: got {period} ms, wanted a finite number above 0")
@@ -299,11 +316,11 @@ def simulate(
     InputError, UnknownNameError
         A parameter out of range or unknown.
     """
-    servo = servo or Servo.paper()
+    servo = Servo.paper() if servo is None else servo
     coupling = coupling_of(controller)
     period = _period(servo)
     columns = _core.contour_simulate(
-        path.core,
+        _path(path).core,
         _feed(feed).core,
         period * 1e-3,
         servo.rows(),
@@ -388,14 +405,16 @@ def sweep(
     ``feed`` gives what is the same for all feeds (acceleration, deceleration, limit); other
     parameters as in `simulate`. The interpreter lock is released.
     """
-    servo = servo or Servo.paper()
+    if isinstance(paths, Path):
+        raise InputError("paths: got one Path, wanted a sequence of them")
+    servo = Servo.paper() if servo is None else servo
     common = feed or Feed(1.0)
     shape = (len(paths), len(feeds_mm_min), len(controllers))
     index = list(np.ndindex(*shape))
     couplings = [coupling_of(c) for c in controllers]
-    feeds = [replace(common, feed_mm_min=float(f)).core for f in feeds_mm_min]
+    feeds = [replace(common, feed_mm_min=number("feed", f)).core for f in feeds_mm_min]
     names, values = _core.contour_sweep(
-        [p.core for p in paths],
+        [_path(p).core for p in paths],
         [i for i, _, _ in index],
         [feeds[j] for _, j, _ in index],
         _period(servo) * 1e-3,

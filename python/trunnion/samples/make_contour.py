@@ -53,7 +53,7 @@ def make_contour(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "setup.toml").write_text(SETUP, encoding="utf-8")
     servo = ct.read_servo(folder / "setup.toml")
-    worn = replace(servo.axes["Y"], backlash_um=HIDDEN_BACKLASH_UM)  # type: ignore[call-arg]
+    worn = replace(servo.axes["Y"], backlash_um=HIDDEN_BACKLASH_UM)  # type: ignore[arg-type]
     servo = replace(servo, axes={**servo.axes, "Y": worn})
     logs = [
         ct.simulate(ct.Path.paper(), feed, controller="independent", servo=servo).axis_log(
