@@ -34,7 +34,7 @@ def register(parent: typer.Typer) -> None:
 @clean_errors
 def simulate(
     setup: Annotated[
-        Path | None, typer.Option(help="set-up with a [servo] table; else the paper's Table 1")
+        Path | None, typer.Option(help="set-up with a table \\[servo]; else the paper's Table 1")
     ] = None,
     program: Annotated[
         Path | None,
@@ -140,7 +140,7 @@ def _write_log(
 @clean_errors
 def diagnose(
     files: Annotated[
-        list[Path], typer.Argument(help="axis log (CSV) and the set-up (TOML) with [servo]")
+        list[Path], typer.Argument(help="axis log (CSV) and the set-up (TOML) with \\[servo]")
     ],
     html: Annotated[Path | None, typer.Option(help="write a page with pictures here")] = None,
     json_output: Annotated[

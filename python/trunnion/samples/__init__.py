@@ -6,6 +6,8 @@ repeatability, 0.1 µm ticks).
 ``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
 ``ballbar/circle.csv``: points, sweeps and a ball-bar test, made by ``samples/make_measured.py``,
 which says what is in them.
+``contour/setup.toml``, ``contour/axislog.csv``: a servo and a log of five axes at two feeds, made by
+``samples/make_contour.py``.
 """
 
 from importlib.resources import as_file, files
