@@ -73,6 +73,10 @@ Array = npt.NDArray[np.float64]
 TIME_CONSTANTS = 60
 WAVE_STEP = 0.125
 
+# Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
+# what is left of it once amplitude and time constant are fitted anew is below the noise.
+LEAST_WEAR_UM = 2.0
+
 CAUSES = {
     "tool_heating": "the tool heats up and grows",
     "tool_wear": "the tool wears",
@@ -279,8 +283,24 @@ class _Cause:
     def effect(self, data: Diameters) -> Effect:
         """As the engine wants it."""
         return Effect(
-            self.name, self.parameters(data), self.change, self.jacobian, words=CAUSES[self.name]
+            self.name,
+            self.parameters(data),
+            self.change,
+            self.jacobian,
+            words=CAUSES[self.name],
+            least=self._least(data),
         )
+
+    def _least(self, data: Diameters) -> dict[str, float] | None:
+        """Wear that matters, over the longest pass; the other causes have to show themselves."""
+        if self.name != "tool_wear":
+            return None
+        time = _cuts(data, self.told, self.reference)[:, 2]
+        labels = _labels(data.pass_, len(data))
+        longest = max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
+        if self.reference.timed:
+            return {"rate_um_min": 60.0 * LEAST_WEAR_UM / max(longest, 1e-6)}
+        return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
 
 
 @dataclass(frozen=True)
