@@ -534,7 +534,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     for members, distance, rss in e.sets:
         s = frozenset(ids[m] for m in members)
         if all(s != a.causes for a in alternatives):
-            rms = np.sqrt(rss / max(len(f.white), 1))
+            rms = np.sqrt(max(rss, 0.0) / max(len(f.white), 1))
             start = {ids[m]: case.values[m][v] for m, v in members.items()}
             alternatives.append(Alternative(s, float(distance), float(rms), start))
     n = len(model.readings)
