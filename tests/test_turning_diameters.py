@@ -62,6 +62,21 @@ def test_reversed_feed_parts_wear_from_taper() -> None:
     assert frozenset(other[0]) in best.parts
 
 
+def test_a_warm_tool_parts_wear_from_heating() -> None:
+    """What is promised of the next pass holds: the doubt is gone once it is measured."""
+    both = ("tool_heating", "tool_wear")
+    for hidden in (both[:1], both):
+        got = diagnose(*measured(11, hidden, 2))
+        assert {frozenset(both[:1]), frozenset(both)} <= set(got.alternatives)
+        best = next_passes(got)[0]
+        assert "right behind four more" in best.words
+        other = next(s for s in got.alternatives if s <= set(both) and s != got.named)
+        assert other in best.parts
+        settled = diagnose(*measured(11, hidden, 2, warm=True))
+        assert settled.verdict == "explained"
+        assert settled.named == set(hidden)
+
+
 def test_without_a_clock_the_length_cut_takes_its_place() -> None:
     data, _ = measured(2, ("tool_heating",), 1)
     data = data.with_columns(time_s=None)

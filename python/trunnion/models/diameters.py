@@ -73,6 +73,9 @@ Array = npt.NDArray[np.float64]
 TIME_CONSTANTS = 60
 WAVE_STEP = 0.125
 
+# More is a slip: a diameter itself, or another unit.
+MOST_ERROR_UM = 5000.0
+
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 LEAST_WEAR_UM = 2.0
@@ -380,7 +383,7 @@ def build(
     Raises
     ------
     DataError
-        Too few readings in a pass, or readings beyond the overhang.
+        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
     InputError, UnknownNameError
         As `conditions`, and for an id that is in no catalogue.
     """
@@ -390,6 +393,13 @@ def build(
         row = int(np.argmax(z))
         raise DataError(
             f"z_mm (row {row}): got {z[row]}, wanted at most the overhang, {told.overhang_mm} mm"
+        )
+    error = np.asarray(data.error_um, dtype=np.float64)
+    if (np.abs(error) > MOST_ERROR_UM).any():
+        row = int(np.argmax(np.abs(error)))
+        raise DataError(
+            f"error_um (row {row}): got {error[row]}, wanted measured minus nominal diameter, µm, "
+            f"within ±{MOST_ERROR_UM:g}"
         )
     reference = reference or _reference(data, told)
     labels = _labels(data.pass_, len(data))
@@ -416,9 +426,7 @@ def build(
     place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
     return _DiameterModel(
         data=data,
-        readings=Readings(
-            np.asarray(data.error_um, dtype=np.float64), rows=np.arange(len(data)), unit="µm"
-        ),
+        readings=Readings(error, rows=np.arange(len(data)), unit="µm"),
         nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
         design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
         effects=[_Cause(name, told, reference).effect(data) for name in CAUSES] + own,
