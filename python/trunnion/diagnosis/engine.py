@@ -268,6 +268,7 @@ def _explain(case: _Case) -> _Explanation:
                 sets += [(m, distance, f.rss) for m in _expand(candidates, f)]
         if not terms:
             sets += _behind(case, candidates, best.score, sets)
+            sets.sort(key=lambda s: s[1])
     note, p_rest = _rest(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_rest))
     price = best.score - plain.dof * np.log(max(best.rss, TINY))
