@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from trunnion import Diameters
+from trunnion import Diameters, sample_path
 from trunnion.cli import app
 from trunnion.nc import Program, follow
+from trunnion.samples.make_turning import make_turning
 
 PROGRAM = """G7 G18 G21 G90
 G95 F0.1
@@ -98,3 +99,16 @@ def test_diameters_for_errors_are_refused(files: Path) -> None:
     setup = files / "setup.toml"
     assert "error_um (row 0)" in run("diagnose", files / "slip.csv", "--setup", setup, code=2)
     assert "reading 0" in run("correct", files / "part.ngc", files / "slip.csv", code=2)
+
+
+def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
+    """docs/turning.md; and they are what their maker makes."""
+    make_turning(tmp_path)
+    kept = {path.name: path for path in tmp_path.iterdir()}
+    assert sorted(kept) == ["diameters.csv", "part.ngc", "passes.csv", "setup.toml"]
+    for name, path in kept.items():
+        assert sample_path(f"turning/{name}").read_text() == path.read_text()
+    told = json.loads(run("correct", kept["part.ngc"], kept["diameters.csv"], "--json"))
+    assert len(told["inserted"]) == 1
+    told = json.loads(run("diagnose", kept["passes.csv"], "--setup", kept["setup.toml"], "--json"))
+    assert {"bending", "tool_heating"} in [set(s) for s in told["alternatives"]]

@@ -197,7 +197,10 @@ def diagnose(
         return
     say(found.summary())
     for one in advice[:1]:
-        say(f"To tell them apart: {one}")
+        if one.parts:
+            say(f"To tell them apart: {one}")
+        else:
+            say("To tell them apart: none of the passes that were tried would do.")
 
 
 def _save(figure: object, target: Path) -> None:

@@ -95,7 +95,7 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     noise = max(diagnosis.sigma, 1e-9)
     wider_causes = {o: _held(diagnosis, model, o) for o in others if o > diagnosis.named}
     found = []
-    for words, wider in _candidates(model.data):
+    for words, wider in _candidates(_with_clock(model)):
         bound = model.bind(wider)
         truth = bound.predict(np.zeros(len(bound.nuisance)), diagnosis.effects)
         apart = {}
@@ -122,6 +122,15 @@ def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
         model, diagnosis.kept, effects, diagnosis.nuisance_before, values, lambda rows: rows
     )
     return fitted.effects
+
+
+def _with_clock(model: Model) -> Diameters:
+    """Data with their cutting time, where the set-up file tells it: that in which wear counts."""
+    data: Diameters = model.data
+    wear = next(e for e in model.effects if e.id == "tool_wear")
+    if data.time_s is not None or wear.parameters[0].name != "rate_um_min":
+        return data
+    return data.with_columns(time_s=60.0 * np.asarray(wear.change(data, wear.values([1.0]))))
 
 
 def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:

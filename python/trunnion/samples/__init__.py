@@ -6,6 +6,8 @@ repeatability, 0.1 µm ticks).
 ``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
 ``ballbar/circle.csv``: points, sweeps and a ball-bar test, made by ``samples/make_measured.py``,
 which says what is in them.
+``turning/part.ngc``, ``turning/setup.toml``, ``turning/diameters.csv``, ``turning/passes.csv``: a
+finishing program and what its part came out as, made by ``samples/make_turning.py``.
 """
 
 from importlib.resources import as_file, files
@@ -27,7 +29,7 @@ def sample_path(name: str) -> Path:
             known = sorted(
                 str(found.relative_to(path.parents[name.count("/")]))
                 for found in path.parents[name.count("/")].glob("*/*")
-                if found.suffix in {".toml", ".csv"}
+                if found.suffix in {".toml", ".csv", ".ngc"}
             )
             raise FileNotFoundError(f"sample: got {name!r}, wanted one of {', '.join(known)}")
         return path
