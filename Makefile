@@ -69,8 +69,8 @@ lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
 		--all-extras --resolver=backtracking --output-file requirements.lock pyproject.toml
 
 .PHONY: power-turning
-power-turning: build  ## blind tests of diameters: causes found, alike, missed, wrong
-	$(BIN)/python tests/turning_blind.py 200
+power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/power-turning.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/turning_blind.py 200 --out docs/power-turning.md
 
 # LinuxCNC's interpreter, which the tests of part programs run where it is there: the two packages it
 # needs beyond a usual Debian, unpacked and not installed (installing pulls in a desktop).

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from trunnion import Diameters
+from trunnion import Diameters, sample_path
 from trunnion.cli import app
 from trunnion.nc import Program, follow
+from trunnion.samples.make_turning import make_turning
 
 PROGRAM = """G7 G18 G21 G90
 G95 F0.1
@@ -70,3 +71,44 @@ def test_diagnose(files: Path) -> None:
     assert frozenset({"tool_heating"}) in named
     said = run(*arguments)
     assert ("To tell them apart" in said) == (told["verdict"] == "ambiguous")
+
+
+def test_faults_are_told_with_file_and_place(files: Path) -> None:
+    bad = files / "bad.ngc"
+    readings = files / "diameters.csv"
+    faults = {
+        "G7 G18\nG0 X70 Z65\nG1 Z20\n": "line 3, column 4: a feed move but no feed",
+        "G7 G95 F.1\nG0 X70 Z65\nG2 X80 Z60\n": "line 3, column 4: an arc without radius",
+        "G7 G95 F.1\nG0 X70 Z65\nG1 Z2O\n": "line 3, column 6: O without a number",
+        "G7 G95 F.1\nG0 X70 Z65\nG1 Z20 Q5\n": "line 3, column 8: Q5 has no meaning",
+    }
+    for text, said in faults.items():
+        bad.write_text(text)
+        for arguments in (("path", bad), ("correct", bad, readings)):
+            assert f"{bad}: {said}" in run(*arguments, code=2)
+    bad.write_bytes(b"G7\n\xff\n")
+    assert f"{bad}: got byte 0xff at 3, wanted UTF-8 text" in run("path", bad, code=2)
+    told = run("path", files / "part.ngc", "--picture", files / "x.foo", code=2)
+    assert "picture: got 'x.foo', wanted a name that ends in one of" in told
+    assert "machine code" in run("path", files / "part.ngc", "--machine-code", "45", code=2)
+
+
+def test_diameters_for_errors_are_refused(files: Path) -> None:
+    z = np.arange(60.0, 20.0, -1.0)
+    Diameters(z_mm=z, error_um=70e3 + z).to_csv(files / "slip.csv")
+    setup = files / "setup.toml"
+    assert "error_um (row 0)" in run("diagnose", files / "slip.csv", "--setup", setup, code=2)
+    assert "reading 0" in run("correct", files / "part.ngc", files / "slip.csv", code=2)
+
+
+def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
+    """docs/turning.md; and they are what their maker makes."""
+    make_turning(tmp_path)
+    kept = {path.name: path for path in tmp_path.iterdir()}
+    assert sorted(kept) == ["diameters.csv", "part.ngc", "passes.csv", "setup.toml"]
+    for name, path in kept.items():
+        assert sample_path(f"turning/{name}").read_text() == path.read_text()
+    told = json.loads(run("correct", kept["part.ngc"], kept["diameters.csv"], "--json"))
+    assert len(told["inserted"]) == 1
+    told = json.loads(run("diagnose", kept["passes.csv"], "--setup", kept["setup.toml"], "--json"))
+    assert {"bending", "tool_heating"} in [set(s) for s in told["alternatives"]]

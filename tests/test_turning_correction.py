@@ -75,6 +75,36 @@ def test_a_repeatable_error_is_left_within_the_bound(seed: int, unit_um: float) 
     assert np.abs(got.remaining_um[got.covered]).max() <= promised + 1e-6
 
 
+BEGINNINGS = {
+    "rapid to the line": "G7 G90\nG0 X60 Z100\nG1 Z0 F0.1\n",
+    "X before Z": "G7 G90\nG0 X60\nZ100\nG1 Z0 F0.1\n",
+    "feed in": "G7 G90\nG0 X60 Z102\nG1 Z0 F0.1\n",
+    "plunge": "G7 G90\nG0 X64 Z100\nG1 X60 F0.1\nZ0\n",
+    "face before": "G7 G90\nG0 X-1 Z100\nG1 X60 F0.1\nZ0\n",
+    "radius": "G8 G90\nG0 X30 Z100\nG1 Z0 F0.1\n",
+    "a second line behind a rapid": (
+        "G7 G90\nG0 X60 Z100\nG1 Z60 F0.1\nX70\nZ30\nG0 X80\nG0 Z20\nG0 X75\nG1 Z0\n"
+    ),
+    "rapid by increments": "G7 G90\nG0 X64 Z100\nG91 X-2\nG90 G1 Z0 F0.1\n",
+    "first rapid in inches": "G7 G90 G20\nG0 X2.5 Z4\nG21\nG1 Z0 F0.1\n",
+}
+
+
+@pytest.mark.parametrize("count", [40, 700])
+@pytest.mark.parametrize("begins", BEGINNINGS)
+def test_the_bound_holds_from_the_first_reading_on(begins: str, count: int) -> None:
+    """However the line begins, and where the error is too rough for straight lines."""
+    rng = np.random.default_rng(count)
+    program = Program.parse(BEGINNINGS[begins], "linuxcnc-lathe")
+    z = np.linspace(99.9, 0.1, count)
+    error = 7 + 5 * np.sin(z / 15) + rng.normal(0, 3, count)
+    for window in (1, 5):
+        got = correct(program, (z, error), window=window, bound_um=0.5)
+        assert got.bound_um == pytest.approx(1.5)
+        change = 1e3 * (cut(got.program, got.window_z_mm) - cut(program, got.window_z_mm))
+        assert np.abs(got.window_mean_um + change).max() <= 1.5 + 1e-6
+
+
 def test_the_bounded_rule_needs_no_more_blocks_than_the_others() -> None:
     program = Program.parse("G7 G90\nG0 X60 Z100\nG1 Z0 F0.1\n", "linuxcnc-lathe")
     z = np.arange(99.5, 0, -1.0)
@@ -201,6 +231,14 @@ def test_what_cannot_be_corrected_is_refused() -> None:
         correct(plain, (z + 200, z))
     with pytest.raises(InputError, match="reading 3"):
         correct(plain, (z, np.where(np.arange(80) == 3, np.nan, z)))
+    with pytest.raises(InputError, match="reading 0, mm: got 60, wanted at most 5 mm"):
+        correct(plain, (z, z + 59_910.0))
+    with pytest.raises(InputError, match="radius of the nose"):
+        correct(plain, (z, z), nose_mm=-0.8)
+    with pytest.raises(InputError, match="feed before the program"):
+        correct(plain, (z, z), feed=-0.1)
+    with pytest.raises(InputError, match="machine code: got 4503"):
+        correct(plain, (z, z), machine_codes=[("4", 503.0)])
     with pytest.raises(InputError, match="unit"):
         correct(plain, (z, z), unit_um=0.0)
     with pytest.raises(InputError, match="window"):

@@ -62,6 +62,21 @@ def test_reversed_feed_parts_wear_from_taper() -> None:
     assert frozenset(other[0]) in best.parts
 
 
+def test_a_warm_tool_parts_wear_from_heating() -> None:
+    """What is promised of the next pass holds: the doubt is gone once it is measured."""
+    both = ("tool_heating", "tool_wear")
+    for hidden in (both[:1], both):
+        got = diagnose(*measured(11, hidden, 2))
+        assert {frozenset(both[:1]), frozenset(both)} <= set(got.alternatives)
+        best = next_passes(got)[0]
+        assert "right behind four more" in best.words
+        other = next(s for s in got.alternatives if s <= set(both) and s != got.named)
+        assert other in best.parts
+        settled = diagnose(*measured(11, hidden, 2, warm=True))
+        assert settled.verdict == "explained"
+        assert settled.named == set(hidden)
+
+
 def test_without_a_clock_the_length_cut_takes_its_place() -> None:
     data, _ = measured(2, ("tool_heating",), 1)
     data = data.with_columns(time_s=None)
@@ -88,3 +103,25 @@ def test_what_is_missing_is_told() -> None:
         build(data[:3], Conditions(65.0))
     with pytest.raises(UnknownNameError, match="no_such"):
         build(data, Conditions(65.0), ["no_such"])
+
+
+@pytest.mark.parametrize("count", [4, 8, 10, 30])
+@pytest.mark.parametrize("passes", [1, 2])
+def test_few_exact_and_equal_readings_give_no_warning(count: int, passes: int) -> None:
+    """Rests that are zero to rounding: a division and a root of a negative number once."""
+    told = Conditions(100.0)
+    z = np.linspace(95.0, 5.0, count)
+    shapes = {
+        "equal": np.full(count, 5.0),
+        "one differs": np.r_[np.full(count - 1, 5.0), 6.0],
+        "straight": 0.1 * z,
+        "a step": np.where(z > 50, 3.0, 0.0),
+        "two far out": np.where(np.arange(count) == 1, 20.0, 0.0) + 30.0 * (z == z[count // 2]),
+    }
+    for name, error in shapes.items():
+        columns = {"z_mm": np.tile(z, passes), "error_um": np.tile(error, passes)}
+        columns["pass"] = np.repeat(np.arange(passes), count)
+        got = diagnose(Diameters(columns), told)
+        assert np.isfinite(got.gain.rms_after_um), name
+        assert (got.verdict == "consistent") >= (name == "equal")
+        assert got.summary()

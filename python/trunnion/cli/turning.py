@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, cast
 
@@ -9,7 +11,7 @@ import typer
 
 from trunnion import read_diameters, read_setup
 from trunnion.cli.common import clean_errors, say, show_json
-from trunnion.errors import InputError
+from trunnion.errors import InputError, ProgramError
 from trunnion.nc import DIALECTS, Program
 from trunnion.turning import (
     Profile,
@@ -51,6 +53,18 @@ def _codes(codes: list[str] | None) -> list[tuple[str, float]]:
     return out
 
 
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Put the file's name before the line and column of a program's fault."""
+    try:
+        yield
+    except ProgramError as error:
+        raise ProgramError(f"{path}: {error}") from None
+    except UnicodeDecodeError as error:
+        got = f"byte {error.object[error.start]:#04x} at {error.start}"
+        raise ProgramError(f"{path}: got {got}, wanted UTF-8 text") from None
+
+
 def _read(path: Path, dialect: str) -> Program:
     return Program.parse(path.read_text(encoding="utf-8"), dialect)
 
@@ -83,13 +97,14 @@ def path(
     as_json: AsJson = False,
 ) -> None:
     """Lay out the probe's path along the part of a finishing program; write the probe program."""
-    profile = Profile.from_program(
-        _read(program, dialect),
-        follows=cast(Follows, follows),
-        nose_mm=nose_mm,
-        feed=feed,
-        machine_codes=_codes(machine_code),
-    )
+    with _naming(program):
+        profile = Profile.from_program(
+            _read(program, dialect),
+            follows=cast(Follows, follows),
+            nose_mm=nose_mm,
+            feed=feed,
+            machine_codes=_codes(machine_code),
+        )
     found = probe_path(
         profile,
         TurningProbe(ball_diameter_mm, contact_angle_deg, body_diameter_mm),
@@ -134,19 +149,20 @@ def correct_(
     as_json: AsJson = False,
 ) -> None:
     """Correct a finishing program for measured diameters; say what that leaves."""
-    got = correct(
-        _read(program, dialect),
-        read_diameters(diameters),
-        rule=cast(Rule, rule),
-        unit_um=unit_um,
-        bound_um=bound_um,
-        window=window,
-        look_ahead=look_ahead,
-        follows=cast(Follows, follows),
-        nose_mm=nose_mm,
-        feed=feed,
-        machine_codes=_codes(machine_code),
-    )
+    with _naming(program):
+        got = correct(
+            _read(program, dialect),
+            read_diameters(diameters),
+            rule=cast(Rule, rule),
+            unit_um=unit_um,
+            bound_um=bound_um,
+            window=window,
+            look_ahead=look_ahead,
+            follows=cast(Follows, follows),
+            nose_mm=nose_mm,
+            feed=feed,
+            machine_codes=_codes(machine_code),
+        )
     if picture is not None:
         _save(plot_correction(got).figure, picture)
     if as_json:
@@ -181,11 +197,20 @@ def diagnose(
         return
     say(found.summary())
     for one in advice[:1]:
-        say(f"To tell them apart: {one}")
+        if one.parts:
+            say(f"To tell them apart: {one}")
+        else:
+            say("To tell them apart: none of the passes that were tried would do.")
 
 
 def _save(figure: object, target: Path) -> None:
     from matplotlib.figure import Figure
 
     if isinstance(figure, Figure):
+        known = figure.canvas.get_supported_filetypes()
+        if target.suffix.lstrip(".").lower() not in known:
+            raise InputError(
+                f"picture: got {target.name!r}, wanted a name that ends in one of "
+                + ", ".join(sorted(known))
+            )
         figure.savefig(target, dpi=130)

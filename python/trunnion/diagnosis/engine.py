@@ -44,6 +44,7 @@ TINY = 1e-300
 ROUNDING = 1e-12  # of the largest reading
 PERMUTATION_SEED = 1
 MOST_ALTERNATIVES = 50
+BEHIND = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind named causes
 
 
 @dataclass
@@ -265,10 +266,50 @@ def _explain(case: _Case) -> _Explanation:
             if f.score <= best.score + WITHIN:
                 distance = max(f.score - best.score, 0.0)
                 sets += [(m, distance, f.rss) for m in _expand(candidates, f)]
+        if not terms:
+            sets += _behind(case, candidates, best.score, sets)
+            sets.sort(key=lambda s: s[1])
     note, p_rest = _rest(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_rest))
     price = best.score - plain.dof * np.log(max(best.rss, TINY))
     return _Explanation(extended, best.rss, price, sets, terms, alarm, candidates, note)
+
+
+def _behind(
+    case: _Case, c: Candidates, best: float, sets: Sequence[tuple[dict[int, int], float, float]]
+) -> list[tuple[dict[int, int], float, float]]:
+    """Sets that explain the data as well with one more effect beside them, of a size that matters.
+
+    Nothing demands the effect, but the others take its share where it is there: a tool that wears
+    while it heats up looks like one that heats up less and sooner. The size is supposed and not
+    fitted, so that it costs no penalty.
+    """
+    known = {frozenset(m) for m, _, _ in sets}
+    out: dict[frozenset[int], tuple[dict[int, int], float, float]] = {}
+    hidden = {j for j, effect in enumerate(case.effects) if effect.least is not None}
+    for j, effect in enumerate(case.effects):
+        if effect.least is None:
+            continue
+        change = np.asarray(effect.change(case.model.data, effect.least), dtype=np.float64)
+        white = np.asarray(case.whiten(change))[case.rows]
+        own = white - case.plain.basis @ (case.plain.basis.T @ white)
+        for times in BEHIND:
+            for f in search(c, case.plain.white - times * own)[:-1]:
+                if f.score > best + WITHIN:
+                    break
+                for members in _expand(c, f):
+                    with_it = frozenset(members) | {j}
+                    # Where it can take another's place, that is said already.
+                    swapped = any(with_it > k and j in k and len(with_it - k) == 1 for k in known)
+                    if j in members or with_it in known or swapped:
+                        continue
+                    one = ({**members, j: 0}, max(f.score - best, 0.0), f.rss)
+                    if with_it not in out or one[1] < out[with_it][1]:
+                        out[with_it] = one
+    # A set that holds a smaller one of the kind says it again.
+    small = [k for k in (*known, *out) if k & hidden]
+    fresh = [one for with_it, one in out.items() if not any(with_it > k for k in small)]
+    return sorted(fresh, key=lambda one: one[1])
 
 
 @dataclass
@@ -494,7 +535,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     for members, distance, rss in e.sets:
         s = frozenset(ids[m] for m in members)
         if all(s != a.causes for a in alternatives):
-            rms = np.sqrt(rss / max(len(f.white), 1))
+            rms = np.sqrt(max(rss, 0.0) / max(len(f.white), 1))
             start = {ids[m]: case.values[m][v] for m, v in members.items()}
             alternatives.append(Alternative(s, float(distance), float(rms), start))
     n = len(model.readings)

@@ -80,7 +80,7 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
         x = size[order[k - 1]]
         # The tail itself leaves gaps: those of a tail of index 3 are exponential on a log scale
         # (Rényi), and readings of one kind end without one.
-        if (size[order[k]] / x) ** (3.0 * k) > GAP_LEVEL:
+        if x <= 0 or (size[order[k]] / x) ** (3.0 * k) > GAP_LEVEL:
             continue
         rest = size[order[k:]]
         mad = np.median(rest)

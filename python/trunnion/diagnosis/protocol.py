@@ -159,6 +159,10 @@ class Effect:
         The machine's motion under this effect, or None: diagnosed but not compensated.
     words:
         How a sentence calls it: subject and verb, "the Z axis drifts".
+    least:
+        Parameters at the least size that matters, or None. An effect that has them is looked for
+        behind the named causes: a set that explains the data as well with the effect beside it,
+        at this size or a few times it, is among the alternatives together with the effect.
     """
 
     id: str
@@ -168,6 +172,7 @@ class Effect:
     scope: EffectScope = "machine"
     motion: Callable[[Any, Mapping[str, float]], Any] | None = None
     words: str = ""
+    least: Mapping[str, float] | None = None
 
     @property
     def linear(self) -> bool:

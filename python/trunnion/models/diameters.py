@@ -73,6 +73,13 @@ Array = npt.NDArray[np.float64]
 TIME_CONSTANTS = 60
 WAVE_STEP = 0.125
 
+# More is a slip: a diameter itself, or another unit.
+MOST_ERROR_UM = 5000.0
+
+# Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
+# what is left of it once amplitude and time constant are fitted anew is below the noise.
+LEAST_WEAR_UM = 2.0
+
 CAUSES = {
     "tool_heating": "the tool heats up and grows",
     "tool_wear": "the tool wears",
@@ -279,8 +286,24 @@ class _Cause:
     def effect(self, data: Diameters) -> Effect:
         """As the engine wants it."""
         return Effect(
-            self.name, self.parameters(data), self.change, self.jacobian, words=CAUSES[self.name]
+            self.name,
+            self.parameters(data),
+            self.change,
+            self.jacobian,
+            words=CAUSES[self.name],
+            least=self._least(data),
         )
+
+    def _least(self, data: Diameters) -> dict[str, float] | None:
+        """Wear that matters, over the longest pass; the other causes have to show themselves."""
+        if self.name != "tool_wear":
+            return None
+        time = _cuts(data, self.told, self.reference)[:, 2]
+        labels = _labels(data.pass_, len(data))
+        longest = max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
+        if self.reference.timed:
+            return {"rate_um_min": 60.0 * LEAST_WEAR_UM / max(longest, 1e-6)}
+        return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
 
 
 @dataclass(frozen=True)
@@ -360,7 +383,7 @@ def build(
     Raises
     ------
     DataError
-        Too few readings in a pass, or readings beyond the overhang.
+        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
     InputError, UnknownNameError
         As `conditions`, and for an id that is in no catalogue.
     """
@@ -370,6 +393,13 @@ def build(
         row = int(np.argmax(z))
         raise DataError(
             f"z_mm (row {row}): got {z[row]}, wanted at most the overhang, {told.overhang_mm} mm"
+        )
+    error = np.asarray(data.error_um, dtype=np.float64)
+    if (np.abs(error) > MOST_ERROR_UM).any():
+        row = int(np.argmax(np.abs(error)))
+        raise DataError(
+            f"error_um (row {row}): got {error[row]}, wanted measured minus nominal diameter, µm, "
+            f"within ±{MOST_ERROR_UM:g}"
         )
     reference = reference or _reference(data, told)
     labels = _labels(data.pass_, len(data))
@@ -396,9 +426,7 @@ def build(
     place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
     return _DiameterModel(
         data=data,
-        readings=Readings(
-            np.asarray(data.error_um, dtype=np.float64), rows=np.arange(len(data)), unit="µm"
-        ),
+        readings=Readings(error, rows=np.arange(len(data)), unit="µm"),
         nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
         design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
         effects=[_Cause(name, told, reference).effect(data) for name in CAUSES] + own,

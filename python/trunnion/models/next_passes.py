@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion.data.diameters import Diameters
+from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.protocol import Effect, Model, Values
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.errors import InputError
@@ -18,9 +19,11 @@ from trunnion.errors import InputError
 __all__ = ["NextPass", "next_passes"]
 
 Array = npt.NDArray[np.float64]
+Named = Mapping[str, Mapping[str, float]]
 
 # Two laws this many standard deviations apart are told apart in more than 99 of 100 cases.
 APART = 4.0
+ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,11 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     """Say which further pass would part the alternatives of a diagnosis of diameters.
 
     Tried are the first measured pass again with reversed feed, with twice the depth of cut, with
-    both, and with half the feed speed; each from a cold tool and with a tool setting of its own.
-    The means under the named causes are fitted by every other set of causes; what is left, over the
-    noise, is the distance.
+    both, with half the feed speed, all from a cold tool, and again right behind four more, so that
+    the tool is warm; each with a tool setting of its own. The means under the named causes are
+    fitted by every other set of causes; what is left, over the noise, is the distance. A set that
+    holds all the named causes and more can fit whatever they make: there the named causes fit its
+    means, the cause that hides behind them at the least size that matters, others as fitted.
 
     Returns
     -------
@@ -88,12 +93,44 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     if not others:
         return ()
     noise = max(diagnosis.sigma, 1e-9)
+    wider_causes = {o: _held(diagnosis, model, o) for o in others if o > diagnosis.named}
     found = []
-    for words, wider in _candidates(model.data):
+    for words, wider in _candidates(_with_clock(model)):
         bound = model.bind(wider)
         truth = bound.predict(np.zeros(len(bound.nuisance)), diagnosis.effects)
-        found.append(NextPass(words, {o: _distance(bound, truth, o) / noise for o in others}))
+        apart = {}
+        for other in others:
+            if other > diagnosis.named:
+                means = bound.predict(np.zeros(len(bound.nuisance)), wider_causes[other])
+                apart[other] = _distance(bound, means, diagnosis.named, diagnosis.effects) / noise
+            else:
+                apart[other] = _distance(bound, truth, other, diagnosis.effects) / noise
+        found.append(NextPass(words, apart))
     return tuple(sorted(found, key=lambda n: (-len(n.parts), -min(n.apart.values()))))
+
+
+def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
+    """Values of a set that holds the named causes: those that may hide at their least size."""
+    least = {e.id: e.least for e in model.effects if e.id in causes and e.least is not None}
+    more = {id_: least[id_] for id_ in causes - diagnosis.named if id_ in least}
+    if causes - diagnosis.named == set(more):
+        return {**diagnosis.effects, **more}
+    start = next(a.start for a in diagnosis.evidence if a.causes == causes)
+    effects = [e for e in model.effects if e.id in causes]
+    values = {id_: Values(v) for id_, v in start.items()}
+    fitted = fit(
+        model, diagnosis.kept, effects, diagnosis.nuisance_before, values, lambda rows: rows
+    )
+    return fitted.effects
+
+
+def _with_clock(model: Model) -> Diameters:
+    """Data with their cutting time, where the set-up file tells it: that in which wear counts."""
+    data: Diameters = model.data
+    wear = next(e for e in model.effects if e.id == "tool_wear")
+    if data.time_s is not None or wear.parameters[0].name != "rate_um_min":
+        return data
+    return data.with_columns(time_s=60.0 * np.asarray(wear.change(data, wear.values([1.0]))))
 
 
 def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
@@ -104,7 +141,9 @@ def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
     depth = np.ones(n) if data.depth_mm is None else np.asarray(data.depth_mm)
     time = data.time_s
 
-    def with_pass(reverse: bool, deep: bool, slow: bool) -> Diameters:
+    def with_pass(
+        reverse: bool = False, deep: bool = False, slow: bool = False, behind: int = 0
+    ) -> Diameters:
         columns: dict[str, Any] = {
             name: np.concatenate([values, values[first]]) for name, values in data.columns.items()
         }
@@ -114,42 +153,63 @@ def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
         if time is not None:
             new = np.asarray(time)[first]
             new = new.max() + new.min() - new if reverse else new
-            columns["time_s"] = np.concatenate([time, (2 if slow else 1) * new])
+            new = (2 if slow else 1) * new + behind * new.max()
+            columns["time_s"] = np.concatenate([time, new])
         elif slow and data.spindle_rpm is not None:
             rpm = np.asarray(data.spindle_rpm)
             columns["spindle_rpm"] = np.concatenate([rpm, rpm[first] / 2])
         return Diameters(columns)
 
-    yield "turn a pass with reversed feed, from a cold tool", with_pass(True, False, False)
-    yield "turn a pass with twice the depth of cut", with_pass(False, True, False)
-    yield "turn a pass with reversed feed and twice the depth", with_pass(True, True, False)
+    yield "turn a pass with reversed feed, from a cold tool", with_pass(reverse=True)
+    yield "turn a pass with twice the depth of cut", with_pass(deep=True)
+    yield "turn a pass with reversed feed and twice the depth", with_pass(reverse=True, deep=True)
     if time is not None or data.spindle_rpm is not None:
-        yield "turn a pass at half the feed speed", with_pass(False, False, True)
+        yield "turn a pass at half the feed speed", with_pass(slow=True)
+    if time is not None:
+        words = "turn a pass right behind four more, the tool still warm, its time counted on"
+        yield words, with_pass(behind=4)
 
 
-def _distance(model: Model, truth: Array, causes: frozenset[str]) -> float:
-    """Least that a set of causes leaves of the truth, root of the sum of squares."""
+def _distance(model: Model, truth: Array, causes: frozenset[str], named: Named) -> float:
+    """Least that a set of causes leaves of the truth, root of the sum of squares.
+
+    Parameters that are not linear are tried on their grids, those of one cause at a time from the
+    named values on: the causes that have some (a tool heating up, chatter) hardly resemble.
+    """
     effects = [e for e in model.effects if e.id in causes]
-    shapes = [_shapes(model, effect) for effect in effects]
+    shapes = [_shapes(model, e, named.get(e.id)) for e in effects]
     base = model.jacobian(np.zeros(len(model.nuisance)), {})
-    least = np.inf
-    for columns in product(*shapes):
+    chosen = [0] * len(shapes)
+
+    def rest(at: list[int]) -> float:
+        columns = [shape[i] for shape, i in zip(shapes, at, strict=True)]
         design = np.column_stack([base, *columns])
-        rest = truth - design @ np.linalg.lstsq(design, truth, rcond=1e-10)[0]
-        least = min(least, float(np.sqrt(rest @ rest)))
+        left = truth - design @ np.linalg.lstsq(design, truth, rcond=1e-10)[0]
+        return float(np.sqrt(left @ left))
+
+    least = rest(chosen)
+    for _ in range(ROUNDS):
+        for place, shape in enumerate(shapes):
+            for i in range(len(shape)):
+                tried = [*chosen[:place], i, *chosen[place + 1 :]]
+                left = rest(tried) if i != chosen[place] else least
+                if left < least:
+                    least, chosen = left, tried
     return least
 
 
-def _shapes(model: Model, effect: Effect) -> list[Array]:
-    """Columns of an effect's linear parameters, for every value of one that is not linear."""
+def _shapes(model: Model, effect: Effect, named: Mapping[str, float] | None) -> list[Array]:
+    """Columns of an effect's linear parameters, for every value of one that is not linear.
+
+    The named values come first, else the middle of the grid.
+    """
     linear = [i for i, p in enumerate(effect.parameters) if p.linear]
-    grids = [p.grid if not p.linear else (1.0,) for p in effect.parameters]
+    points = list(product(*(p.grid if not p.linear else (1.0,) for p in effect.parameters)))
+    first = points[len(points) // 2]
+    if named is not None:
+        first = tuple(1.0 if p.linear else named[p.name] for p in effect.parameters)
     start = np.zeros(len(model.nuisance))
     return [
-        model.effect_jacobian(
-            start,
-            effect,
-            Values(zip((p.name for p in effect.parameters), point, strict=True)),
-        )[:, linear]
-        for point in product(*grids)
+        model.effect_jacobian(start, effect, effect.values(point))[:, linear]
+        for point in ([first, *points] if len(points) > 1 else points)
     ]

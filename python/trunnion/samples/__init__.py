@@ -8,6 +8,8 @@ repeatability, 0.1 µm ticks).
 which says what is in them.
 ``contour/setup.toml``, ``contour/axislog.csv``: a servo and a log of five axes at two feeds, made by
 ``samples/make_contour.py``.
+``turning/part.ngc``, ``turning/setup.toml``, ``turning/diameters.csv``, ``turning/passes.csv``: a
+finishing program and what its part came out as, made by ``samples/make_turning.py``.
 """
 
 from importlib.resources import as_file, files
@@ -29,7 +31,7 @@ def sample_path(name: str) -> Path:
             known = sorted(
                 str(found.relative_to(path.parents[name.count("/")]))
                 for found in path.parents[name.count("/")].glob("*/*")
-                if found.suffix in {".toml", ".csv"}
+                if found.suffix in {".toml", ".csv", ".ngc"}
             )
             raise FileNotFoundError(f"sample: got {name!r}, wanted one of {', '.join(known)}")
         return path

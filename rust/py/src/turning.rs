@@ -23,12 +23,7 @@ use crate::nc::PyProgram;
 type Words = Vec<Vec<(char, f64)>>;
 
 fn follows(name: &str, nose_mm: f64) -> PyResult<Follows> {
-    match name {
-        "contour" => Ok(Follows::Contour),
-        "nose-centre" => Ok(Follows::NoseCentre(nose_mm)),
-        "tip" => Ok(Follows::Tip(nose_mm)),
-        _ => Err(to_py(&Error::unknown("follows", name, ["contour", "nose-centre", "tip"]))),
-    }
+    Follows::named(name, nose_mm).into_py()
 }
 
 fn gap(name: &str) -> PyResult<Gap> {

@@ -7,8 +7,8 @@
 use std::ops::Range;
 
 use super::{Block, Dialect, Program, Span, Word};
-use crate::Result;
 use crate::units::INCH;
+use crate::{Error, Result};
 
 /// The axes, in the order of [`Position::axes`].
 pub const AXES: [char; 6] = ['X', 'Y', 'Z', 'A', 'B', 'C'];
@@ -143,14 +143,42 @@ pub struct Start {
     pub machine_codes: Vec<(char, f64)>,
 }
 
+impl Start {
+    fn check(&self) -> Result<()> {
+        if let Some(feed) = self.feed
+            && !(feed.is_finite() && feed > 0.0)
+        {
+            return Err(Error::input("feed before the program", feed, "more than zero, or none"));
+        }
+        match self.machine_codes.iter().find(|(letter, _)| !letter.is_ascii_uppercase()) {
+            Some((letter, number)) => {
+                let got = format!("{letter}{number}");
+                Err(Error::input("machine code", got, "a letter A to Z and a number, as G4503"))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
 /// A program's moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
     /// Where the moves begin: [`Start::position`], or the first place at which every axis that the
     /// program names has been commanded. Axes that it never names are 0.
     pub start: Position,
+    /// The block that commanded X at [`Path::start`], if it is one of those that were followed.
+    pub lead: Option<Lead>,
     /// The moves; moves of no length are left out.
     pub moves: Vec<Move>,
+}
+
+/// A block that goes to where the moves begin: it is no move itself, since nothing says from where.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lead {
+    /// Index of the block in the program.
+    pub block: usize,
+    /// How it spells positions.
+    pub spelling: Spelling,
 }
 
 /// Radii at both ends of an arc may differ by this much, mm: what rounding to 0.001 mm, or to
@@ -160,7 +188,7 @@ pub const ARC_TOLERANCE_MM: f64 = 0.01;
 /// The moves of a whole program, up to M2 or M30.
 ///
 /// # Errors
-/// [`crate::Error::Program`] for what cannot be followed: unknown codes and addresses, a feed move
+/// [`Error::Input`] for a start that cannot be, [`Error::Program`] for what cannot be followed: unknown codes and addresses, a feed move
 /// without a feed or from a place that is not known, arcs without radius, too small a radius or a
 /// centre that does not fit, canned cycles, subprograms, shifts of the origin.
 pub fn moves(program: &Program, start: &Start) -> Result<Path> {
@@ -175,6 +203,7 @@ pub fn moves(program: &Program, start: &Start) -> Result<Path> {
 /// # Errors
 /// As [`moves`].
 pub fn moves_of(program: &Program, blocks: Range<usize>, start: &Start) -> Result<Path> {
+    start.check()?;
     let mut follower = Follower::new(program, start);
     for (index, block) in program.blocks.iter().enumerate().take(blocks.end) {
         follower.inside = blocks.contains(&index);
@@ -183,7 +212,8 @@ pub fn moves_of(program: &Program, blocks: Range<usize>, start: &Start) -> Resul
             break;
         }
     }
-    Ok(Path { start: follower.begin.unwrap_or(follower.position), moves: follower.moves })
+    let start = follower.begin.unwrap_or(follower.position);
+    Ok(Path { start, lead: follower.lead, moves: follower.moves })
 }
 
 /// The blocks of the finishing contour named by the first `G70`, `G71`, `G72` or `G73 P.. Q..`, both
@@ -267,6 +297,7 @@ struct Follower<'a> {
     position: Position,
     known: [bool; 6],
     begin: Option<Position>,
+    lead: Option<Lead>,
     inside: bool,
     moves: Vec<Move>,
 }
@@ -302,6 +333,7 @@ impl<'a> Follower<'a> {
             position: start.position.unwrap_or_default(),
             known,
             begin: start.position,
+            lead: None,
             inside: true,
             moves: Vec::new(),
         }
@@ -530,6 +562,9 @@ impl<'a> Follower<'a> {
         let all_known = known.iter().all(|&known| known);
         if mode == Mode::Rapid {
             if !from_known {
+                if self.inside && block.word('X').is_some() {
+                    self.lead = Some(Lead { block: index, spelling: self.spelling(block) });
+                }
                 if all_known && self.inside {
                     self.begin = Some(to);
                 }
@@ -566,15 +601,7 @@ impl<'a> Follower<'a> {
             return Ok(());
         }
         let (feed_mode, side) = (self.feed_mode, self.side);
-        let increments = block.words().any(|word| {
-            axis_of(self.dialect, word.letter).is_some_and(|(_, by_increment)| by_increment)
-        });
-        let spelling = Spelling {
-            diameter: self.diameter,
-            unit_mm: self.unit_mm,
-            incremental: self.incremental || increments,
-            centre_absolute: self.centre_absolute,
-        };
+        let spelling = self.spelling(block);
         self.moves.push(Move {
             motion,
             from,
@@ -587,6 +614,18 @@ impl<'a> Follower<'a> {
             span,
         });
         Ok(())
+    }
+
+    fn spelling(&self, block: &Block) -> Spelling {
+        let increments = block.words().any(|word| {
+            axis_of(self.dialect, word.letter).is_some_and(|(_, by_increment)| by_increment)
+        });
+        Spelling {
+            diameter: self.diameter,
+            unit_mm: self.unit_mm,
+            incremental: self.incremental || increments,
+            centre_absolute: self.centre_absolute,
+        }
     }
 
     fn arc(

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use super::geometry::NOTHING_MM;
 use super::probe_path::contact_shift;
 use super::profile::Follows;
-use crate::nc::path::{Motion, Move, Path, Start, contour_blocks, moves, moves_of};
+use crate::nc::path::{Lead, Motion, Move, Path, Spelling, Start, contour_blocks, moves, moves_of};
 use crate::nc::{Block, Item, Number, Program, Word};
 use crate::{Error, Result};
 
@@ -28,7 +28,9 @@ pub enum Rule {
     MidRun,
     /// The project's own: the fewest blocks that leave no reading (window mean) more than half a unit
     /// and this bound, mm; among those, the least sum of squares. Ends of blocks that are there
-    /// already cost nothing.
+    /// already cost nothing, and the rapid that goes to where a line begins is one of them. On a
+    /// line with more than 512 windows blocks are tried at 512 of them and wherever the error is
+    /// too rough for those: then the count may be above the fewest, the bound holds as well.
     Bounded {
         /// Allowed beyond half a unit, mm.
         bound_mm: f64,
@@ -132,7 +134,7 @@ pub fn correct(
     check(readings, options)?;
     let path = contour_path(program, &options.start)?;
     let order = sorted(readings);
-    let mut plan = Plan::new(&path.moves, &order, options);
+    let mut plan = Plan::new(&path, &order, options);
     match options.rule {
         Rule::Bounded { bound_mm } => bounded(&mut plan, bound_mm),
         _ => by_windows(&mut plan),
@@ -154,14 +156,21 @@ pub fn correct(
         covered.push(both.is_some());
     }
     let bound = match options.rule {
-        // The least increment of a diameter that is written anew adds half of it.
+        // The least increment of a diameter that is written anew adds half of it. What the replay
+        // shows goes before what was promised.
         Rule::Bounded { bound_mm } => {
-            Some(0.5 * options.unit_mm + bound_mm + 0.5 * LEAST_INCREMENT_MM)
+            let left = |w: &Window| Some((w.mean + is.at(w.z)? - was.at(w.z)?).abs());
+            let promised = 0.5 * options.unit_mm + bound_mm + 0.5 * LEAST_INCREMENT_MM;
+            let worst = plan.windows.iter().filter_map(left).fold(0.0, f64::max);
+            Some(if worst > promised + 1e-9 { worst } else { promised })
         }
         _ => None,
     };
     Ok(Corrected { program: corrected, inserted, windows: plan.windows, change, covered, bound })
 }
+
+/// An error of a diameter above this is a slip: a diameter itself, or another unit, mm.
+const MOST_ERROR_MM: f64 = 5.0;
 
 /// Diameters are written to this, mm.
 const LEAST_INCREMENT_MM: f64 = 1e-3;
@@ -194,6 +203,10 @@ fn check(readings: &[Reading], options: &CorrectionOptions) -> Result<()> {
             let got = format!("z {}, error {}", reading.z, reading.error);
             return Err(Error::input(format!("reading {row}"), got, "finite numbers"));
         }
+        if reading.error.abs() > MOST_ERROR_MM {
+            let wanted = format!("at most {MOST_ERROR_MM} mm: measured minus nominal diameter");
+            return Err(Error::input(format!("reading {row}, mm"), reading.error, wanted));
+        }
     }
     Ok(())
 }
@@ -216,11 +229,17 @@ fn sorted(readings: &[Reading]) -> Vec<Reading> {
 /// What is to be done to each move.
 struct Plan<'a> {
     moves: &'a [Move],
+    /// Change of the diameter where the moves begin, in units; wanted only where `path` has a block
+    /// that goes there.
+    begin: i64,
+    lead: Option<Lead>,
     options: &'a CorrectionOptions,
     /// Windows of each move, in the order of travel, with z as programmed.
     lines: Vec<Vec<Window>>,
     /// Change of the diameter at the end of each move, in units.
     end: Vec<i64>,
+    /// Rapids that have to end at their own change, not at that of the move before.
+    pinned: Vec<bool>,
     /// Points put into each move: programmed z, units.
     knots: Vec<Vec<(f64, i64)>>,
     windows: Vec<Window>,
@@ -242,7 +261,8 @@ fn programmed_shift(follows: Follows, slope: f64) -> f64 {
 }
 
 impl<'a> Plan<'a> {
-    fn new(moves: &'a [Move], order: &[Reading], options: &'a CorrectionOptions) -> Self {
+    fn new(path: &'a Path, order: &[Reading], options: &'a CorrectionOptions) -> Self {
+        let moves = path.moves.as_slice();
         let mut lines = vec![Vec::new(); moves.len()];
         let mut windows = Vec::new();
         let mut taken: Option<f64> = None;
@@ -276,7 +296,22 @@ impl<'a> Plan<'a> {
             }
         }
         let count = moves.len();
-        Self { moves, options, lines, end: vec![0; count], knots: vec![Vec::new(); count], windows }
+        Self {
+            moves,
+            begin: 0,
+            lead: path.lead.filter(|lead| !lead.spelling.incremental),
+            options,
+            lines,
+            end: vec![0; count],
+            pinned: vec![false; count],
+            knots: vec![Vec::new(); count],
+            windows,
+        }
+    }
+
+    /// Change of the diameter where move `index` begins, in units.
+    fn before(&self, index: usize) -> i64 {
+        index.checked_sub(1).map_or(self.begin, |previous| self.end[previous])
     }
 
     /// Is move `index` the straight continuation of the contour behind `index - 1`, both at feed?
@@ -383,14 +418,24 @@ fn bounded(plan: &mut Plan<'_>, bound_mm: f64) {
 fn section(plan: &mut Plan<'_>, first: usize, last: usize, tolerance: f64) {
     let stations = stations(plan, first, last);
     let levels = fewest_knots(&stations, tolerance);
+    // A rapid written in increments is left alone; the line then begins with a block of its own.
+    let by_increments = first
+        .checked_sub(1)
+        .and_then(|previous| plan.moves.get(previous))
+        .is_some_and(|m| m.motion == Motion::Rapid && m.spelling.incremental);
     for (station, level) in stations.iter().zip(levels) {
         let Some(level) = level else { continue };
         if !station.end {
             plan.knots[station.index].push((station.z, level));
         } else if station.s > 0.0 {
             plan.end[station.index] = level;
-        } else if plan.joined(first) {
+        } else if first > 0 && !by_increments {
             plan.end[first - 1] = level;
+            plan.pinned[first - 1] = true;
+        } else if first == 0 && plan.lead.is_some() {
+            plan.begin = level;
+        } else if level != 0 {
+            plan.knots[first].push((station.z, level));
         }
     }
 }
@@ -437,8 +482,49 @@ fn stations(plan: &Plan<'_>, first: usize, last: usize) -> Vec<Station> {
         .collect()
 }
 
-/// No more than this many places in one move are tried for a corner; the error is watched at all.
+/// No more than this many places in one move are tried for a corner, and those between which the
+/// error is too rough for a straight line; the error is watched at all.
 const MOST_PLACES: usize = 512;
+
+/// Rounding allowed where a target is half a unit away.
+const SLACK: f64 = 1e-9;
+
+/// Whole units within `tolerance` of a target.
+fn levels(target: f64, tolerance: f64) -> std::ops::RangeInclusive<i64> {
+    #[allow(clippy::cast_possible_truncation)] // errors are small
+    let range = ((target - tolerance - SLACK).ceil() as i64)
+        ..=((target + tolerance + SLACK).floor() as i64);
+    range
+}
+
+/// The places of a move, `begin` to `stop`, at which corners are tried. From every level at one of
+/// them some level at the next can be reached, so that a polyline always exists.
+fn places(stations: &[Station], begin: usize, stop: usize, tolerance: f64) -> Vec<usize> {
+    let stride = (stop - begin).div_ceil(MOST_PLACES).max(1);
+    let mut out = vec![begin];
+    for from in (begin..stop).step_by(stride) {
+        let to = (from + stride).min(stop);
+        let (a, b) = (stations[from], stations[to]);
+        #[allow(clippy::cast_precision_loss)] // errors are small
+        let reaches = |level: i64| {
+            let level = level as f64;
+            let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+            for between in stations[from + 1..to].iter().filter(|s| s.free) {
+                let run = between.s - a.s;
+                low = low.max((between.target - tolerance - level) / run);
+                high = high.min((between.target + tolerance - level) / run);
+            }
+            let slope = |end: i64| (end as f64 - level) / (b.s - a.s);
+            levels(b.target, tolerance)
+                .any(|end| slope(end) >= low - SLACK && slope(end) <= high + SLACK)
+        };
+        if !levels(a.target, tolerance).all(reaches) {
+            out.extend(from + 1..to);
+        }
+        out.push(to);
+    }
+    out
+}
 
 /// Levels (whole units) of the corners of the polyline that stays within `tolerance` of every target,
 /// with the fewest corners that are not ends, then the least sum of squares; `None` where there is
@@ -452,20 +538,14 @@ fn fewest_knots(stations: &[Station], tolerance: f64) -> Vec<Option<i64>> {
         back: (usize, usize),
     }
     let better = |a: (usize, f64), b: (usize, f64)| a.0 < b.0 || a.0 == b.0 && a.1 < b.1;
-    // What rounding leaves of a target that is half a unit away.
-    let slack = 1e-9;
-    let levels = |target: f64| {
-        #[allow(clippy::cast_possible_truncation)] // errors are small
-        let range = ((target - tolerance - slack).ceil() as i64)
-            ..=((target + tolerance + slack).floor() as i64);
-        range
-    };
     let sums = Sums::new(stations);
     let unreached = (usize::MAX, f64::INFINITY);
     let mut states: Vec<Vec<State>> = stations
         .iter()
         .map(|s| {
-            levels(s.target).map(|level| State { level, cost: unreached, back: (0, 0) }).collect()
+            levels(s.target, tolerance)
+                .map(|level| State { level, cost: unreached, back: (0, 0) })
+                .collect()
         })
         .collect();
     let square = |a: f64| a * a;
@@ -480,8 +560,13 @@ fn fewest_knots(stations: &[Station], tolerance: f64) -> Vec<Option<i64>> {
             .skip(begin + 1)
             .position(|s| s.end)
             .map_or(stations.len() - 1, |n| begin + 1 + n);
-        let stride = (stop - begin).div_ceil(MOST_PLACES).max(1);
-        for i in (begin..stop).filter(|i| *i == begin || (i - begin) % stride == 0) {
+        let corners = places(stations, begin, stop, tolerance);
+        let tried: Vec<bool> = {
+            let mut tried = vec![false; stop - begin + 1];
+            corners.iter().for_each(|&i| tried[i - begin] = true);
+            tried
+        };
+        for &i in corners.iter().take(corners.len() - 1) {
             for v in 0..states[i].len() {
                 let state = states[i][v];
                 let best_end = states[stop].iter().map(|s| s.cost.0).min().unwrap_or(usize::MAX);
@@ -494,17 +579,16 @@ fn fewest_knots(stations: &[Station], tolerance: f64) -> Vec<Option<i64>> {
                 for j in i + 1..=stop {
                     let station = stations[j];
                     let run = station.s - stations[i].s;
-                    if j == stop || (j - begin) % stride == 0 {
-                        for (w, target) in states[j].iter_mut().enumerate() {
+                    if tried[j - begin] {
+                        for target in &mut states[j] {
                             #[allow(clippy::cast_precision_loss)]
                             let slope = (target.level as f64 - level) / run;
-                            if slope < low - slack || slope > high + slack {
+                            if slope < low - SLACK || slope > high + SLACK {
                                 continue;
                             }
                             let squares = sums.squares(i, j, stations[i].s, level, slope);
                             let cost =
                                 (state.cost.0 + usize::from(j < stop), state.cost.1 + squares);
-                            let _ = w;
                             if better(cost, target.cost) {
                                 target.cost = cost;
                                 target.back = (i, v);
@@ -515,7 +599,7 @@ fn fewest_knots(stations: &[Station], tolerance: f64) -> Vec<Option<i64>> {
                         low = low.max((station.target - tolerance - level) / run);
                         high = high.min((station.target + tolerance - level) / run);
                     }
-                    if low > high + slack {
+                    if low > high + SLACK {
                         break;
                     }
                 }
@@ -590,7 +674,10 @@ fn plunges(plan: &mut Plan<'_>, program: &Program) {
             && next.to.axes[0] < m.to.axes[0]
         {
             plan.end[index] = plan.end[index + 1];
-        } else if index > 0 && program.blocks.get(m.block).is_some_and(|b| b.word('X').is_none()) {
+        } else if !plan.pinned[index]
+            && index > 0
+            && program.blocks.get(m.block).is_some_and(|b| b.word('X').is_none())
+        {
             plan.end[index] = plan.end[index - 1];
         }
     }
@@ -609,8 +696,16 @@ fn write(program: &Program, plan: &Plan<'_>) -> Result<(Program, Vec<usize>)> {
     for (number, block) in program.blocks.iter().enumerate() {
         let mut block = block.clone();
         let index = by_block.get(&number).copied();
+        if let Some(lead) = plan.lead.filter(|lead| lead.block == number && plan.begin != 0)
+            && let Some(first) = plan.moves.first()
+        {
+            let (radius, written) = (first.from.axes[0], block.word('X').map(|word| word.number));
+            let unit = plan.options.unit_mm;
+            let x = x_number(program, lead.spelling, radius, plan.begin, unit, written)?;
+            block.set('X', x, &[]);
+        }
         if let Some((index, m)) = index.and_then(|i| Some((i, plan.moves.get(i)?))) {
-            let before = if index == 0 { 0 } else { plan.end[index - 1] };
+            let before = plan.before(index);
             let touched = plan.end[index] != 0 || before != 0 || !plan.knots[index].is_empty();
             if touched {
                 if m.spelling.incremental {
@@ -621,11 +716,13 @@ fn write(program: &Program, plan: &Plan<'_>) -> Result<(Program, Vec<usize>)> {
                 let knots = std::mem::take(&mut Vec::clone(&plan.knots[index]));
                 for (count, &(z, k)) in knots.iter().enumerate() {
                     let slope = measurable(m).unwrap_or(0.0);
-                    let z = program.dialect.spelled(z / m.spelling.unit_mm, decimals(m))?;
+                    let z =
+                        program.dialect.spelled(z / m.spelling.unit_mm, decimals(m.spelling))?;
                     // X for z as written: on a cone the rounding of z would be seen in the diameter.
                     let written_z = program.dialect.length_mm(z) * m.spelling.unit_mm;
                     let nominal = m.from.axes[0] + slope * (written_z - m.from.axes[2]);
-                    let x = x_number(program, m, nominal, k, plan.options.unit_mm, None)?;
+                    let unit = plan.options.unit_mm;
+                    let x = x_number(program, m.spelling, nominal, k, unit, None)?;
                     let mut new = Block::default();
                     if count == 0 {
                         hand_over(&mut block, &mut new, feed);
@@ -648,7 +745,7 @@ fn write(program: &Program, plan: &Plan<'_>) -> Result<(Program, Vec<usize>)> {
                 let written = block.word('X').map(|word| word.number);
                 let x = x_number(
                     program,
-                    m,
+                    m.spelling,
                     m.to.axes[0],
                     plan.end[index],
                     plan.options.unit_mm,
@@ -659,7 +756,7 @@ fn write(program: &Program, plan: &Plan<'_>) -> Result<(Program, Vec<usize>)> {
                     block.set('X', x, &['Z', 'R', 'I', 'K', 'F', 'S', 'T', 'M']);
                 }
                 if let Motion::Arc { .. } = m.motion {
-                    let before = if index == 0 { 0 } else { plan.end[index - 1] };
+                    let before = plan.before(index);
                     rebend(program, &mut block, m, before, plan.end[index], plan.options.unit_mm)?;
                 }
             }
@@ -686,15 +783,15 @@ fn same_value(a: Number, b: Number) -> bool {
 }
 
 /// Decimals of a length written anew: 1 µm, 0.0001 inch.
-fn decimals(m: &Move) -> u8 {
-    if m.spelling.unit_mm > 1.0 { 4 } else { 3 }
+fn decimals(spelling: Spelling) -> u8 {
+    if spelling.unit_mm > 1.0 { 4 } else { 3 }
 }
 
 /// X for a nominal radius and a correction of -k units on the diameter. What is not corrected stays
 /// as written.
 fn x_number(
     program: &Program,
-    m: &Move,
+    spelling: Spelling,
     nominal: f64,
     k: i64,
     unit: f64,
@@ -706,9 +803,9 @@ fn x_number(
     #[allow(clippy::cast_precision_loss)] // errors are small
     let radius = nominal - 0.5 * k as f64 * unit;
     // A radius needs one more place for the same diameter.
-    let places = decimals(m) + u8::from(!m.spelling.diameter);
+    let places = decimals(spelling) + u8::from(!spelling.diameter);
     let places = places.max(written.map_or(0, Number::decimals)).min(9);
-    program.dialect.spelled(m.spelling.x(radius), places)
+    program.dialect.spelled(spelling.x(radius), places)
 }
 
 /// Words that have to be in force from the beginning of the line go to its first block: motion and
@@ -757,7 +854,7 @@ fn rebend(
     let needed = radius.max(half);
     if let Some(word) = block.word('R') {
         if needed > radius {
-            let places = decimals(m);
+            let places = decimals(m.spelling);
             let scale = 10_f64.powi(i32::from(places));
             let up = (needed / m.spelling.unit_mm * scale).ceil() / scale;
             let sign = if word.number.value() < 0.0 { -1.0 } else { 1.0 };
@@ -777,7 +874,8 @@ fn rebend(
     ];
     let base = if m.spelling.centre_absolute { [0.0, 0.0] } else { from };
     for (letter, value) in [('I', new[1] - base[1]), ('K', new[0] - base[0])] {
-        let number = program.dialect.spelled(value / m.spelling.unit_mm, decimals(m))?;
+        let places = decimals(m.spelling);
+        let number = program.dialect.spelled(value / m.spelling.unit_mm, places)?;
         if block.word(letter).is_some() || number.value() != 0.0 {
             block.set(letter, number, &['F', 'S', 'T', 'M']);
         }

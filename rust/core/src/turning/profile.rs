@@ -58,6 +58,24 @@ pub enum Follows {
     Tip(f64),
 }
 
+impl Follows {
+    /// By name, with the radius of the nose, mm.
+    ///
+    /// # Errors
+    /// [`Error::Unknown`] for a name that is none, [`Error::Input`] for a radius that cannot be.
+    pub fn named(name: &str, nose_mm: f64) -> Result<Self> {
+        if !(nose_mm.is_finite() && nose_mm >= 0.0) {
+            return Err(Error::input("radius of the nose, mm", nose_mm, "zero or more"));
+        }
+        match name {
+            "contour" => Ok(Self::Contour),
+            "nose-centre" => Ok(Self::NoseCentre(nose_mm)),
+            "tip" => Ok(Self::Tip(nose_mm)),
+            _ => Err(Error::unknown("follows", name, ["contour", "nose-centre", "tip"])),
+        }
+    }
+}
+
 impl Profile {
     /// From the input points P0..PN, tailstock first.
     ///
