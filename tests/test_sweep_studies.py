@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from typer.testing import CliRunner
 
 import trunnion as tn
 from trunnion.cli import app
+from trunnion.sweeps import Seeds
 
 
 def test_equation_21_gives_the_papers_case() -> None:
@@ -54,6 +56,58 @@ def test_compensation_leaves_less_with_less_noise() -> None:
     # What is left is linear in the noise.
     assert loud / quiet == pytest.approx(10.0, rel=0.5)
     assert loud < 0.1 * found["before_rms_um"].mean().item()
+
+
+@pytest.mark.parametrize("method", ["identified", "separating", "printed"])
+def test_compensation_is_that_of_single_calls(method: str) -> None:
+    from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, bench_of
+
+    fixed = {"noise_um": 0.3, "tick_um": 0.1}
+    pose = {"a_deg": 35.0, "c_deg": -120.0}
+    n, seed = 6, 8
+    found = tn.sweep(
+        "compensation",
+        samples=n,
+        seed=seed,
+        fixed={**fixed, **pose, "method": method},
+        progress=False,
+    )
+    calibrated = tn.sweep("calibration", samples=n, seed=seed, fixed=fixed, progress=False)
+    missed = calibrated[f"{method}_error"].values
+    defaults = {name: p.default for name, p in CALIBRATION_PARAMETERS.items()}
+    bench = bench_of({**defaults, **fixed})  # type: ignore[dict-item]
+    truths = bench.truths(Seeds(seed, 0), 0, n)
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    names = bench.model.error_names
+    for sample in range(n):
+        true = dict(zip(names, truths[sample], strict=False))
+        believed = dict(zip(names, truths[sample, :8] + missed[sample, :8], strict=True))
+        control = tn.ModelCompensation.of(setup, believed)
+        before = tn.volumetric_error(setup, true, **pose)
+        left = tn.volumetric_error(setup, true, **pose, compensation=control)
+        for name, wanted in (
+            ("before_max_um", before.max_um),
+            ("before_rms_um", before.rms_um),
+            ("left_max_um", left.max_um),
+            ("left_rms_um", left.rms_um),
+        ):
+            assert found[name].values[sample] == pytest.approx(wanted, abs=1e-9), (name, sample)
+
+
+def test_compensation_is_the_same_in_any_pieces_and_threads() -> None:
+    def run(**how: int) -> xr.Dataset:
+        grid = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 40.0]}
+        return tn.sweep(
+            "compensation", grid, samples=7, seed=5, progress=False, most_failures=1.0, **how
+        )
+
+    whole = run(threads=1)
+    for how in ({"chunk": 1}, {"chunk": 3, "threads": 2}, {"chunk": 100}):
+        assert whole.identical(run(**how)), how
+    # At 40 mm the sides of the arms are out of the probe's reach.
+    assert np.isnan(whole["left_max_um"].sel(length_mm=40.0)).all()
+    assert np.isfinite(whole["left_max_um"].sel(length_mm=80.0)).all()
+    assert whole.attrs["samples_failed"] == 14
 
 
 def test_power_counts_every_sample_once() -> None:

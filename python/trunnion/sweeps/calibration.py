@@ -78,6 +78,10 @@ class Bench:
             threads,
         )
 
+    def told(self, truths: Floats, failures: list[tuple[int, str]]) -> tuple[tuple[int, str], ...]:
+        """Failures of the core, each with its sample's truth."""
+        return tuple((index, f"{why} (truth {truths[index].tolist()})") for index, why in failures)
+
 
 @functools.lru_cache(maxsize=64)
 def _bench(items: tuple[tuple[str, Value], ...]) -> Bench:
@@ -173,5 +177,4 @@ class CalibrationStudy:
         rows[:, p : p + 8] -= truths[:, :8]
         if values["identify"]:
             rows[:, p + 8 : 2 * p + 8] -= truths
-        told = tuple((index, f"{why} (truth {truths[index].tolist()})") for index, why in failures)
-        return Block(rows, told)
+        return Block(rows, bench.told(truths, failures))
