@@ -1,5 +1,7 @@
 """The built-in studies say what theory says."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -63,7 +65,7 @@ def test_compensation_is_that_of_single_calls(method: str) -> None:
     from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, bench_of
 
     fixed = {"noise_um": 0.3, "tick_um": 0.1}
-    pose = {"a_deg": 35.0, "c_deg": -120.0}
+    pose: dict[str, Any] = {"a_deg": 35.0, "c_deg": -120.0}
     n, seed = 6, 8
     found = tn.sweep(
         "compensation",
@@ -95,7 +97,7 @@ def test_compensation_is_that_of_single_calls(method: str) -> None:
 
 
 def test_compensation_is_the_same_in_any_pieces_and_threads() -> None:
-    def run(**how: int) -> xr.Dataset:
+    def run(**how: Any) -> xr.Dataset:
         grid = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 40.0]}
         return tn.sweep(
             "compensation", grid, samples=7, seed=5, progress=False, most_failures=1.0, **how

@@ -137,7 +137,10 @@ class CalibrationStudy:
     name: str = "calibration"
     chunk: int = 20_000
     parameters: Mapping[str, Parameter] = field(
-        default_factory=lambda: {**CALIBRATION_PARAMETERS, "identify": Parameter(True)}
+        default_factory=lambda: {
+            **CALIBRATION_PARAMETERS,
+            "identify": Parameter(True, in_grid=False),
+        }
     )
 
     def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:

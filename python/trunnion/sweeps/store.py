@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import sys
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 from trunnion.errors import DataError, InputError
 from trunnion.sweeps.study import Block, Floats
 
-__all__ = ["Blocks", "Journal"]
+__all__ = ["Blocks", "Journal", "alone", "check_same"]
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
@@ -49,11 +50,6 @@ class Blocks:
         for index, why in block.failures:
             self.failures[node, first + index] = why
 
-    def has(self, place: Place) -> bool:
-        """Whether all of a place is there."""
-        node, first, count = place
-        return bool(self.done[node, first : first + count].all())
-
 
 class Journal:
     """Blocks on disk, each written at once or not at all."""
@@ -69,7 +65,7 @@ class Journal:
         DataError
             The file holds another sweep, or is none.
         """
-        with closing(self._open()) as base, base:
+        with self._open() as base:
             base.execute("CREATE TABLE IF NOT EXISTS sweep (described TEXT)")
             base.execute(
                 "CREATE TABLE IF NOT EXISTS block (node INTEGER, first INTEGER, count INTEGER, "
@@ -80,44 +76,99 @@ class Journal:
                 text = json.dumps(described, sort_keys=True)
                 base.execute("INSERT INTO sweep VALUES (?)", (text,))
             else:
-                check_same(self.path, json.loads(found[0]), described)
+                check_same(self.path, self._described(found[0]), described)
 
     def described(self) -> dict[str, Any]:
         """What the sweep is."""
-        with closing(self._open()) as base:
-            found: dict[str, Any] = json.loads(
-                base.execute("SELECT described FROM sweep").fetchone()[0]
-            )
-        return found
+        with self._open() as base:
+            found = base.execute("SELECT described FROM sweep").fetchone()
+        if found is None:
+            raise DataError(f"{self.path}: got no sweep, wanted one that has begun")
+        return self._described(found[0])
 
     def write(self, place: Place, block: Block) -> None:
         """Add a block; one that is there already stays."""
         columns = np.ascontiguousarray(block.columns, dtype="<f8")
         row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
-        with closing(self._open()) as base, base:
+        with self._open() as base:
             base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
 
     def read(self) -> Iterator[tuple[Place, Block]]:
         """All blocks so far."""
-        with closing(self._open()) as base:
+        with self._open() as base:
             rows = base.execute("SELECT node, first, count, columns, width, failures FROM block")
             for node, first, count, data, width, failures in rows:
-                columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
-                told = tuple((int(index), str(why)) for index, why in json.loads(failures))
+                try:
+                    columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
+                    told = tuple((int(index), str(why)) for index, why in json.loads(failures))
+                except (TypeError, ValueError):
+                    raise DataError(
+                        f"{self.path}: the block of node {node} from sample {first} is damaged; "
+                        "wanted a whole file: remove it to begin again"
+                    ) from None
                 yield (node, first, count), Block(columns, told)
 
-    def _open(self) -> sqlite3.Connection:
+    def _described(self, text: Any) -> dict[str, Any]:
         try:
-            base = sqlite3.connect(self.path, timeout=60)
-            base.execute("PRAGMA synchronous=NORMAL")
+            found: dict[str, Any] = json.loads(text)
+        except (TypeError, ValueError):
+            raise DataError(f"{self.path}: damaged, wanted the file of a running sweep") from None
+        return found
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        """A connection for one transaction."""
+        try:
+            with closing(sqlite3.connect(self.path, timeout=60)) as base, base:
+                base.execute("PRAGMA synchronous=NORMAL")
+                yield base
         except sqlite3.Error as error:
-            raise DataError(f"{self.path}: {error}; wanted the file of a running sweep") from None
-        return base
+            raise DataError(
+                f"{self.path}: {error}; wanted a file of a running sweep that can be read and "
+                "written"
+            ) from None
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Hold `path` as this process's own; it falls free with the process, however that ends.
+
+    Raises
+    ------
+    DataError
+        Another process has it, or it cannot be made.
+    """
+    try:
+        held = path.open("ab")
+    except OSError as error:
+        raise DataError(
+            f"{path}: {error.strerror}; wanted a folder that can be written to"
+        ) from None
+    with held:
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                msvcrt.locking(held.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            raise DataError(
+                f"{path}: another process is running this sweep; wanted one at a time"
+            ) from None
+        yield
 
 
 def check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Refuse to go on with the file of another sweep."""
     for key, value in json.loads(json.dumps(wanted)).items():
+        if key == "code" and key in found and found[key] != value:
+            raise DataError(
+                f"{path}: holds another sweep: the code of {wanted['study']} was another; wanted "
+                "the same function to go on with, or another file"
+            )
         if found.get(key) != value:
             raise DataError(
                 f"{path}: holds another sweep: {key} is {found.get(key)!r} there, {value!r} here; "
