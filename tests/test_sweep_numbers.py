@@ -117,8 +117,9 @@ def test_the_journal_holds_each_block_once(tmp_path: Path) -> None:
 
     journal = Journal(tmp_path / "j.part")
     journal.start({"seed": 1})
-    journal.write((0, 0, 2), Block(np.ones((2, 1))))
-    journal.write((0, 0, 2), Block(np.zeros((2, 1))))
+    with journal.writing() as write:
+        write((0, 0, 2), Block(np.ones((2, 1))))
+        write((0, 0, 2), Block(np.zeros((2, 1))))
     assert [block.columns.tolist() for _, block in journal.read()] == [[[1.0], [1.0]]]
     with sqlite3.connect(journal.path) as base:
         assert base.execute("SELECT count(*) FROM block").fetchone() == (1,)

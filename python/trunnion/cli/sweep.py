@@ -79,6 +79,7 @@ def _show_parameters(name: str) -> None:
     table = Table("name", "default", "unit", "wanted", box=None)
     for parameter, entry in study_of(name, None).parameters.items():
         wanted = "" if entry.low is None else f"from {entry.low:g}"
+        wanted += "" if entry.high is None else f" to {entry.high:g}"
         if entry.choices:
             wanted = ", ".join(str(choice) for choice in entry.choices)
         if not entry.in_grid:

@@ -29,7 +29,7 @@ CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "linear_um": Parameter(0.1, "µm", low=0.0),
         "rotary_arcsec": Parameter(0.36, "arcsec", low=0.0),
         "layout": Parameter("side", choices=("side", "top")),
-        "repeats": Parameter(1, low=1),
+        "repeats": Parameter(1, low=1, high=1000),
         "errors_um": Parameter(60.0, "µm", low=0.0),
         "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
         "placement_um": Parameter(100.0, "µm", low=0.0),

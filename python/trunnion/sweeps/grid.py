@@ -111,10 +111,8 @@ def _check_size(nodes: int, samples: int, width: int) -> None:
 
 def _known(name: Any, known: Mapping[str, Parameter], study: Study) -> None:
     if not isinstance(name, str) or (name not in known and "**" not in known):
-        names = ", ".join(known) or "none: it has no parameters"
-        raise UnknownNameError(
-            f"parameter of study {study.name}: got {name!r}, wanted one of {names}"
-        )
+        wanted = f"one of {', '.join(known)}" if known else "none: it has no parameters"
+        raise UnknownNameError(f"parameter of study {study.name}: got {name!r}, wanted {wanted}")
 
 
 def _length(name: str, values: Any) -> int:
@@ -176,5 +174,7 @@ def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:
         raise InputError(f"{name}: got {value!r}, wanted one of {choices}")
     if parameter.low is not None and not isinstance(value, str) and value < parameter.low:
         raise InputError(f"{name}: got {value!r}, wanted {parameter.low:g} or more")
+    if parameter.high is not None and not isinstance(value, str) and value > parameter.high:
+        raise InputError(f"{name}: got {value!r}, wanted {parameter.high:g} or less")
     checked: Value = float(value) if kind is float else value
     return checked

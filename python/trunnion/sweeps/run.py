@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
@@ -149,39 +149,105 @@ def sweep(
     described = _described(chosen, nodes, samples, seed, outputs)
     if target is not None and target.exists():
         return _complete(target, described)
-    with ExitStack() as held:
-        if target is not None:
-            lock = target.with_name(target.name + ".lock")
-            held.enter_context(alone(lock))
-            if target.exists():  # another process has just ended it
-                return _complete(target, described)
-        blocks = Blocks(nodes.nodes, samples, width)
-        journal = None
-        if target is not None:
-            journal = Journal(target.with_name(target.name + ".part"))
-            journal.start(described)
-            for place, block in journal.read():
-                blocks.put(place, block)
-        begun = int(blocks.done.sum())
+    blocks = Blocks(nodes.nodes, samples, width)
+    run = _Run(chosen, nodes, seed, size, executor, threads, limit, progress)
+    if target is None:
+        run.fill(blocks, None)
+        return _dataset(nodes, outputs, blocks, described)
+    lock = target.with_name(target.name + ".lock")
+    with alone(lock):
+        if target.exists():  # another process has just ended it
+            return _complete(target, described)
+        journal = Journal(target.with_name(target.name + ".part"))
+        journal.start(described)
+        for place, block in journal.read():
+            blocks.put(place, block)
+        with journal.writing() as write:
+            run.fill(blocks, write)
+        result = _dataset(nodes, outputs, blocks, described)
+        _write(result, target)
+        journal.path.unlink()
+        lock.unlink(missing_ok=True)
+    return result
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What is to be run, and on what."""
+
+    study: Study
+    nodes: Grid
+    seed: int
+    chunk: int
+    executor: Submits | None
+    threads: int | None
+    limit: _Limit
+    progress: bool | None
+
+    def fill(self, blocks: Blocks, write: Callable[[Place, Block], None] | None) -> None:
+        """Run what is not done yet."""
+        begun, total = int(blocks.done.sum()), blocks.done.size
         places = (
             (node, first, count)
-            for node in range(nodes.nodes)
-            for first, count in _missing(blocks.done[node].copy(), size)
+            for node in range(self.nodes.nodes)
+            for first, count in _missing(blocks.done[node].copy(), self.chunk)
         )
-        several = nodes.nodes * samples - begun > size
-        with _bar(chosen.name, nodes.nodes * samples, begun, progress) as advance:
-            for place, block in _results(chosen, nodes, seed, places, several, executor, threads):
+        with _bar(self.study.name, total, begun, self.progress) as advance:
+            for place, block in self.results(places, several=total - begun > self.chunk):
                 blocks.put(place, block)
-                if journal is not None:
-                    journal.write(place, block)
+                if write is not None:
+                    write(place, block)
                 advance(place[2])
-                limit.check(blocks)
-        result = _dataset(nodes, outputs, blocks, described)
-        if target is not None and journal is not None:
-            _write(result, target)
-            journal.path.unlink()
-            lock.unlink(missing_ok=True)
-    return result
+                self.limit.check(blocks)
+
+    def results(self, places: Iterator[Place], *, several: bool) -> Iterator[tuple[Place, Block]]:
+        """Blocks as they come."""
+        if self.executor is not None:
+            yield from self.sent(places, self.executor)
+        elif several and getattr(self.study, "processes", False):
+            # Not forked: the core's threads would not survive it.
+            with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+                yield from self.sent(places, pool)
+        else:
+            for place in places:
+                yield place, _work(*self.task(place), place, self.threads)
+
+    def task(self, place: Place) -> tuple[Study, dict[str, Any], Seeds]:
+        """What a block is made from."""
+        return self.study, self.nodes.at(place[0]), Seeds(self.seed, place[0])
+
+    def sent(self, places: Iterator[Place], executor: Submits) -> Iterator[tuple[Place, Block]]:
+        """Blocks from an executor as they come; one whose worker died is sent again."""
+        again: deque[tuple[Place, int]] = deque()
+        ready: queue.Queue[Any] = queue.Queue()
+        out: dict[Any, tuple[Place, int]] = {}
+        try:
+            while True:
+                while len(out) < AHEAD:
+                    place, tries = again.popleft() if again else (next(places, None), 1)
+                    if place is None:
+                        break
+                    try:
+                        future = executor.submit(_work, *self.task(place), place, 1)
+                    except Exception as error:  # a pool that broke takes nothing more
+                        raise _broken(error) from error
+                    out[future] = (place, tries)
+                    future.add_done_callback(ready.put)
+                if not out:
+                    return
+                future = ready.get()
+                place, tries = out.pop(future)
+                try:
+                    block = future.result()
+                except Exception as error:
+                    if tries >= TRIES:
+                        raise _broken(error) from error
+                    again.append((place, tries + 1))
+                else:
+                    yield place, block
+        finally:
+            for future in out:
+                future.cancel()
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -298,63 +364,6 @@ def _work(
     except TrunnionError as error:
         why = f"{type(error).__name__}: {error}"
         return Block(np.full((place[2], 1), np.nan), tuple((i, why) for i in range(place[2])))
-
-
-def _results(
-    study: Study,
-    nodes: Grid,
-    seed: int,
-    places: Iterator[Place],
-    several: bool,
-    executor: Submits | None,
-    threads: int | None,
-) -> Iterator[tuple[Place, Block]]:
-    if executor is not None:
-        yield from _sent(study, nodes, seed, places, executor)
-    elif getattr(study, "processes", False) and several:
-        # Not forked: the core's threads would not survive it.
-        with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-            yield from _sent(study, nodes, seed, places, pool)
-    else:
-        for place in places:
-            yield place, _work(study, nodes.at(place[0]), Seeds(seed, place[0]), place, threads)
-
-
-def _sent(
-    study: Study, nodes: Grid, seed: int, places: Iterator[Place], executor: Submits
-) -> Iterator[tuple[Place, Block]]:
-    """Blocks from an executor as they come; one whose worker died is sent again."""
-    again: deque[tuple[Place, int]] = deque()
-    ready: queue.Queue[Any] = queue.Queue()
-    out: dict[Any, tuple[Place, int]] = {}
-    try:
-        while True:
-            while len(out) < AHEAD:
-                place, tries = again.popleft() if again else (next(places, None), 1)
-                if place is None:
-                    break
-                seeds = Seeds(seed, place[0])
-                try:
-                    future = executor.submit(_work, study, nodes.at(place[0]), seeds, place, 1)
-                except Exception as error:  # a pool that broke takes nothing more
-                    raise _broken(error) from error
-                out[future] = (place, tries)
-                future.add_done_callback(ready.put)
-            if not out:
-                return
-            future = ready.get()
-            place, tries = out.pop(future)
-            try:
-                block = future.result()
-            except Exception as error:
-                if tries >= TRIES:
-                    raise _broken(error) from error
-                again.append((place, tries + 1))
-            else:
-                yield place, block
-    finally:
-        for future in out:
-            future.cancel()
 
 
 def _broken(error: Exception) -> DataError:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import json
 import sqlite3
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,10 @@ __all__ = ["Blocks", "Journal", "alone", "check_same"]
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
+EVERY_S = 0.25
+"""Blocks are written to the disk together that come within this time."""
+_HELD: set[Path] = set()
+"""What this process holds: its own locks do not keep a process out."""
 
 
 class Blocks:
@@ -52,7 +57,7 @@ class Blocks:
 
 
 class Journal:
-    """Blocks on disk, each written at once or not at all."""
+    """Blocks on disk, each wholly there or not at all."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -86,12 +91,29 @@ class Journal:
             raise DataError(f"{self.path}: got no sweep, wanted one that has begun")
         return self._described(found[0])
 
-    def write(self, place: Place, block: Block) -> None:
-        """Add a block; one that is there already stays."""
-        columns = np.ascontiguousarray(block.columns, dtype="<f8")
-        row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
+    @contextmanager
+    def writing(self) -> Iterator[Callable[[Place, Block], None]]:
+        """What adds a block; one that is there already stays.
+
+        Blocks are on the disk `EVERY_S` later at most, all of them at the end, even one that an
+        exception makes.
+        """
         with self._open() as base:
-            base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
+            last = time.monotonic()
+
+            def write(place: Place, block: Block) -> None:
+                nonlocal last
+                columns = np.ascontiguousarray(block.columns, dtype="<f8")
+                row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
+                base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
+                if time.monotonic() - last > EVERY_S:
+                    base.commit()
+                    last = time.monotonic()
+
+            try:
+                yield write
+            finally:
+                base.commit()
 
     def read(self) -> Iterator[tuple[Place, Block]]:
         """All blocks so far."""
@@ -138,6 +160,9 @@ def alone(path: Path) -> Iterator[None]:
     DataError
         Another process has it, or it cannot be made.
     """
+    name = path.resolve()
+    if name in _HELD:
+        raise DataError(f"{path}: this process is running this sweep; wanted one at a time")
     try:
         held = path.open("ab")
     except OSError as error:
@@ -153,12 +178,17 @@ def alone(path: Path) -> Iterator[None]:
             else:
                 import fcntl
 
-                fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                # Not flock: workers that are forked meanwhile would share it and might outlive us.
+                fcntl.lockf(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except (BlockingIOError, PermissionError):
             raise DataError(
                 f"{path}: another process is running this sweep; wanted one at a time"
             ) from None
-        yield
+        _HELD.add(name)
+        try:
+            yield
+        finally:
+            _HELD.discard(name)
 
 
 def check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:

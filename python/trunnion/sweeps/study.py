@@ -30,14 +30,15 @@ class Parameter:
     """A parameter of a study: what it is unless the grid or `fixed` say otherwise.
 
     `default` None: it must be given. Its type is that of the default; a number takes any number,
-    a whole number only whole ones. `choices`: the only values allowed. `low`: the least one.
-    `in_grid` False: outputs depend on it, so that it must be the same at all nodes.
+    a whole number only whole ones. `choices`: the only values allowed. `low`, `high`: the least
+    and the most. `in_grid` False: outputs depend on it, so that it must be the same at all nodes.
     """
 
     default: Value | None
     unit: str = ""
     choices: tuple[Value, ...] = ()
     low: float | None = None
+    high: float | None = None
     in_grid: bool = True
 
 
@@ -194,8 +195,7 @@ class FunctionStudy:
             else:
                 return tuple(Output(name, self.units.get(name, "")) for name in found)
         raise InputError(
-            f"study {self.name}: got {type(last).__name__}: {last} from the last of eight trials, "
-            "wanted a number or a dict of numbers"
+            f"study {self.name}: eight trials failed, the last with {type(last).__name__}: {last}"
         )
 
     def code(self) -> str:
