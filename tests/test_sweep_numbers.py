@@ -175,11 +175,11 @@ def test_failing_samples_are_recorded_and_a_limit_ends_it() -> None:
         (noisy, {}, {}, "scale: got nothing"),
         (noisy, {"scale": [1.0, "a"]}, {}, "values of several kinds"),
         (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', wanted some of value"),
-        (lambda rng, value: {"value": value}, {"value": [1.0]}, {}, "output named 'value'"),
-        (lambda rng: {"sample": 1.0}, {}, {}, "output named 'sample'"),
-        (lambda rng: {1: 1.0}, {}, {}, "name of an output: got 1"),
-        (lambda rng: {}, {}, {}, "no outputs"),
-        (lambda rng: 1j, {}, {}, "got 1j, wanted a number"),
+        (lambda _, value: {"value": value}, {"value": [1.0]}, {}, "output named 'value'"),
+        (lambda _: {"sample": 1.0}, {}, {}, "output named 'sample'"),
+        (lambda _: {1: 1.0}, {}, {}, "name of an output: got 1"),
+        (lambda _: {}, {}, {}, "no outputs"),
+        (lambda _: 1j, {}, {}, "got 1j, wanted a number"),
     ],
 )
 def test_bad_grids_are_refused_at_once(
@@ -201,20 +201,18 @@ def test_outputs_go_by_name() -> None:
     assert set(found["one"].values[good]) == {1.0}
     assert set(found["two"].values[good]) == {2.0}
     assert found.attrs["samples_failed"] == (~good).sum()
-    assert str(found["failure_error"].values[0]) == (
-        "InputError: outputs: got one, three, wanted one, two"
-    )
+    assert "outputs: got one, three, wanted" in str(found["failure_error"].values[0])
 
 
 def test_the_first_node_may_fail() -> None:
-    found = tn.sweep(lambda rng, a: 1 / a, {"a": [0, 2]}, 3, progress=False)
+    found = tn.sweep(lambda _, a: 1 / a, {"a": [0, 2]}, 3, progress=False)
     assert found["<lambda>"].sel(a=2).values.tolist() == [0.5] * 3
     assert "ZeroDivisionError" in str(found["failure_error"].values[0])
 
 
 def test_files_keep_what_memory_has(tmp_path: Path) -> None:
     def study(rng: np.random.Generator, n: float, text: str = "µ", big: int = 10**12) -> float:
-        return float(rng.random())
+        return float(rng.random()) + len(f"{n}{text}{big}")
 
     axes: tuple[list[Any], ...] = ([10**10, 3], [1, 2], ["a b", "", "ü"], [True, False], [1.5])
     for number, axis in enumerate(axes):
