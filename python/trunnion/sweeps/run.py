@@ -10,9 +10,11 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
+from itertools import chain, islice
 from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
@@ -193,18 +195,20 @@ class _Run:
             for first, count in _missing(blocks.done[node].copy(), self.chunk)
         )
         with _bar(self.study.name, total, begun, self.progress) as advance:
-            for place, block in self.results(places, several=total - begun > self.chunk):
+            for place, block in self.results(places):
                 blocks.put(place, block)
                 if write is not None:
                     write(place, block)
                 advance(place[2])
                 self.limit.check(blocks)
 
-    def results(self, places: Iterator[Place], *, several: bool) -> Iterator[tuple[Place, Block]]:
+    def results(self, places: Iterator[Place]) -> Iterator[tuple[Place, Block]]:
         """Blocks as they come."""
+        begin = tuple(islice(places, 2))
+        places = chain(begin, places)
         if self.executor is not None:
             yield from self.sent(places, self.executor)
-        elif several and getattr(self.study, "processes", False):
+        elif len(begin) > 1 and getattr(self.study, "processes", False):
             # Not forked: the core's threads would not survive it.
             with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
                 yield from self.sent(places, pool)
@@ -367,9 +371,15 @@ def _work(
 
 
 def _broken(error: Exception) -> DataError:
+    why = f"{type(error).__name__}: {error}"
+    if isinstance(error, BrokenProcessPool):
+        why += (
+            " (worker processes import the script that starts them: what it does belongs under "
+            'if __name__ == "__main__")'
+        )
     return DataError(
-        f"executor: {type(error).__name__}: {error}; what is done is kept in the file of the "
-        "sweep, if it has one: the same call goes on from there"
+        f"executor: {why}; what is done is kept in the file of the sweep, if it has one: the same "
+        "call goes on from there"
     )
 
 
