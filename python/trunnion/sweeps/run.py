@@ -79,9 +79,11 @@ def sweep(
     ----------
     study
         "calibration", "compensation", "diagnosis-power", a function ``f(rng, **parameters)`` that
-        returns a number or a dict of numbers, or an object like :class:`trunnion.sweeps.Study`.
+        returns a number or a dict of numbers, or an object like :class:`trunnion.sweeps.Study`. A
+        function is tried out once or more beforehand, to learn the names of its outputs.
     grid
-        Parameter → values, one dimension of the result each.
+        Parameter → values, one dimension of the result each. Parameters of the built-in studies:
+        ``trunnion sweep --parameters NAME``.
     samples
         Random draws at each node.
     seed
@@ -97,7 +99,8 @@ def sweep(
         Parameters that stay the same.
     path
         File of the result (netCDF). While it runs, blocks are kept beside it in ``path.part``; the
-        same call goes on where it stopped, and reads the result once it is complete.
+        same call goes on where it stopped, and reads the result once it is complete. Without it an
+        interrupted sweep is lost.
     chunk
         Samples in a block; the study's own unless given.
     threads
@@ -122,7 +125,8 @@ def sweep(
     InputError, UnknownNameError
         A grid that cannot be, at once.
     DataError
-        `path` holds another sweep; too many samples failed.
+        `path` holds another sweep, is damaged, or is being filled by another process; too many
+        samples failed; an executor broke.
 
     Examples
     --------
