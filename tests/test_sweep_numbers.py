@@ -117,8 +117,9 @@ def test_the_journal_holds_each_block_once(tmp_path: Path) -> None:
 
     journal = Journal(tmp_path / "j.part")
     journal.start({"seed": 1})
-    journal.write((0, 0, 2), Block(np.ones((2, 1))))
-    journal.write((0, 0, 2), Block(np.zeros((2, 1))))
+    with journal.writing() as write:
+        write((0, 0, 2), Block(np.ones((2, 1))))
+        write((0, 0, 2), Block(np.zeros((2, 1))))
     assert [block.columns.tolist() for _, block in journal.read()] == [[[1.0], [1.0]]]
     with sqlite3.connect(journal.path) as base:
         assert base.execute("SELECT count(*) FROM block").fetchone() == (1,)
@@ -157,7 +158,28 @@ def test_failing_samples_are_recorded_and_a_limit_ends_it() -> None:
         ("calibration", {}, {"samples": 0}, "samples: got 0"),
         ("calibration", {}, {"seed": -1}, "seed: got -1"),
         ("calibraton", {}, {}, "got 'calibraton', wanted one of calibration"),
+        ("calibration", {"noise_um": range(10**12)}, {}, "got 1e.12 nodes, wanted at most"),
+        ("calibration", {"noise_um": range(10**30)}, {}, "nodes, wanted at most"),
+        ("calibration", {"noise_um": [10**400]}, {}, "wanted a smaller one"),
+        ("calibration", {"repeats": [10**9]}, {}, "wanted 1000 or less"),
+        ("calibration", {"identify": [True, False]}, {}, "wanted it in fixed"),
+        ("calibration", {"length_mm": [1.0, 2.0]}, {}, "wanted less than artefact.length_mm"),
+        ("calibration", {}, {"threads": 0}, "threads: got 0"),
+        ("calibration", {}, {"threads": 10**6}, "threads: got 1000000"),
+        ("calibration", {}, {"threads": "2"}, "threads: got '2'"),
+        ("calibration", {}, {"executor": 3}, "executor: got 3, wanted an object with submit"),
+        ("calibration", {}, {"path": 3}, "path: got 3"),
+        ("calibration", {}, {"most_failures": "a"}, "most_failures: got 'a'"),
+        ("calibration", {}, {"units": {"a": "mm"}}, "units: got some"),
+        ("diagnosis-power", {"effect": ["drfit_z"]}, {}, "effect: got 'drfit_z', wanted one of"),
         (noisy, {}, {}, "scale: got nothing"),
+        (noisy, {"scale": [1.0, "a"]}, {}, "values of several kinds"),
+        (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', wanted some of value"),
+        (lambda _, value: {"value": value}, {"value": [1.0]}, {}, "output named 'value'"),
+        (lambda _: {"sample": 1.0}, {}, {}, "output named 'sample'"),
+        (lambda _: {1: 1.0}, {}, {}, "name of an output: got 1"),
+        (lambda _: {}, {}, {}, "no outputs"),
+        (lambda _: 1j, {}, {}, "got 1j, wanted a number"),
     ],
 )
 def test_bad_grids_are_refused_at_once(
@@ -165,6 +187,39 @@ def test_bad_grids_are_refused_at_once(
 ) -> None:
     with pytest.raises(tn.TrunnionError, match=message):
         tn.sweep(study, grid, progress=False, **how)
+
+
+def test_outputs_go_by_name() -> None:
+    def study(rng: np.random.Generator) -> dict[str, float]:
+        draw = rng.random()
+        found = {"one": 1.0, "two": 2.0} if draw < 0.5 else {"two": 2.0, "one": 1.0}
+        return {"one": 1.0, "three": 3.0} if draw < 0.2 else found
+
+    found = tn.sweep(study, samples=60, seed=1, progress=False)
+    good = np.isfinite(found["one"].values)
+    assert 30 < good.sum() < 60
+    assert set(found["one"].values[good]) == {1.0}
+    assert set(found["two"].values[good]) == {2.0}
+    assert found.attrs["samples_failed"] == (~good).sum()
+    assert "outputs: got one, three, wanted" in str(found["failure_error"].values[0])
+
+
+def test_the_first_node_may_fail() -> None:
+    found = tn.sweep(lambda _, a: 1 / a, {"a": [0, 2]}, 3, progress=False)
+    assert found["<lambda>"].sel(a=2).values.tolist() == [0.5] * 3
+    assert "ZeroDivisionError" in str(found["failure_error"].values[0])
+
+
+def test_files_keep_what_memory_has(tmp_path: Path) -> None:
+    def study(rng: np.random.Generator, n: float, text: str = "µ", big: int = 10**12) -> float:
+        return float(rng.random()) + len(f"{n}{text}{big}")
+
+    axes: tuple[list[Any], ...] = ([10**10, 3], [1, 2], ["a b", "", "ü"], [True, False], [1.5])
+    for number, axis in enumerate(axes):
+        path = tmp_path / f"{number}.nc"
+        found = tn.sweep(study, {"n": axis}, 2, path=path, progress=False)
+        assert found["n"].values.tolist() == axis
+        assert tn.open_sweep(path).identical(found)
 
 
 def test_results_are_labelled() -> None:

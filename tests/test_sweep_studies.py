@@ -1,11 +1,18 @@
 """The built-in studies say what theory says."""
 
+from concurrent.futures import ThreadPoolExecutor
+from itertools import product
+from typing import Any
+
 import numpy as np
 import pytest
+import xarray as xr
 from typer.testing import CliRunner
 
 import trunnion as tn
 from trunnion.cli import app
+from trunnion.sweeps import Seeds
+from trunnion.touch_model import TouchModel
 
 
 def test_equation_21_gives_the_papers_case() -> None:
@@ -56,19 +63,134 @@ def test_compensation_leaves_less_with_less_noise() -> None:
     assert loud < 0.1 * found["before_rms_um"].mean().item()
 
 
-def test_power_counts_every_sample_once() -> None:
+@pytest.mark.parametrize("method", ["identified", "separating", "printed"])
+def test_compensation_is_that_of_single_calls(method: str) -> None:
+    from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, bench_of
+
+    fixed = {"noise_um": 0.3, "tick_um": 0.1}
+    pose: dict[str, Any] = {"a_deg": 35.0, "c_deg": -120.0}
+    n, seed = 6, 8
     found = tn.sweep(
-        "diagnosis-power",
-        {"effect": ["none", "drift_z"]},
-        samples=2,
-        seed=1,
-        fixed={"plan": "paper", "rms_um": 2.0, "noise_um": 0.1},
-        chunk=4,
+        "compensation",
+        samples=n,
+        seed=seed,
+        fixed={**fixed, **pose, "method": method},
         progress=False,
     )
-    names = ("found", "among_alternatives", "missed", "wrong")
-    counts = sum(found[name] for name in names)
-    np.testing.assert_array_equal(counts, 1.0)
+    calibrated = tn.sweep("calibration", samples=n, seed=seed, fixed=fixed, progress=False)
+    missed = calibrated[f"{method}_error"].values
+    defaults = {name: p.default for name, p in CALIBRATION_PARAMETERS.items()}
+    bench = bench_of({**defaults, **fixed})  # type: ignore[dict-item]
+    truths = bench.truths(Seeds(seed, 0), 0, n)
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    names = bench.model.error_names
+    for sample in range(n):
+        true = dict(zip(names, truths[sample], strict=False))
+        believed = dict(zip(names, truths[sample, :8] + missed[sample, :8], strict=True))
+        control = tn.ModelCompensation.of(setup, believed)
+        before = tn.volumetric_error(setup, true, **pose)
+        left = tn.volumetric_error(setup, true, **pose, compensation=control)
+        for name, wanted in (
+            ("before_max_um", before.max_um),
+            ("before_rms_um", before.rms_um),
+            ("left_max_um", left.max_um),
+            ("left_rms_um", left.rms_um),
+        ):
+            assert found[name].values[sample] == pytest.approx(wanted, abs=1e-9), (name, sample)
+
+
+def test_compensation_is_the_same_in_any_pieces_and_threads() -> None:
+    def run(**how: Any) -> xr.Dataset:
+        grid = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 40.0]}
+        return tn.sweep(
+            "compensation", grid, samples=7, seed=5, progress=False, most_failures=1.0, **how
+        )
+
+    whole = run(threads=1)
+    for how in ({"chunk": 1}, {"chunk": 3, "threads": 2}, {"chunk": 100}):
+        assert whole.identical(run(**how)), how
+    # At 40 mm the sides of the arms are out of the probe's reach.
+    assert np.isnan(whole["left_max_um"].sel(length_mm=40.0)).all()
+    assert np.isfinite(whole["left_max_um"].sel(length_mm=80.0)).all()
+    assert whole.attrs["samples_failed"] == 14
+
+
+EFFECTS = ["none", "drift_z", "probe_bending", "a_sag"]
+COUNTS = ("found", "among_alternatives", "missed", "wrong")
+
+
+def by_hand(effect: str, rms_um: float, rng: np.random.Generator) -> str:
+    """One diagnosis of a hidden effect, and which of the four it is."""
+    setup = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(tick_um=0.1))
+    plan = tn.plan(setup)
+    exact = tn.Setup(artefact=tn.Artefact("cross"))
+    truth = {"errors": 60.0, "placement": 100.0}
+
+    def readings(**there: Any) -> Any:
+        touched = tn.simulate(plan, exact, **there)
+        return np.einsum("ij,ij->i", touched.position_mm, touched.direction) * 1e3
+
+    nothing = readings()
+    model = TouchModel(setup)
+    hidden: dict[str, dict[str, float]] = {}
+    if effect != "none":
+        (entry,) = (entry for entry in tn.catalogue(setup) if entry.id == effect)
+        drawn = {parameter.name: rng.normal() for parameter in entry.parameters}
+        columns = [readings(errors={name: 1.0}) - nothing for name in model.error_names]
+        columns += [readings(placement={name: 1.0}) - nothing for name in model.names[8:]]
+        design = np.stack(columns, axis=1)
+        change = readings(effects={effect: drawn}) - nothing
+        left = change - design @ np.linalg.lstsq(design, change, rcond=None)[0]
+        size = rms_um / np.sqrt(np.mean(left**2))
+        hidden = {effect: {name: size * value for name, value in drawn.items()}}
+    errors = {name: rng.uniform(-1, 1) * truth["errors"] for name in model.error_names}
+    placement = {name: rng.uniform(-1, 1) * truth["placement"] for name in model.names[8:]}
+    seed = int(rng.integers(2**62))
+    data = tn.simulate(plan, setup, errors, placement, hidden, noise_um=0.1, seed=seed)
+    found = tn.diagnose(data, setup)
+    named = {cause.id for cause in found.causes}
+    if named == set(hidden) and found.verdict in ("consistent", "explained", "ambiguous"):
+        return "found"
+    if frozenset(hidden) in found.alternatives:
+        return "among_alternatives"
+    return "missed" if found.verdict == "consistent" else "wrong"
+
+
+def test_power_counts_what_single_diagnoses_say() -> None:
+    sizes = [0.03, 0.5]
+    samples, seed = 2, 5
+    how: dict[str, Any] = {
+        "grid": {"effect": EFFECTS, "rms_um": sizes},
+        "samples": samples,
+        "seed": seed,
+        "fixed": {"plan": "paper", "noise_um": 0.1},
+        "progress": False,
+    }
+    with ThreadPoolExecutor(1) as here:
+        found = tn.sweep("diagnosis-power", executor=here, **how)
+    seen = set()
+    for node, (effect, size) in enumerate(product(EFFECTS, sizes)):
+        at = found.sel(effect=effect, rms_um=size)
+        for sample in range(samples):
+            wanted = by_hand(effect, size, Seeds(seed, node).generator(sample))
+            told = {name: at[name].values[sample] for name in COUNTS}
+            assert told == {name: float(name == wanted) for name in COUNTS}, (effect, size, sample)
+            seen.add(wanted)
+    assert seen >= {"found", "among_alternatives", "missed"}
+
+
+def test_power_is_the_same_in_worker_processes() -> None:
+    how: dict[str, Any] = {
+        "grid": {"effect": ["none", "drift_z"]},
+        "samples": 2,
+        "seed": 1,
+        "fixed": {"plan": "paper", "rms_um": 2.0, "noise_um": 0.1},
+        "progress": False,
+    }
+    there = tn.sweep("diagnosis-power", chunk=2, **how)
+    with ThreadPoolExecutor(1) as here:
+        assert there.identical(tn.sweep("diagnosis-power", executor=here, chunk=1, **how))
+    np.testing.assert_array_equal(sum(there[name] for name in COUNTS), 1.0)
 
 
 def test_command_line(tmp_path: object) -> None:

@@ -202,6 +202,20 @@ class TouchModel:
         identify: bool,
         threads: int | None,
     ) -> tuple[_Floats, list[tuple[int, str]]]: ...
+    def compensations(
+        self,
+        moves: Moves,
+        labels: Sequence[int],
+        truths: _Floats,
+        reach_mm: float,
+        noise_um: float,
+        seed: int,
+        first_sample: int,
+        method: str,
+        grid: Sequence[Sequence[float]],
+        rotary_deg: Sequence[float],
+        threads: int | None,
+    ) -> tuple[_Floats, list[tuple[int, str]]]: ...
 
 __all__ += ["MachineModel", "field_at", "field_on_grid", "field_statistics"]
 

@@ -29,7 +29,7 @@ CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
         "linear_um": Parameter(0.1, "µm", low=0.0),
         "rotary_arcsec": Parameter(0.36, "arcsec", low=0.0),
         "layout": Parameter("side", choices=("side", "top")),
-        "repeats": Parameter(1, low=1),
+        "repeats": Parameter(1, low=1, high=1000),
         "errors_um": Parameter(60.0, "µm", low=0.0),
         "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
         "placement_um": Parameter(100.0, "µm", low=0.0),
@@ -77,6 +77,10 @@ class Bench:
             identify,
             threads,
         )
+
+    def told(self, truths: Floats, failures: list[tuple[int, str]]) -> tuple[tuple[int, str], ...]:
+        """Failures of the core, each with its sample's truth."""
+        return tuple((index, f"{why} (truth {truths[index].tolist()})") for index, why in failures)
 
 
 @functools.lru_cache(maxsize=64)
@@ -133,7 +137,10 @@ class CalibrationStudy:
     name: str = "calibration"
     chunk: int = 20_000
     parameters: Mapping[str, Parameter] = field(
-        default_factory=lambda: {**CALIBRATION_PARAMETERS, "identify": Parameter(True)}
+        default_factory=lambda: {
+            **CALIBRATION_PARAMETERS,
+            "identify": Parameter(True, in_grid=False),
+        }
     )
 
     def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
@@ -173,5 +180,4 @@ class CalibrationStudy:
         rows[:, p : p + 8] -= truths[:, :8]
         if values["identify"]:
             rows[:, p + 8 : 2 * p + 8] -= truths
-        told = tuple((index, f"{why} (truth {truths[index].tolist()})") for index, why in failures)
-        return Block(rows, told)
+        return Block(rows, bench.told(truths, failures))

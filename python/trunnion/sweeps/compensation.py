@@ -5,26 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from trunnion.compensation import volumetric_error
-from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, Bench, bench_of
-from trunnion.sweeps.study import Block, Floats, Output, Parameter, Seeds, Value, guarded
+import numpy as np
+
+from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, bench_of
+from trunnion.sweeps.study import Block, Output, Parameter, Seeds, Value
 
 __all__ = ["CompensationStudy"]
 
 METHODS = ("identified", "separating", "printed")
+GRID_MM = tuple(
+    np.linspace(low, high, count).tolist()
+    for low, high, count in ((-150, 150, 31), (-120, 120, 25), (0, 150, 16))
+)
+"""The paper's volume, with the nodes of :func:`trunnion.volumetric_error`."""
 
 
 @dataclass(frozen=True)
 class CompensationStudy:
     """Volumetric error before compensation, and left after it with the errors as estimated.
 
-    What is left is the volumetric error of a machine whose location errors are truth minus
-    estimate, exact but for products of errors (1e-4 of the result at 60 µm and 60″), over the
-    paper's volume at one position of A and C.
+    The control puts the tool point right, with the linear axes, for the machine of the estimates:
+    :class:`trunnion.ModelCompensation`, over the paper's volume at one position of A and C. The
+    whole of it runs in the core on all cores.
     """
 
     name: str = "compensation"
-    chunk: int = 500
+    chunk: int = 20_000
     parameters: Mapping[str, Parameter] = field(
         default_factory=lambda: {
             **CALIBRATION_PARAMETERS,
@@ -51,32 +57,20 @@ class CompensationStudy:
         count: int,
         threads: int | None,
     ) -> Block:
-        """Calibrations in one call of the core, then a volume each."""
+        """One call of the core."""
         bench = bench_of(values)
         truths = bench.truths(seeds, first, count)
-        method = str(values["method"])
-        rows, failures = bench.estimates(
-            truths, float(values["noise_um"]), seeds, first, method == "identified", threads
+        rows, failures = bench.model.core.compensations(
+            bench.moves,
+            bench.labels,
+            truths,
+            bench.reach_mm,
+            float(values["noise_um"]),
+            seeds.whole(),
+            first,
+            str(values["method"]),
+            GRID_MM,
+            [float(values["a_deg"]), float(values["c_deg"])],
+            threads,
         )
-        begin = {"separating": 0, "printed": 14, "identified": 22}[method]
-        left = truths[:, :8] - rows[:, begin : begin + 8]
-        failed = dict(failures)
-        kept = [index for index in range(count) if index not in failed]
-
-        def one(index: int) -> list[float]:
-            if index in failed:
-                return [float("nan")] * 4
-            return [*_size(bench, truths[index], values), *_size(bench, left[index], values)]
-
-        block = guarded(count, one, 4)
-        told = {index: why for index, why in block.failures if index in kept} | failed
-        return Block(block.columns, tuple(sorted(told.items())))
-
-
-def _size(bench: Bench, errors: Floats, values: Mapping[str, Value]) -> tuple[float, float]:
-    names = bench.model.error_names
-    named = {name: float(value) for name, value in zip(names, errors[: len(names)], strict=True)}
-    found = volumetric_error(
-        bench.setup, named, a_deg=float(values["a_deg"]), c_deg=float(values["c_deg"])
-    )
-    return found.max_um, found.rms_um
+        return Block(rows, bench.told(truths, failures))

@@ -15,11 +15,17 @@ from trunnion.planning import plan
 from trunnion.setup import Artefact, Probe, Setup
 from trunnion.simulation import simulate
 from trunnion.sweeps.study import Block, Floats, Output, Parameter, Seeds, Value, guarded
-from trunnion.touch_model import TouchModel
+from trunnion.touch_model import TouchModel, catalogue
 
 __all__ = ["DiagnosisPowerStudy"]
 
 NONE = "none"
+
+
+@functools.cache
+def effects() -> tuple[str, ...]:
+    """What can be hidden: nothing, or an effect of the catalogue."""
+    return (NONE, *(entry.id for entry in catalogue(Setup(artefact=Artefact("cross")))))
 
 
 @dataclass(frozen=True)
@@ -30,7 +36,7 @@ class DiagnosisPowerStudy:
     after the location errors and the placement have been fitted. Exactly one of four outputs is 1:
     ``found`` (it is the first explanation), ``among_alternatives`` (another that explains the data
     as well comes first), ``missed`` (nothing is found) or ``wrong`` (something else). With effect
-    "none" silence counts as found.
+    "none", or `rms_um` 0, silence counts as found.
     """
 
     name: str = "diagnosis-power"
@@ -38,7 +44,7 @@ class DiagnosisPowerStudy:
     processes: bool = True
     parameters: Mapping[str, Parameter] = field(
         default_factory=lambda: {
-            "effect": Parameter("drift_z"),
+            "effect": Parameter("drift_z", choices=effects()),
             "rms_um": Parameter(0.5, "µm", low=0.0),
             "noise_um": Parameter(0.3, "µm", low=0.0),
             "tick_um": Parameter(0.1, "µm", low=0.0),

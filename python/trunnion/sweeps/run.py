@@ -10,18 +10,23 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from importlib import import_module
+from itertools import chain, islice
 from multiprocessing import get_context
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from trunnion._core import __version__
-from trunnion.errors import DataError, InputError, TrunnionError
+from trunnion.errors import DataError, InputError, TrunnionError, UnknownNameError
 from trunnion.sweeps.grid import Grid
-from trunnion.sweeps.store import Blocks, Journal, Place, check_same
-from trunnion.sweeps.study import Block, Output, Seeds, Study, study_of
+from trunnion.sweeps.store import Blocks, Journal, Place, alone, check_same
+from trunnion.sweeps.study import Block, FunctionStudy, Output, Seeds, Study, Value, study_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +39,12 @@ TRIES = 3
 """How often a block is sent out whose worker died."""
 AHEAD = 64
 """Blocks that wait at an executor at a time."""
+MOST_THREADS = 1024
+"""More would take the machine down before they were any use."""
+MOST_TRIALS = 64
+"""Nodes that are asked for the outputs before none is taken to work."""
+FAILURE = ("failure_sample", "failure_parameters", "failure_error")
+"""What tells of failed samples."""
 
 
 class Submits(Protocol):
@@ -68,9 +79,11 @@ def sweep(
     ----------
     study
         "calibration", "compensation", "diagnosis-power", a function ``f(rng, **parameters)`` that
-        returns a number or a dict of numbers, or an object like :class:`trunnion.sweeps.Study`.
+        returns a number or a dict of numbers, or an object like :class:`trunnion.sweeps.Study`. A
+        function is tried out once or more beforehand, to learn the names of its outputs.
     grid
-        Parameter → values, one dimension of the result each.
+        Parameter → values, one dimension of the result each. Parameters of the built-in studies:
+        ``trunnion sweep --parameters NAME``.
     samples
         Random draws at each node.
     seed
@@ -86,7 +99,8 @@ def sweep(
         Parameters that stay the same.
     path
         File of the result (netCDF). While it runs, blocks are kept beside it in ``path.part``; the
-        same call goes on where it stopped, and reads the result once it is complete.
+        same call goes on where it stopped, and reads the result once it is complete. Without it an
+        interrupted sweep is lost.
     chunk
         Samples in a block; the study's own unless given.
     threads
@@ -111,7 +125,8 @@ def sweep(
     InputError, UnknownNameError
         A grid that cannot be, at once.
     DataError
-        `path` holds another sweep; too many samples failed.
+        `path` holds another sweep, is damaged, or is being filled by another process; too many
+        samples failed; an executor broke.
 
     Examples
     --------
@@ -120,47 +135,127 @@ def sweep(
     >>> dict(found.sizes)
     {'s': 2, 'sample': 3}
     """
+    import_xarray()
     chosen = study_of(study, units)
-    _whole("samples", samples, 1)
-    _whole("seed", seed, 0)
-    nodes = Grid.checked(chosen, grid, fixed)
-    nodes.check_size(samples, 1)
-    outputs = chosen.outputs(nodes.at(0))
+    samples = _whole("samples", samples, 1)
+    seed = _whole("seed", seed, 0)
+    if threads is not None:
+        threads = _whole("threads", threads, 1, MOST_THREADS)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"executor: got {executor!r}, wanted an object with submit")
+    limit = _Limit(most_failures)
+    target = None if path is None else _target(path)
+    nodes = Grid.checked(chosen, grid, fixed, samples)
+    size = _whole("chunk", chunk if chunk is not None else chosen.chunk, 1)
+    outputs = _outputs(chosen, nodes)
     width = sum(output.width for output in outputs)
     nodes.check_size(samples, width)
-    size = _whole("chunk", chunk if chunk is not None else chosen.chunk, 1)
+    if isinstance(chosen, FunctionStudy):
+        chosen = replace(chosen, names=tuple(output.name for output in outputs))
     described = _described(chosen, nodes, samples, seed, outputs)
-    target = None if path is None else Path(path)
     if target is not None and target.exists():
         return _complete(target, described)
     blocks = Blocks(nodes.nodes, samples, width)
-    journal = None
-    if target is not None:
+    run = _Run(chosen, nodes, seed, size, executor, threads, limit, progress)
+    if target is None:
+        run.fill(blocks, None)
+        return _dataset(nodes, outputs, blocks, described)
+    lock = target.with_name(target.name + ".lock")
+    with alone(lock):
+        if target.exists():  # another process has just ended it
+            return _complete(target, described)
         journal = Journal(target.with_name(target.name + ".part"))
         journal.start(described)
         for place, block in journal.read():
             blocks.put(place, block)
-    places = [
-        place
-        for node in range(nodes.nodes)
-        for first, count in _missing(blocks.done[node], size)
-        for place in [(node, first, count)]
-    ]
-    limit = _Limit(most_failures)
-    with _bar(chosen.name, nodes.nodes * samples, int(blocks.done.sum()), progress) as advance:
-        for place, block in _results(chosen, nodes, seed, places, executor, threads):
-            if journal is not None:
-                journal.write(place, block)
-            blocks.put(place, block)
-            advance(place[2])
-            limit.check(blocks)
-    result = _dataset(nodes, outputs, blocks, described)
-    if target is not None and journal is not None:
-        new = target.with_name(target.name + ".new")
-        result.to_netcdf(new, engine="scipy")
-        new.replace(target)
+        with journal.writing() as write:
+            run.fill(blocks, write)
+        result = _dataset(nodes, outputs, blocks, described)
+        _write(result, target)
         journal.path.unlink()
+        lock.unlink(missing_ok=True)
     return result
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What is to be run, and on what."""
+
+    study: Study
+    nodes: Grid
+    seed: int
+    chunk: int
+    executor: Submits | None
+    threads: int | None
+    limit: _Limit
+    progress: bool | None
+
+    def fill(self, blocks: Blocks, write: Callable[[Place, Block], None] | None) -> None:
+        """Run what is not done yet."""
+        begun, total = int(blocks.done.sum()), blocks.done.size
+        places = (
+            (node, first, count)
+            for node in range(self.nodes.nodes)
+            for first, count in _missing(blocks.done[node].copy(), self.chunk)
+        )
+        with _bar(self.study.name, total, begun, self.progress) as advance:
+            for place, block in self.results(places):
+                blocks.put(place, block)
+                if write is not None:
+                    write(place, block)
+                advance(place[2])
+                self.limit.check(blocks)
+
+    def results(self, places: Iterator[Place]) -> Iterator[tuple[Place, Block]]:
+        """Blocks as they come."""
+        begin = tuple(islice(places, 2))
+        places = chain(begin, places)
+        if self.executor is not None:
+            yield from self.sent(places, self.executor)
+        elif len(begin) > 1 and getattr(self.study, "processes", False):
+            # Not forked: the core's threads would not survive it.
+            with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+                yield from self.sent(places, pool)
+        else:
+            for place in places:
+                yield place, _work(*self.task(place), place, self.threads)
+
+    def task(self, place: Place) -> tuple[Study, dict[str, Any], Seeds]:
+        """What a block is made from."""
+        return self.study, self.nodes.at(place[0]), Seeds(self.seed, place[0])
+
+    def sent(self, places: Iterator[Place], executor: Submits) -> Iterator[tuple[Place, Block]]:
+        """Blocks from an executor as they come; one whose worker died is sent again."""
+        again: deque[tuple[Place, int]] = deque()
+        ready: queue.Queue[Any] = queue.Queue()
+        out: dict[Any, tuple[Place, int]] = {}
+        try:
+            while True:
+                while len(out) < AHEAD:
+                    place, tries = again.popleft() if again else (next(places, None), 1)
+                    if place is None:
+                        break
+                    try:
+                        future = executor.submit(_work, *self.task(place), place, 1)
+                    except Exception as error:  # a pool that broke takes nothing more
+                        raise _broken(error) from error
+                    out[future] = (place, tries)
+                    future.add_done_callback(ready.put)
+                if not out:
+                    return
+                future = ready.get()
+                place, tries = out.pop(future)
+                try:
+                    block = future.result()
+                except Exception as error:
+                    if tries >= TRIES:
+                        raise _broken(error) from error
+                    again.append((place, tries + 1))
+                else:
+                    yield place, block
+        finally:
+            for future in out:
+                future.cancel()
 
 
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
@@ -169,13 +264,17 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises
     ------
     DataError
-        There is neither `path` nor `path.part`.
+        There is neither `path` nor `path.part`, or it is none of a sweep.
     """
-    import xarray as xr
-
-    target = Path(path)
+    xarray = import_xarray()
+    target = _target(path)
     if target.exists():
-        return xr.load_dataset(target, engine="scipy")
+        try:
+            found: xr.Dataset = xarray.load_dataset(target, engine="scipy")
+        except (TypeError, ValueError, OSError, IndexError, KeyError, EOFError) as error:
+            why = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise DataError(f"{target}: {why}; wanted the file (netCDF) of a sweep") from None
+        return found
     journal = Journal(target.with_name(target.name + ".part"))
     if not journal.path.exists():
         raise DataError(f"{target}: no such sweep, finished or running")
@@ -189,24 +288,79 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     return _dataset(nodes, outputs, blocks, described)
 
 
-def _whole(what: str, value: int, low: int) -> int:
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < low:
-        raise InputError(f"{what}: got {value!r}, wanted a whole number from {low}")
+def import_xarray() -> ModuleType:
+    """xarray, which holds the results.
+
+    Raises
+    ------
+    ImportError
+        It is not installed.
+    """
+    try:
+        return import_module("xarray")
+    except ImportError as error:
+        raise ImportError('sweeps need xarray; pip install "trunnion[sweep]"') from error
+
+
+def _whole(what: str, value: Any, low: int, high: float = np.inf) -> int:
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or not low <= value <= high:
+        to = "" if high == np.inf else f" to {high:g}"
+        raise InputError(f"{what}: got {value!r}, wanted a whole number from {low}{to}")
     return int(value)
+
+
+def _target(path: Any) -> Path:
+    """Where the result goes; a file that may be, in a folder that is there."""
+    try:
+        target = Path(path)
+    except TypeError:
+        raise InputError(f"path: got {path!r}, wanted the path of a file") from None
+    if target.is_dir():
+        raise InputError(f"path: got {target}, a folder, wanted a file")
+    if not target.parent.is_dir():
+        raise InputError(f"path: got {target}, wanted a file in a folder that is there")
+    return target
+
+
+def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
+    """Outputs from the first node that works; names that the result can hold."""
+    first: TrunnionError | None = None
+    for node in range(min(nodes.nodes, MOST_TRIALS)):
+        try:
+            outputs = study.outputs(nodes.at(node))
+            break
+        except TrunnionError as error:
+            first = first or error
+    else:
+        raise first or InputError(f"study {study.name}: no outputs")
+    if not outputs:
+        raise InputError(f"study {study.name}: got no outputs, wanted at least one")
+    taken = {*nodes.axes, *FAILURE, "sample", "failure"}
+    taken |= {output.dim for output in outputs} | {f"{output.dim}_unit" for output in outputs}
+    for output in outputs:
+        if output.name in taken:
+            raise InputError(
+                f"study {study.name}: got an output named {output.name!r} as a parameter or a "
+                "dimension is, wanted another name"
+            )
+        taken.add(output.name)
+        if output.dim in nodes.axes:
+            raise InputError(f"axis {output.dim}: the name is taken, wanted another")
+    if isinstance(study, FunctionStudy):
+        for name in study.units:
+            if name not in taken:
+                names = ", ".join(output.name for output in outputs)
+                raise UnknownNameError(f"units: got {name!r}, wanted some of {names}")
+    return outputs
 
 
 def _missing(done: np.ndarray[Any, np.dtype[np.bool_]], size: int) -> Iterator[tuple[int, int]]:
     """Stretches of samples that are not done, at most `size` long."""
-    first = 0
-    while first < len(done):
-        if done[first]:
-            first += 1
-            continue
-        stop = first
-        while stop < len(done) and not done[stop] and stop - first < size:
-            stop += 1
-        yield first, stop - first
-        first = stop
+    edges = np.flatnonzero(np.diff(np.concatenate(([True], done, [True])).astype(np.int8)))
+    for begin, end in edges.reshape(-1, 2).tolist():
+        for first in range(begin, end, size):
+            yield first, min(size, end - first)
 
 
 def _work(
@@ -220,62 +374,16 @@ def _work(
         return Block(np.full((place[2], 1), np.nan), tuple((i, why) for i in range(place[2])))
 
 
-def _results(
-    study: Study,
-    nodes: Grid,
-    seed: int,
-    places: list[Place],
-    executor: Submits | None,
-    threads: int | None,
-) -> Iterator[tuple[Place, Block]]:
-    if executor is not None:
-        yield from _sent(study, nodes, seed, places, executor)
-    elif getattr(study, "processes", False) and len(places) > 1:
-        # Not forked: the core's threads would not survive it.
-        with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-            yield from _sent(study, nodes, seed, places, pool)
-    else:
-        for place in places:
-            yield place, _work(study, nodes.at(place[0]), Seeds(seed, place[0]), place, threads)
-
-
-def _sent(
-    study: Study, nodes: Grid, seed: int, places: list[Place], executor: Submits
-) -> Iterator[tuple[Place, Block]]:
-    """Blocks from an executor as they come; one whose worker died is sent again."""
-    waiting = deque((place, 1) for place in places)
-    ready: queue.Queue[Any] = queue.Queue()
-    out: dict[Any, tuple[Place, int]] = {}
-    try:
-        while waiting or out:
-            while waiting and len(out) < AHEAD:
-                place, tries = waiting.popleft()
-                seeds = Seeds(seed, place[0])
-                try:
-                    future = executor.submit(_work, study, nodes.at(place[0]), seeds, place, 1)
-                except Exception as error:  # a pool that broke takes nothing more
-                    raise _broken(error) from error
-                out[future] = (place, tries)
-                future.add_done_callback(ready.put)
-            future = ready.get()
-            place, tries = out.pop(future)
-            try:
-                block = future.result()
-            except Exception as error:
-                if tries >= TRIES:
-                    raise _broken(error) from error
-                waiting.append((place, tries + 1))
-            else:
-                yield place, block
-    finally:
-        for future in out:
-            future.cancel()
-
-
 def _broken(error: Exception) -> DataError:
+    why = f"{type(error).__name__}: {error}"
+    if isinstance(error, BrokenProcessPool):
+        why += (
+            " (worker processes import the script that starts them: what it does belongs under "
+            'if __name__ == "__main__")'
+        )
     return DataError(
-        f"executor: {type(error).__name__}: {error}; what is done is kept in the file of the "
-        "sweep, if it has one: the same call goes on from there"
+        f"executor: {why}; what is done is kept in the file of the sweep, if it has one: the same "
+        "call goes on from there"
     )
 
 
@@ -283,7 +391,8 @@ class _Limit:
     """Ends a sweep in which too many samples fail."""
 
     def __init__(self, share: float) -> None:
-        if not (np.isfinite(share) and 0 <= share <= 1):
+        number = isinstance(share, float | int | np.number) and not isinstance(share, bool)
+        if not (number and 0 <= share <= 1):
             raise InputError(f"most_failures: got {share!r}, wanted a share from 0 to 1")
         self.share = share
 
@@ -358,6 +467,7 @@ def _described(
         "fixed": nodes.fixed,
         "samples": int(samples),
         "seed": int(seed),
+        **({"code": study.code()} if isinstance(study, FunctionStudy) else {}),
         "outputs": [
             [output.name, output.unit, output.dim, list(output.labels), output.words]
             for output in outputs
@@ -371,9 +481,21 @@ def _output(entry: list[Any]) -> Output:
     return Output(name, unit if isinstance(unit, str) else tuple(unit), dim, tuple(labels), words)
 
 
+def _write(result: xr.Dataset, target: Path) -> None:
+    """The whole file or none, on the disk before what it was made from goes."""
+    new = target.with_name(target.name + ".new")
+    result.to_netcdf(new, engine="scipy")
+    with new.open("rb+") as written:
+        os.fsync(written.fileno())
+    new.replace(target)
+
+
 def _complete(target: Path, described: dict[str, Any]) -> xr.Dataset:
     found = open_sweep(target)
-    check_same(target, json.loads(str(found.attrs.get("described", "{}"))), described)
+    text = found.attrs.get("described")
+    if text is None:
+        raise DataError(f"{target}: holds no sweep; wanted the file of one, or another file")
+    check_same(target, json.loads(str(text)), described)
     return found
 
 
@@ -386,7 +508,7 @@ def _dataset(
     samples = blocks.columns.shape[1]
     axes = tuple(nodes.axes)
     coordinates: dict[str, Any] = {
-        name: (name, list(values), {"units": described["grid_units"].get(name, "")})
+        name: (name, _storable(values), {"units": described["grid_units"].get(name, "")})
         for name, values in nodes.axes.items()
     }
     variables: dict[str, Any] = {}
@@ -415,16 +537,26 @@ def _dataset(
         )
         variables["failure_error"] = ("failure", [why for _, why in told])
     described_by: dict[str, Any] = {
+        **{name: _attribute(value) for name, value in described["fixed"].items()},
         "study": described["study"],
-        # The classic netCDF format has no whole numbers beyond 32 bits.
-        "seed": described["seed"] if described["seed"] < 2**31 else str(described["seed"]),
+        "seed": _attribute(described["seed"]),
         "samples_done": int(blocks.done.sum()),
         "samples_failed": len(told),
         "trunnion": described["trunnion"],
         "described": json.dumps(described, sort_keys=True),
-        **{
-            name: int(value) if isinstance(value, bool) else value
-            for name, value in described["fixed"].items()
-        },
     }
     return xr.Dataset(variables, coordinates, described_by)
+
+
+def _attribute(value: Value) -> Value:
+    """The classic netCDF format has no truth values, and no whole numbers beyond 32 bits."""
+    if isinstance(value, bool):
+        return int(value)
+    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value
+
+
+def _storable(values: tuple[Value, ...]) -> list[Value]:
+    whole = all(type(value) is int for value in values)
+    if whole and any(abs(int(value)) >= 2**31 for value in values):
+        return [float(value) for value in values]
+    return list(values)

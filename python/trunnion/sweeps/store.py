@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterator
-from contextlib import closing
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +21,14 @@ import numpy as np
 from trunnion.errors import DataError, InputError
 from trunnion.sweeps.study import Block, Floats
 
-__all__ = ["Blocks", "Journal"]
+__all__ = ["Blocks", "Journal", "alone", "check_same"]
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
+EVERY_S = 0.25
+"""Blocks are written to the disk together that come within this time."""
+_HELD: set[Path] = set()
+"""What this process holds: its own locks do not keep a process out."""
 
 
 class Blocks:
@@ -49,14 +55,9 @@ class Blocks:
         for index, why in block.failures:
             self.failures[node, first + index] = why
 
-    def has(self, place: Place) -> bool:
-        """Whether all of a place is there."""
-        node, first, count = place
-        return bool(self.done[node, first : first + count].all())
-
 
 class Journal:
-    """Blocks on disk, each written at once or not at all."""
+    """Blocks on disk, each wholly there or not at all."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -69,7 +70,7 @@ class Journal:
         DataError
             The file holds another sweep, or is none.
         """
-        with closing(self._open()) as base, base:
+        with self._open() as base:
             base.execute("CREATE TABLE IF NOT EXISTS sweep (described TEXT)")
             base.execute(
                 "CREATE TABLE IF NOT EXISTS block (node INTEGER, first INTEGER, count INTEGER, "
@@ -80,44 +81,124 @@ class Journal:
                 text = json.dumps(described, sort_keys=True)
                 base.execute("INSERT INTO sweep VALUES (?)", (text,))
             else:
-                check_same(self.path, json.loads(found[0]), described)
+                check_same(self.path, self._described(found[0]), described)
 
     def described(self) -> dict[str, Any]:
         """What the sweep is."""
-        with closing(self._open()) as base:
-            found: dict[str, Any] = json.loads(
-                base.execute("SELECT described FROM sweep").fetchone()[0]
-            )
-        return found
+        with self._open() as base:
+            found = base.execute("SELECT described FROM sweep").fetchone()
+        if found is None:
+            raise DataError(f"{self.path}: got no sweep, wanted one that has begun")
+        return self._described(found[0])
 
-    def write(self, place: Place, block: Block) -> None:
-        """Add a block; one that is there already stays."""
-        columns = np.ascontiguousarray(block.columns, dtype="<f8")
-        row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
-        with closing(self._open()) as base, base:
-            base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
+    @contextmanager
+    def writing(self) -> Iterator[Callable[[Place, Block], None]]:
+        """What adds a block; one that is there already stays.
+
+        Blocks are on the disk `EVERY_S` later at most, all of them at the end, even one that an
+        exception makes.
+        """
+        with self._open() as base:
+            last = time.monotonic()
+
+            def write(place: Place, block: Block) -> None:
+                nonlocal last
+                columns = np.ascontiguousarray(block.columns, dtype="<f8")
+                row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
+                base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
+                if time.monotonic() - last > EVERY_S:
+                    base.commit()
+                    last = time.monotonic()
+
+            try:
+                yield write
+            finally:
+                base.commit()
 
     def read(self) -> Iterator[tuple[Place, Block]]:
         """All blocks so far."""
-        with closing(self._open()) as base:
+        with self._open() as base:
             rows = base.execute("SELECT node, first, count, columns, width, failures FROM block")
             for node, first, count, data, width, failures in rows:
-                columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
-                told = tuple((int(index), str(why)) for index, why in json.loads(failures))
+                try:
+                    columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
+                    told = tuple((int(index), str(why)) for index, why in json.loads(failures))
+                except (TypeError, ValueError):
+                    raise DataError(
+                        f"{self.path}: the block of node {node} from sample {first} is damaged; "
+                        "wanted a whole file: remove it to begin again"
+                    ) from None
                 yield (node, first, count), Block(columns, told)
 
-    def _open(self) -> sqlite3.Connection:
+    def _described(self, text: Any) -> dict[str, Any]:
         try:
-            base = sqlite3.connect(self.path, timeout=60)
-            base.execute("PRAGMA synchronous=NORMAL")
+            found: dict[str, Any] = json.loads(text)
+        except (TypeError, ValueError):
+            raise DataError(f"{self.path}: damaged, wanted the file of a running sweep") from None
+        return found
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        """A connection for one transaction."""
+        try:
+            with closing(sqlite3.connect(self.path, timeout=60)) as base, base:
+                base.execute("PRAGMA synchronous=NORMAL")
+                yield base
         except sqlite3.Error as error:
-            raise DataError(f"{self.path}: {error}; wanted the file of a running sweep") from None
-        return base
+            raise DataError(
+                f"{self.path}: {error}; wanted a file of a running sweep that can be read and "
+                "written"
+            ) from None
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Hold `path` as this process's own; it falls free with the process, however that ends.
+
+    Raises
+    ------
+    DataError
+        Another process has it, or it cannot be made.
+    """
+    name = path.resolve()
+    if name in _HELD:
+        raise DataError(f"{path}: this process is running this sweep; wanted one at a time")
+    try:
+        held = path.open("ab")
+    except OSError as error:
+        raise DataError(
+            f"{path}: {error.strerror}; wanted a folder that can be written to"
+        ) from None
+    with held:
+        try:
+            if sys.platform == "win32":
+                import msvcrt
+
+                msvcrt.locking(held.fileno(), msvcrt.LK_NBLCK, 1)
+            else:
+                import fcntl
+
+                # Not flock: workers that are forked meanwhile would share it and might outlive us.
+                fcntl.lockf(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except (BlockingIOError, PermissionError):
+            raise DataError(
+                f"{path}: another process is running this sweep; wanted one at a time"
+            ) from None
+        _HELD.add(name)
+        try:
+            yield
+        finally:
+            _HELD.discard(name)
 
 
 def check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
     """Refuse to go on with the file of another sweep."""
     for key, value in json.loads(json.dumps(wanted)).items():
+        if key == "code" and key in found and found[key] != value:
+            raise DataError(
+                f"{path}: holds another sweep: the code of {wanted['study']} was another; wanted "
+                "the same function to go on with, or another file"
+            )
         if found.get(key) != value:
             raise DataError(
                 f"{path}: holds another sweep: {key} is {found.get(key)!r} there, {value!r} here; "

@@ -6,10 +6,12 @@ Python function becomes one by :class:`FunctionStudy`, which :func:`trunnion.swe
 
 from __future__ import annotations
 
+import hashlib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
+from types import CodeType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -28,13 +30,16 @@ class Parameter:
     """A parameter of a study: what it is unless the grid or `fixed` say otherwise.
 
     `default` None: it must be given. Its type is that of the default; a number takes any number,
-    a whole number only whole ones. `choices`: the only values allowed. `low`: the least one.
+    a whole number only whole ones. `choices`: the only values allowed. `low`, `high`: the least
+    and the most. `in_grid` False: outputs depend on it, so that it must be the same at all nodes.
     """
 
     default: Value | None
     unit: str = ""
     choices: tuple[Value, ...] = ()
     low: float | None = None
+    high: float | None = None
+    in_grid: bool = True
 
 
 @dataclass(frozen=True)
@@ -142,11 +147,15 @@ class FunctionStudy:
         Called once a sample with the sample's own random generator and the node's parameters.
     units
         Units of the outputs, by name, for the labels of the result.
+    names
+        Names of the outputs, in the order of the columns; a sample that returns others fails.
+        Empty: those of the first sample of a block.
     """
 
     function: Callable[..., Any]
     units: Mapping[str, str] = field(default_factory=dict)
     chunk: int = 1
+    names: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -155,7 +164,10 @@ class FunctionStudy:
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The function's arguments but for the first; ``**`` in its signature allows any."""
+        """The function's arguments but for the first; ``**`` in its signature allows any.
+
+        A default that is no number and no text is the function's own affair.
+        """
         found: dict[str, Parameter] = {}
         for number, (name, argument) in enumerate(
             inspect.signature(self.function).parameters.items()
@@ -166,7 +178,10 @@ class FunctionStudy:
                 found["**"] = Parameter(None)
                 continue
             default = argument.default
-            found[name] = Parameter(default if isinstance(default, float | int | str) else None)
+            if default is argument.empty:
+                found[name] = Parameter(None)
+            elif isinstance(default, float | int | str):
+                found[name] = Parameter(default)
         return found
 
     def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
@@ -180,9 +195,16 @@ class FunctionStudy:
             else:
                 return tuple(Output(name, self.units.get(name, "")) for name in found)
         raise InputError(
-            f"study {self.name}: eight trials at the first node failed, the last with "
-            f"{type(last).__name__}: {last}"
+            f"study {self.name}: eight trials failed, the last with {type(last).__name__}: {last}"
         )
+
+    def code(self) -> str:
+        """Digest of what the function does, as far as its own code says; "" where it has none.
+
+        What it reads from outside, other functions or variables, does not enter.
+        """
+        code = getattr(self.function, "__code__", None)
+        return "" if code is None else hashlib.sha256(_spelled(code).encode()).hexdigest()[:16]
 
     def run(
         self,
@@ -193,12 +215,17 @@ class FunctionStudy:
         threads: int | None,  # noqa: ARG002
     ) -> Block:
         """Call the function for each sample."""
+        names = self.names
         rows: list[list[float] | None] = []
         failures: list[tuple[int, str]] = []
         for index in range(count):
             try:
                 found = self._call(values, seeds.generator(first + index))
-                rows.append([float(value) for value in found.values()])
+                names = names or tuple(found)
+                if set(found) != set(names):
+                    got, wanted = ", ".join(found), ", ".join(names)
+                    raise InputError(f"outputs: got {got or 'none'}, wanted {wanted}")
+                rows.append([found[name] for name in names])
             except Exception as error:  # whatever a user's function raises is a record
                 rows.append(None)
                 failures.append((index, f"{type(error).__name__}: {error}"))
@@ -210,10 +237,31 @@ class FunctionStudy:
         found = self.function(rng, **values)
         if not isinstance(found, Mapping):
             found = {self.name: found}
-        for name, value in found.items():
-            if not np.isscalar(value) or isinstance(value, str | complex):
-                raise InputError(f"output {name}: got {value!r}, wanted a number")
-        return dict(found)
+        return {_named(name): _number(name, value) for name, value in found.items()}
+
+
+def _named(name: Any) -> str:
+    if not isinstance(name, str) or not name:
+        raise InputError(f"name of an output: got {name!r}, wanted text")
+    return name
+
+
+def _number(name: Any, value: Any) -> float:
+    array = np.asarray(value)
+    if array.ndim != 0 or array.dtype.kind not in "fiub":
+        raise InputError(f"output {name}: got {value!r}, wanted a number")
+    return float(array)
+
+
+def _spelled(code: CodeType) -> str:
+    def spelled(value: Any) -> str:
+        if isinstance(value, CodeType):
+            return _spelled(value)
+        # The order of a set is another one in each process.
+        return repr(sorted(map(repr, value)) if isinstance(value, frozenset) else value)
+
+    constants = [spelled(value) for value in code.co_consts]
+    return repr((code.co_code, code.co_names, code.co_varnames, constants))
 
 
 STUDIES: dict[str, tuple[str, str]] = {
@@ -226,6 +274,10 @@ STUDIES: dict[str, tuple[str, str]] = {
 
 def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] | None) -> Study:
     """A study from a name, a function or itself."""
+    if units is not None and not isinstance(units, Mapping):
+        raise InputError(f"units: got {units!r}, wanted a dict of output names")
+    if units and isinstance(study, str | Study):
+        raise InputError("units: got some for a study that has its own, wanted none")
     if isinstance(study, str):
         if study not in STUDIES:
             raise UnknownNameError(f"study: got {study!r}, wanted one of {', '.join(STUDIES)}")

@@ -17,7 +17,7 @@ use trunnion_core::plan::collision::Stylus;
 use trunnion_core::plan::targets::Layout;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
 use trunnion_core::probe::Probe;
-use trunnion_core::studies;
+use trunnion_core::studies::{self, Measurement};
 use trunnion_core::touch::{Simulation, TouchModel};
 use trunnion_core::units::{DEG, UM};
 
@@ -128,9 +128,14 @@ fn main() -> Outcome<()> {
     let mut group = bench.benchmark_group("array call");
     group.throughput(Throughput::Elements(samples as u64));
     let moves = paper.moves(&paper.start);
-    let work = || {
-        studies::calibrations(&paper.model, &moves, &paper.labels, &truths, &simulation, 0, None)
+    let measurement = Measurement {
+        model: &paper.model,
+        moves: &moves,
+        labels: &paper.labels,
+        simulation,
+        first_sample: 0,
     };
+    let work = || studies::calibrations(&measurement, &truths, None);
     work()?;
     group.bench_function("calibration", |b| {
         b.iter(|| threads.install(|| black_box(work()).is_ok()))

@@ -48,8 +48,8 @@
 //! | [`plan`] | which touches, in which order; clearance |
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
 //! | [`identification`] | closed forms, least squares |
-//! | [`studies`] | many virtual calibrations at once |
 //! | [`compensation`] | volumetric error, corrected commands |
+//! | [`studies`] | many virtual calibrations and compensations at once |
 //! | [`nc`] | part programs: read, written, followed |
 //! | [`turning`] | the lathe: probe path, correction, diameter errors |
 //! | [`hybrid`] | the hybrid parallel machine: closed loops, sensitivities, ball-bar |

@@ -4,12 +4,13 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::artefact::{Artefact, Search};
+use trunnion_core::compensation::volumetric::Volume;
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
 use trunnion_core::machine::{self, Machine};
 use trunnion_core::moves::MoveTable;
 use trunnion_core::probe::Probe;
-use trunnion_core::studies;
+use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::{self, Simulation};
 use trunnion_core::units::{ARCSEC, DEG, UM};
 use trunnion_core::{Error, Result};
@@ -410,27 +411,76 @@ impl TouchModel {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
         let moves = moves.inner.view();
-        let p = self.inner.parameter_count();
-        let truths = rows("true parameters", &truths, p)?;
-        let simulation = simulation(true, reach_mm, noise_um, seed);
+        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
+        let measurement = Measurement {
+            model: &self.inner,
+            moves: &moves,
+            labels: &labels,
+            simulation: simulation(true, reach_mm, noise_um, seed),
+            first_sample,
+        };
         let options = identify.then(least_squares::Options::default);
         let result = py.detach(|| {
+            with_threads(threads, || studies::calibrations(&measurement, &truths, options.as_ref()))
+        });
+        samples(py, result?.into_py()?)
+    }
+
+    /// What compensation leaves after virtual calibrations: for every row of `truths` (m, 14) the
+    /// plan is simulated, the location errors are estimated by `method` ("separating", "printed",
+    /// "identified"), and the volumetric error over the grid x × y × z with the rotary axes at
+    /// `rotary_deg` is taken under a control that believes in the nominal machine and under one
+    /// that believes in the estimates. Returns one row a sample (largest and root mean square
+    /// before, largest and root mean square left, µm) and the samples that failed.
+    fn compensations<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        labels: Vec<i64>,
+        truths: PyReadonlyArray2<'py, f64>,
+        reach_mm: f64,
+        noise_um: f64,
+        seed: u64,
+        first_sample: u64,
+        method: &str,
+        grid: [Vec<f64>; 3],
+        rotary_deg: Vec<f64>,
+        threads: Option<usize>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
+        let moves = moves.inner.view();
+        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
+        let measurement = Measurement {
+            model: &self.inner,
+            moves: &moves,
+            labels: &labels,
+            simulation: simulation(true, reach_mm, noise_um, seed),
+            first_sample,
+        };
+        let method = match method {
+            "separating" => Ok(Method::Separating),
+            "printed" => Ok(Method::Printed),
+            "identified" => Ok(Method::Identified),
+            _ => Err(Error::unknown("method", method, ["separating", "printed", "identified"])),
+        };
+        let method = method.into_py()?;
+        let volume = Volume::new([&grid[0], &grid[1], &grid[2]]);
+        let rotary: Vec<f64> = rotary_deg.iter().map(|angle| angle * DEG).collect();
+        let result = py.detach(|| {
             with_threads(threads, || {
-                studies::calibrations(
-                    &self.inner,
-                    &moves,
-                    &labels,
-                    &truths,
-                    &simulation,
-                    first_sample,
-                    options.as_ref(),
-                )
+                studies::compensations(&measurement, &truths, method, &volume, &rotary)
             })
         });
-        let found = result?.into_py()?;
-        let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
-        Ok((matrix(py, found.rows, found.width)?, failures.collect()))
+        samples(py, result?.into_py()?)
     }
+}
+
+fn samples(
+    py: Python<'_>,
+    found: studies::Samples,
+) -> PyResult<(Bound<'_, PyArray2<f64>>, Vec<(usize, String)>)> {
+    let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
+    let failures = failures.collect();
+    Ok((matrix(py, found.rows, found.width)?, failures))
 }
 
 fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {

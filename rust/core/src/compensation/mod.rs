@@ -57,6 +57,26 @@ impl Model {
         Ok(())
     }
 
+    /// Sets all location errors at once, in the order of the machine's, mm or rad. What was set
+    /// before, the placement of the work with it, is forgotten.
+    ///
+    /// # Errors
+    /// Another number of values than the machine has location errors, a value that is not finite.
+    pub fn set_errors(&mut self, amounts: &[f64]) -> Result<()> {
+        if amounts.len() != self.errors.len() {
+            let wanted = self.errors.len().to_string();
+            return Err(Error::input("location errors", amounts.len(), wanted));
+        }
+        self.constant = Places::default();
+        for (error, amount) in self.errors.iter().zip(amounts) {
+            if !amount.is_finite() {
+                return Err(Error::input(error.name(), amount, "a finite number"));
+            }
+            self.machine.add_location_error(&mut self.constant, error, *amount);
+        }
+        Ok(())
+    }
+
     /// Sets the placement of the work on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc) in µm
     /// and arcsec.
     ///

@@ -434,6 +434,26 @@ mod tests {
     }
 
     #[test]
+    fn errors_set_at_once_are_those_added_by_name() {
+        let machine = Machine::preset("trt-ca", 150.0).unwrap();
+        let named = |name: &str| TABLE_2.iter().find(|(given, _)| *given == name).unwrap().1;
+        let amounts: Vec<f64> = machine
+            .location_errors()
+            .iter()
+            .map(|error| named(&error.name()) * error.unit().to_internal())
+            .collect();
+        let mut at_once = model(&[("EX0C", 500.0)]);
+        at_once.set_placement(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
+        at_once.set_errors(&amounts).unwrap();
+        let control = Control { model: model(&[]), zeros: [0.0; MAX_ROTARY] };
+        let field = |truth: &Model| Stand::new(truth, &control, &[0.3, -2.0]).unwrap().error();
+        assert!(volume().largest(&field(&at_once)) > 0.01);
+        assert_eq!(field(&at_once), field(&model(&TABLE_2)));
+        assert!(at_once.set_errors(&amounts[1..]).is_err());
+        assert!(at_once.set_errors(&[f64::NAN; 8]).is_err());
+    }
+
+    #[test]
     fn a_control_that_knows_the_machine_leaves_no_error_of_the_point() {
         let truth = model(&TABLE_2);
         let control = Control { model: model(&TABLE_2), zeros: [0.0; MAX_ROTARY] };
