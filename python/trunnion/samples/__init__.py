@@ -6,8 +6,8 @@ repeatability, 0.1 µm ticks).
 ``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
 ``ballbar/circle.csv``: points, sweeps and a ball-bar test, made by ``samples/make_measured.py``,
 which says what is in them.
-``contour/setup.toml``, ``contour/axislog.csv``: a servo and a log of five axes at two feeds, made by
-``samples/make_contour.py``.
+``contour/setup.toml``, ``contour/axislog.csv``: a servo and a log of five axes at two feeds, made
+by ``samples/make_contour.py``.
 ``turning/part.ngc``, ``turning/setup.toml``, ``turning/diameters.csv``, ``turning/passes.csv``: a
 finishing program and what its part came out as, made by ``samples/make_turning.py``.
 """
