@@ -18,6 +18,8 @@ __all__ = ["plan"]
 
 MOST_DEG = 3600.0
 """Ten turns: more is a slip of the pen."""
+MOST_STOPS = 100_000
+"""Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 
 def plan(
@@ -97,6 +99,12 @@ def plan(
             raise InputError(f"feeds_mm_min: got {feed!r}, wanted positive numbers")
     sense = {letter: setup.sense(letter) for letter in letters}
     tilt_sense = sense.get(tilting or "", 1)
+    stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
+    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MOST_STOPS:
+        raise InputError(
+            f"c_deg, {(tilting or 'a').lower()}_deg, feeds_mm_min, repeats: got more than "
+            f"{MOST_STOPS:,} stops of the rotary axes together, wanted fewer"
+        )
     found = _core.plan(
         setup.machine.preset,
         setup.probe.length_mm,
@@ -134,6 +142,10 @@ def plan(
     for name in ("cycle", "point", "feed_mm_min", "time_s"):
         columns[name] = found[name]
     return Touches(columns)
+
+
+def _length(values: Sequence[object]) -> int:
+    return len(values) if hasattr(values, "__len__") else 0
 
 
 def _numbers(what: str, values: Sequence[float], factor: int) -> list[float]:
