@@ -45,7 +45,7 @@ power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis ma
 
 .PHONY: power-axis-logs
 power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --out ../docs/power-axis-logs.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --runs 30 --seed 2 --out ../docs/power-axis-logs.md
 
 .PHONY: lint
 lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest

@@ -33,7 +33,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares, minimize, minimize_scalar
 from scipy.special import chdtri
 
 from trunnion import _core
@@ -637,6 +637,7 @@ class AxisLogModel(BaseModel):
             angle = 2 * np.pi * motor / pitch
             return self._at(axis, np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
+        seen = tuple(sorted({*seen, self._pitch_of(axis, motor, seen)}))
         effects.append(
             _gridded(
                 f"cyclic_{ends}",
@@ -682,6 +683,33 @@ class AxisLogModel(BaseModel):
             )
         )
         return effects
+
+    def _pitch_of(self, axis: str, motor: Array, pitches: Sequence[float]) -> float:
+        """Pitch at which a cyclic error alone fits best.
+
+        The grid is close enough to find the valley, not for its bottom: what a large error leaves
+        there would be named as another cause.
+        """
+        name = f"cyclic_{axis.lower()}_pitch"
+        if name in self._chords:
+            return self._chords[name]
+        own = self._channel_of == self.axes.index(axis)
+        design = self._design[own]
+        q, _ = np.linalg.qr(design[:, np.any(design != 0, axis=0)])
+        y = self.readings.values[own] - q @ (q.T @ self.readings.values[own])
+
+        def gain(pitch: float) -> float:
+            angle = 2 * np.pi * motor / pitch
+            x = self._mean(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            basis, sizes, _ = np.linalg.svd(x - q @ (q.T @ x), full_matrices=False)
+            kept = basis[:, sizes > 1e-6 * max(float(sizes[0]), 1e-300)]
+            return float(np.sum((kept.T @ y) ** 2))
+
+        best = int(np.argmax([gain(p) for p in pitches]))
+        low, high = pitches[max(best - 1, 0)], pitches[min(best + 1, len(pitches) - 1)]
+        found = minimize_scalar(lambda p: -gain(p), bounds=(low, high), method="bounded")
+        self._chords[name] = float(found.x)
+        return self._chords[name]
 
     def _resonance_of(
         self, axis: str, column: Callable[[float, float], Array], top_hz: float
