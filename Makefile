@@ -35,9 +35,9 @@ bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
 .PHONY: power
-power: build  ## how often a diagnosis is right: the whole table, half an hour, into docs/power.md
+power: build  ## how often a diagnosis is right: the whole table, twenty minutes, into docs/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
-	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --out ../docs/power-measured.md
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/power-measured.md
 
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
