@@ -175,3 +175,22 @@ def test_results_pickle_and_bind_to_another_sweep() -> None:
     gain = d.score(again)
     assert gain.rms_after_um < 0.55
     assert gain.rms_before_um > 1.2
+
+
+@pytest.mark.parametrize("axis", [(0.2, -0.3, 1.0), (0.1, 0.2, -1.0), (1.0, 0.1, 0.3)])
+def test_a_way_there_and_back_has_the_sense_of_one_way(axis: tuple[float, float, float]) -> None:
+    both = np.concatenate([FULL, FULL[::-1]])
+    d = tn.diagnose(sweep(both, THREE, axis=axis))
+    assert d.verdict == "consistent"
+    assert isinstance(d.model, ExtendedSweep)
+    assert d.model.direction == pytest.approx(np.array(axis) / np.linalg.norm(axis), abs=1e-5)
+
+
+def test_positions_or_targets_that_are_wrong_are_said() -> None:
+    data = sweep(FULL, THREE)
+    for wrong in (
+        data.with_columns(angle_deg=np.radians(data.angle_deg)),
+        data.with_columns(target=np.ones(len(data), dtype=int)),
+    ):
+        with pytest.raises(tn.DataError, match=r"target \d \(row \d+\): got a place .* mm from"):
+            SweepModel(wrong)

@@ -57,6 +57,8 @@ NOISE_LEVEL = 0.01
 MOTIONS = ("EX", "EY", "EZ", "EA", "EB", "EC")  # µm, µm, µm, arcsec, arcsec, arcsec
 DIRECTIONS = ("radial", "tangential", "axial")
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
+#: A target further from its circle than this belongs to no model, mm.
+FAR_OFF_MM = 5.0
 OWN_UM = 3  # nuisance parameters of a target
 
 
@@ -117,6 +119,11 @@ class SweepModel(BaseModel):
         user's own, whose ``change(data, values)`` gives the change of every reading, µm.
     source
         The model whose candidates this one shares (``bind``); None: made for these data.
+
+    Raises
+    ------
+    DataError
+        A target with fewer than three positions, or more than 5 mm from its circle.
     """
 
     def __init__(
@@ -146,6 +153,7 @@ class SweepModel(BaseModel):
         self._reference = self._places(np.zeros(len(self.nuisance)), self._still)[0]
         measured = (data.position_mm - self._geometry.origin) @ self._geometry.frame
         away = np.einsum("nij,nj->ni", self._local, measured - self._reference)
+        self._check_near(away)
         n = len(data)
         self.readings = Readings(1e3 * away.reshape(-1), np.repeat(np.arange(n), 3), "µm")
         if source is None:
@@ -154,6 +162,16 @@ class SweepModel(BaseModel):
         else:
             self._motions, self._own = source._motions, source._own
         self.effects = (*(self._effect(i, m) for i, m in self._motions.items()), *self._own)
+
+    def _check_near(self, away: Array) -> None:
+        off = np.linalg.norm(away, axis=1)
+        worst = int(np.argmax(off))
+        if off[worst] > FAR_OFF_MM:
+            raise DataError(
+                f"target {self._labels[self._target[worst]]} (row {worst}): got a place "
+                f"{off[worst]:.1f} mm from where its circle and angle_deg put it, wanted at most "
+                f"{FAR_OFF_MM:.0f} mm"
+            )
 
     def _directions(self) -> Array:
         """Radial, tangential and axial direction of each row, frame of the axis, (n, 3, 3)."""
@@ -615,29 +633,32 @@ class _Geometry:
         if size[0] == 0.0:
             raise DataError("sweep: got targets that do not move, wanted targets that turn")
         frame = np.stack([vt[0], vt[1], np.cross(vt[0], vt[1])], axis=1)
-        # the sense in which the targets go round as the position grows
-        swept = 0.0
-        for k in range(count):
-            order = np.flatnonzero(target == k)[np.argsort(turn[target == k], kind="stable")]
-            q = p[order] @ frame[:, :2]
-            steps = np.diff(q, axis=0)
-            swept += float(np.sum(steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]))
-        if swept < 0:
-            frame = frame * np.array([1.0, -1.0, -1.0])
         start = p.mean(axis=0)
+        # the sense in which the targets go round is the one whose circles fit
+        fits = []
+        for sense in (1.0, -1.0):
+            turned = frame * np.array([1.0, sense, sense])
+            fits.append((turned, *cls._circles((p - start) @ turned, turn, target, count)))
+        frame, x, _ = min(fits, key=lambda fit: fit[2])
         q = (p - start) @ frame
-        c, s = np.cos(turn), np.sin(turn)
-        # linear in axis place and targets: q = (ox, oy) + Rz(turn) v
-        a = np.zeros((len(p), 2, 2 + 2 * count))
-        a[:, 0, 0] = a[:, 1, 1] = 1.0
-        rows = np.arange(len(p))
-        a[rows, 0, 2 + 2 * target], a[rows, 0, 3 + 2 * target] = c, -s
-        a[rows, 1, 2 + 2 * target], a[rows, 1, 3 + 2 * target] = s, c
-        x = np.linalg.lstsq(a.reshape(-1, a.shape[2]), q[:, :2].reshape(-1), rcond=None)[0]
         height = np.array([q[target == k, 2].mean() for k in range(count)])
         middle = (height.max() + height.min()) / 2
         origin = start + frame @ np.array([x[0], x[1], middle])
         return cls(origin, frame, np.column_stack([x[2:].reshape(-1, 2), height - middle]))
+
+    @staticmethod
+    def _circles(q: Array, turn: Array, target: IntArray, count: int) -> tuple[Array, float]:
+        """Axis place and targets in the plane, mm (2 + 2 count,); sum of squares left, mm²."""
+        c, s = np.cos(turn), np.sin(turn)
+        # linear in axis place and targets: q = (ox, oy) + Rz(turn) v
+        a = np.zeros((len(q), 2, 2 + 2 * count))
+        a[:, 0, 0] = a[:, 1, 1] = 1.0
+        rows = np.arange(len(q))
+        a[rows, 0, 2 + 2 * target], a[rows, 0, 3 + 2 * target] = c, -s
+        a[rows, 1, 2 + 2 * target], a[rows, 1, 3 + 2 * target] = s, c
+        design, y = a.reshape(-1, a.shape[2]), q[:, :2].reshape(-1)
+        x = np.asarray(np.linalg.lstsq(design, y, rcond=None)[0], dtype=np.float64)
+        return x, float(np.sum((y - design @ x) ** 2))
 
 
 def _tilt(angles: Array) -> tuple[Array, tuple[Array, Array]]:
