@@ -160,3 +160,16 @@ def test_chosen_poses_beat_evenly_spread_and_random_ones() -> None:
         assert information(chosen) > information(other)
     circles = choose_poses(candidates, machine, 4, blocks=np.arange(len(candidates)) // 43)
     assert len(circles) > 4
+
+
+def test_lengths_in_metres_and_a_noise_of_nothing_are_refused() -> None:
+    plan = ballbar_plan(Mechanism(), (0.0, -350.0, -1400.0), step_deg=15.0)
+    with pytest.raises(tn.DataError, match=r"length_mm \(row \d+\): got 0.1500, wanted within 5"):
+        identify_ballbar(plan.with_columns(length_mm=plan.length_mm / 1000), Mechanism())
+    for sigma in (0.0, -1.0, float("nan")):
+        with pytest.raises(tn.InputError, match="sigma_um"):
+            identifiability(plan, Mechanism(), sigma_um=sigma)
+    with pytest.raises(tn.InputError, match=r"tip_mm: got shape \(2,\)"):
+        Mechanism().inverse([0.0, 0.0])
+    with pytest.raises(tn.InputError, match=r"direction: got shape \(2,\)"):
+        Mechanism().inverse((0.0, -350.0, -1400.0), (0.0, 1.0))

@@ -180,3 +180,64 @@ def test_command_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["ballbar", "plan", str(plan)])
     assert result.exit_code == 0, result.output
     assert "rank 16 of 17" in result.output
+
+
+def with_backlash() -> tn.Ballbar:
+    """Both circles with 4 µm of backlash of X and 0.3 µm of noise."""
+    model = tn.BallbarModel(circle())
+    backlash = {e.id: e for e in model.effects}["backlash_x"]
+    lost = np.asarray(backlash.change(model.data, {"b_um": 4.0}))
+    noise = np.random.default_rng(3).normal(0, 0.3, len(lost))
+    data = circle()
+    return data.with_columns(length_mm=data.length_mm + 1e-3 * (lost + noise))
+
+
+@pytest.mark.parametrize("left_out", [{"sense"}, {"sense", "time_s", "feed_mm_min"}])
+def test_without_the_sense_a_way_back_on_the_same_circle_is_a_run_of_its_own(
+    left_out: set[str],
+) -> None:
+    told = with_backlash()
+    columns = {k: v for k, v in told.columns.items() if k not in left_out}
+    data = tn.Ballbar(**columns)
+    one, other = tn.BallbarModel(told), tn.BallbarModel(data)
+    assert np.array_equal(one.path.runs, other.path.runs)
+    d = tn.diagnose(data)
+    assert [c.id for c in d.causes] == ["backlash_x"]
+    assert d.causes[0].parameters["b_um"] == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_place_where_the_machine_stood_takes_no_travel_away() -> None:
+    data = with_backlash()
+    twice = data[np.sort(np.append(np.arange(len(data)), [40, 40, 260]))]
+    path = tn.BallbarModel(twice).path
+    plain = tn.BallbarModel(data).path
+    x = given(data.x_mm)
+    assert np.count_nonzero(plain.travel(x)) > 350
+    once = np.unique(given(twice.time_s), return_index=True)[1]
+    assert np.array_equal(path.travel(given(twice.x_mm))[once], plain.travel(x))
+
+
+def test_readings_out_of_order_and_too_few_are_refused() -> None:
+    data = circle()
+    mixed = data[np.random.default_rng(5).permutation(len(data))]
+    with pytest.raises(tn.DataError, match=r"time_s \(row \d+\): got .* after .*in the order"):
+        tn.BallbarModel(mixed)
+    for count in (1, 2):
+        with pytest.raises(tn.DataError, match=rf"got {count} readings? in set-up 0, wanted at"):
+            tn.BallbarModel(data[:count])
+
+
+def test_a_setup_that_says_nothing_of_the_machine_is_refused(tmp_path: Path) -> None:
+    words = tmp_path / "setup.toml"
+    words.write_text('[ballbar]\ndirection = ["down", 0, -1]\n')
+    data = str(tn.sample_path("ballbar/circle.csv"))
+    other = str(tn.sample_path("cross/setup.toml"))
+    for arguments, match in (
+        (["hybrid", "sensitivity", other], "no table [hybrid]"),
+        (["hybrid", "cube", str(words)], "no table [hybrid]"),
+        (["ballbar", "diagnose", data, other], "neither a table [ballbar] nor [hybrid]"),
+        (["ballbar", "diagnose", data, str(words)], "direction: got ['down', 0, -1]"),
+    ):
+        result = CliRunner().invoke(app, arguments)
+        assert result.exit_code == 2
+        assert match in result.output

@@ -12,7 +12,9 @@ from trunnion.cli import diagnose as diagnosis
 from trunnion.cli.common import clean_errors, show_json
 from trunnion.cli.hybrid import mechanism_of
 from trunnion.data.ballbar import read_ballbar
+from trunnion.errors import InputError
 from trunnion.hybrid import identifiability, identify_ballbar
+from trunnion.setup import read_setup
 
 __all__ = ["register"]
 
@@ -39,6 +41,13 @@ def diagnose(
     json_output: Json = False,
 ) -> None:
     """Say whether the machine's model explains the lengths, and if not, what is wrong, by name."""
+    if setup is not None:
+        read = read_setup(setup)
+        if not read.ballbar and not read.hybrid:
+            raise InputError(
+                f"{setup}: got neither a table [ballbar] nor [hybrid], wanted one of them, or no "
+                "set-up for a three-axis machine and a calibrated bar"
+            )
     files = [data] if setup is None else [data, setup]
     diagnosis.diagnose(files, kind="ballbar", html=html, json_output=json_output)
 

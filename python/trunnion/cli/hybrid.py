@@ -32,8 +32,22 @@ def register(app: typer.Typer) -> None:
 
 
 def mechanism_of(setup: Path | None) -> Mechanism:
-    """The machine of a set-up file, or the example."""
-    return Mechanism() if setup is None else Mechanism.from_setup(read_setup(setup))
+    """The machine of a set-up file; without a file the example.
+
+    Raises
+    ------
+    InputError
+        A set-up file that does not say the machine's dimensions.
+    """
+    if setup is None:
+        return Mechanism()
+    read = read_setup(setup)
+    if not read.hybrid:
+        raise InputError(
+            f"{setup}: got no table [hybrid] or an empty one, wanted the machine's dimensions "
+            "there, or no set-up for the example"
+        )
+    return Mechanism.from_setup(read)
 
 
 def _exactly(what: str, text: str, count: int) -> list[float]:

@@ -39,6 +39,10 @@ RANK_TOLERANCE = 1e-9
 WELL_UM = 5.0
 #: Identification leaves a combination alone that it would find no better than this (µm, arcsec).
 WORTH_UM = 1000.0
+#: A bar further from the modelled length than this belongs to no model, mm.
+FAR_OFF_MM = 5.0
+#: Readings of a set-up that place the ball's centre.
+LEAST_READINGS = 3
 
 
 def ballbar_plan(
@@ -185,6 +189,41 @@ def start_centres(tips: Floats, lengths_mm: Floats, index: NDArray[np.intp]) -> 
         found, *_ = np.linalg.lstsq(design, right, rcond=1e-9)
         centres[k] = mean + found[:3]
     return centres
+
+
+def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
+    """Refuse lengths that the commanded points cannot have, whatever the ball's centre.
+
+    Raises
+    ------
+    DataError
+        A length more than 5 mm from the distance of the commanded point to the best centre.
+    """
+    off = np.abs(lengths_mm - reference_mm)
+    worst = int(np.argmax(off))
+    if off[worst] > FAR_OFF_MM:
+        raise DataError(
+            f"length_mm (row {worst}): got {lengths_mm[worst]:.4f}, wanted within "
+            f"{FAR_OFF_MM:g} mm of {reference_mm[worst]:.4f}, the distance of the "
+            "commanded point from the best centre"
+        )
+
+
+def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
+    """Refuse set-ups whose readings cannot place the ball.
+
+    Raises
+    ------
+    DataError
+        A set-up with fewer than three readings.
+    """
+    counts = np.bincount(index, minlength=len(labels))
+    for label, count in zip(labels, counts, strict=True):
+        if count < LEAST_READINGS:
+            raise DataError(
+                f"ball-bar: got {count} reading{'' if count == 1 else 's'} in set-up {label}, "
+                f"wanted at least {LEAST_READINGS} to place the ball"
+            )
 
 
 def gradient_with_centres(gradient: Floats, direction: Floats, index: NDArray[np.intp]) -> Floats:
@@ -376,8 +415,12 @@ def identifiability(
     ------
     DataError
         No joints in the plan.
+    InputError
+        `sigma_um` not above 0.
     """
     names = tuple(error_name(p) for p in parameters)
+    if not (np.isfinite(sigma_um) and sigma_um > 0):
+        raise InputError(f"sigma_um: got {sigma_um!r}, wanted more than 0")
     joints = joints_of(plan)
     index, labels = setup_index(plan)
     tips = mechanism.forward(joints, threads=threads).tip_mm
@@ -526,7 +569,8 @@ def identify_ballbar(
     Raises
     ------
     DataError
-        Fewer readings than unknowns, or no joints.
+        Fewer readings than unknowns, no joints, or lengths more than 5 mm from what the joints
+        allow.
     InputError
         `tolerance` without `sigma_um`, or values not above 0.
     """
@@ -547,6 +591,10 @@ def identify_ballbar(
     tips = mechanism.forward(joints, threads=threads).tip_mm
     centres = start_centres(tips, data.length_mm, index)
     measured = data.length_mm
+    placed = np.bincount(index)[index] > LEAST_READINGS
+    if placed.any():
+        near = np.linalg.norm(tips - centres[index], axis=1)
+        check_near(np.where(placed, measured, near), near)
 
     def machine(x: Floats) -> Mechanism:
         return mechanism.with_errors(rest | dict(zip(names, map(float, x[:count]), strict=True)))

@@ -553,7 +553,12 @@ class Mechanism:
         if wrist not in (1, -1):
             raise InputError(f"wrist branch: got {wrist!r}, wanted 1 or -1")
         tips = np.atleast_2d(np.asarray(tip_mm, dtype=np.float64))
-        directions = np.broadcast_to(np.asarray(direction, dtype=np.float64), tips.shape)
+        ways = np.asarray(direction, dtype=np.float64)
+        if tips.ndim != 2 or tips.shape[1] != 3:
+            raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, wanted (n, 3) or (3,)")
+        if ways.shape not in ((3,), (1, 3), tips.shape):
+            raise InputError(f"direction: got shape {ways.shape}, wanted (3,) or {tips.shape}")
+        directions = np.broadcast_to(ways, tips.shape)
         offsets = any(self.dimensions.get(f"e{i}_mm", 0.0) for i in (1, 2, 3, 14))
         exact = bool(self.errors) or offsets
         rows = self._core.inverse(

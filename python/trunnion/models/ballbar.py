@@ -77,15 +77,19 @@ from trunnion.diagnosis.protocol import (
 )
 from trunnion.diagnosis.registry import register
 from trunnion.errors import DataError, InputError, UnknownNameError
-from trunnion.hybrid.ballbar import gradient_with_centres, setup_index, start_centres
+from trunnion.hybrid.ballbar import (
+    check_enough,
+    check_near,
+    gradient_with_centres,
+    setup_index,
+    start_centres,
+)
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
 from trunnion.setup import Setup
 
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
 AXES = "xyz"
-#: A bar further from the modelled length than this belongs to no model, mm.
-FAR_OFF_MM = 5.0
 SMALLEST_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -93,6 +97,8 @@ TIME_CONSTANTS = 12
 MOST_CELLS = 8
 #: Travel slower than this fraction of the change from one reading to the next is a standstill.
 STANDSTILL = 0.2
+#: Cosine between two steps below which the machine has turned back, where no sense is given.
+TURNS_BACK = -0.7
 
 
 @dataclass(frozen=True)
@@ -131,6 +137,8 @@ class BallbarSettings:
             raise InputError(f"[ballbar] wrist: got {table['wrist']!r}, wanted 1 or -1")
         way = table.get("direction", (0.0, 0.0, -1.0))
         if not isinstance(way, Sequence) or len(way) != 3:
+            raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
+        if any(isinstance(w, bool) or not isinstance(w, int | float) for w in way):
             raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
         direction = (float(way[0]), float(way[1]), float(way[2]))
         return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
@@ -179,7 +187,10 @@ class _Path:
             column = data.columns.get(name)
             if column is not None:
                 change |= np.asarray(column)[1:] != np.asarray(column)[:-1]
+        if data.sense is None:
+            change |= _turns_back(tips)
         self.runs: IntArray = np.concatenate([[0], np.cumsum(change)]).astype(np.intp)
+        self._check_time(data)
         self.along = np.zeros(len(tips))
         for rows in self.each():
             gone = np.linalg.norm(np.diff(tips[rows], axis=0), axis=1)
@@ -187,6 +198,18 @@ class _Path:
         self.tips = tips
         self.tangent = self.rate(tips)
         self.tangent /= np.maximum(np.linalg.norm(self.tangent, axis=1), 1e-12)[:, None]
+
+    def _check_time(self, data: Ballbar) -> None:
+        """Refuse rows out of the order of time: where the machine travels is taken from it."""
+        if data.time_s is None:
+            return
+        back = np.flatnonzero((np.diff(data.time_s) < 0) & (np.diff(self.runs) == 0))
+        if len(back):
+            row = int(back[0]) + 1
+            raise DataError(
+                f"time_s (row {row}): got {data.time_s[row]:g} after {data.time_s[row - 1]:g}, "
+                "wanted the readings in the order in which they were taken"
+            )
 
     def each(self) -> list[IntArray]:
         """Rows of each run."""
@@ -196,13 +219,16 @@ class _Path:
         """Change per mm of path of a quantity along each run, second order at the ends too."""
         out = np.zeros_like(values)
         for rows in self.each():
-            if len(rows) < 3:
-                if len(rows) == 2:
-                    out[rows] = values[rows[1]] - values[rows[0]]
-                continue
             place = self.along[rows]
-            if np.all(np.diff(place) > 1e-9):
-                out[rows] = np.gradient(values[rows], place, axis=0, edge_order=2)
+            # readings where the machine stood count once
+            kept = np.flatnonzero(np.diff(place, prepend=-np.inf) > 1e-9)
+            which = np.searchsorted(kept, np.arange(len(rows)), side="right") - 1
+            moved = rows[kept]
+            if len(moved) == 2:
+                out[rows] = values[moved[1]] - values[moved[0]]
+            elif len(moved) > 2:
+                slope = np.gradient(values[moved], place[kept], axis=0, edge_order=2)
+                out[rows] = slope[which]
         return out
 
     def travel(self, values: Array) -> Array:
@@ -242,6 +268,21 @@ class _Path:
         return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
 
 
+def _turns_back(tips: Array) -> NDArray[np.bool_]:
+    """Steps (n - 1,) with which the machine goes back where it came from: a new run.
+
+    Standstill before such a step belongs to the new run but for its first reading.
+    """
+    step = np.diff(tips, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    moving = np.flatnonzero(size > 1e-9)
+    way = step[moving] / size[moving, None]
+    out = np.zeros(len(step), dtype=bool)
+    for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
+        out[min(moving[k - 1] + 1, moving[k])] = True
+    return out
+
+
 class BallbarModel(BaseModel):
     """Ball-bar lengths, as the diagnosis engine wants them.
 
@@ -257,7 +298,8 @@ class BallbarModel(BaseModel):
     Raises
     ------
     DataError
-        Lengths more than 5 mm from the modelled ones.
+        Lengths more than 5 mm from the modelled ones, fewer than three readings in a set-up, or a
+        run whose readings are not in the order of time.
     KinematicsError
         Joints or points that the hybrid machine cannot take.
     """
@@ -275,10 +317,12 @@ class BallbarModel(BaseModel):
         self.joints = self._joints() if self.mechanism is not None else None
         self.tips = self._tips()
         self.index, self.labels = setup_index(data)
+        check_enough(self.index, self.labels)
         self.path = _Path(data, self.tips)
         self._centres = start_centres(self.tips, data.length_mm, self.index)
         arms = self.tips - self._centres[self.index]
         reference = np.linalg.norm(arms, axis=1)
+        check_near(np.asarray(data.length_mm), reference)
         if not (reference > 1e-3).all():
             raise DataError("ball-bar: the commanded points coincide with the ball's centre")
         self.bar = arms / reference[:, None]
@@ -294,7 +338,6 @@ class BallbarModel(BaseModel):
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
         )
-        self._check()
         self.nuisance = self._nuisance()
         self._own = [e for e in effects if not isinstance(e, str)]
         built_in = self._catalogue()
@@ -347,16 +390,6 @@ class BallbarModel(BaseModel):
         if self.joints is None:
             raise InputError("this model is of a three-axis machine")
         return self.joints
-
-    def _check(self) -> None:
-        values = self.readings.values
-        worst = int(np.argmax(np.abs(values)))
-        if abs(values[worst]) > FAR_OFF_MM * 1e3:
-            raise DataError(
-                f"length_mm (row {worst}): got {self.data.length_mm[worst]:.4f}, wanted within "
-                f"{FAR_OFF_MM:g} mm of {self.reference_um[worst] * 1e-3:.4f}, the distance of the "
-                "commanded point from the best centre"
-            )
 
     # --- the plain model
 
