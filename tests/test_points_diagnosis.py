@@ -111,6 +111,12 @@ def test_far_off_and_too_few_points_are_refused() -> None:
         tn.diagnose(good[:1])
 
 
+def test_readings_that_any_cause_fits_exactly_speak_for_none() -> None:
+    d = tn.diagnose(points(plane())[[3, 90]])  # one degree of freedom is left
+    assert d.verdict == "consistent"
+    assert d.p_value == 1.0
+
+
 def test_unknown_effect_is_refused_and_a_users_own_competes() -> None:
     data = points(plane(y=3.0 * (np.abs(Q[:, 0]) > 150)))
     with pytest.raises(tn.UnknownNameError, match="scale_q"):

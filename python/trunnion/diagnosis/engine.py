@@ -349,7 +349,7 @@ class _Alarm:
         """Smallest p-value, times its places, of each column of gains (b, s)."""
         out = np.ones(gain.shape[1])
         for k, w in np.unique(np.stack([self.rank, self.weight]), axis=1).T:
-            if k < 1:
+            if k < 1 or k >= self.fit.dof:
                 continue
             top = gain[(self.rank == k) & (self.weight == w)].max(axis=0)
             d2 = max(self.fit.dof - int(k), 1)
