@@ -206,3 +206,13 @@ def test_a_bad_touch_that_weighs_much_is_told_from_those_that_check_it() -> None
     assert all(np.isinf(d.errors_std[name]) for name in d.lost)
     assert all(np.isfinite(s) for name, s in d.errors_std.items() if name not in d.lost)
     assert "nothing determines EB0A and EC0A: measure them again" in d.summary()
+
+
+def test_touches_without_any_noise_are_put_into_words(tmp_path: Path) -> None:
+    setup = str(tn.sample_path("cross/setup.toml"))
+    touches = str(tmp_path / "touches.csv")
+    run = CliRunner().invoke(app, ["simulate", setup, "--noise-um", "0", "-o", touches])
+    assert run.exit_code == 0
+    said = CliRunner().invoke(app, ["diagnose", touches, setup])
+    assert said.exit_code == 0, said.output
+    assert "verdict" in said.output

@@ -8,6 +8,7 @@ from trunnion.diagnosis.result import Cause, Diagnosis
 __all__ = ["cause_sentence", "number", "summary"]
 
 SHOWN = 6
+NOTHING = 1e-9  # µm, arcsec: rounding
 MANY = 8  # parameters of a cause: more are counted, not listed
 
 
@@ -72,8 +73,9 @@ def _bias(d: Diagnosis) -> str:
     moved = {k: v - d.errors_after.get(k, v) for k, v in d.errors_before.items()}
     if not moved:
         return ""
-    name = max(moved, key=lambda k: abs(moved[k]) / d.errors_std.get(k, 1.0))
-    if abs(moved[name]) < d.errors_std.get(name, 0.0):
+    # Data without noise have standard errors of 0, and rounding moves their errors.
+    name = max(moved, key=lambda k: abs(moved[k]) / max(d.errors_std.get(k, 1.0), NOTHING))
+    if abs(moved[name]) < max(d.errors_std.get(name, 0.0), NOTHING):
         return ""
     return f"that biased {name} by {abs(moved[name]):.2g} {units.get(name, '')}".rstrip()
 
