@@ -14,6 +14,7 @@ from trunnion.data.ballbar import read_ballbar
 from trunnion.data.diameters import read_diameters
 from trunnion.data.points import read_points
 from trunnion.data.sweep import read_sweep
+from trunnion.data.text import decode
 from trunnion.data.touches import read_touches
 from trunnion.diagnosis import diagnose as diagnose_data
 from trunnion.errors import InputError
@@ -35,8 +36,12 @@ KINDS: dict[str, tuple[Callable[[Path], Any], tuple[str, ...]]] = {
 
 def kind_of(path: Path) -> str:
     """Tell the kind of data from the header line."""
-    with path.open(encoding="utf-8-sig") as lines:
-        header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
+    try:
+        with path.open(encoding="utf-8-sig") as lines:
+            header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
+    except UnicodeDecodeError:
+        decode(str(path), path.read_bytes())
+        raise
     names = {name.strip() for name in header.split(",")}
     for kind, (_, wanted) in KINDS.items():
         if names.issuperset(wanted):

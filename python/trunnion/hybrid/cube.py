@@ -219,6 +219,8 @@ def cube_study(
     centre, way = _point("centre_mm", centre_mm), _point("direction", direction)
     if not (np.isfinite(side_mm) and side_mm > 0):
         raise InputError(f"side_mm: got {side_mm!r}, wanted more than 0")
+    if not (np.isfinite(amount) and amount != 0):
+        raise InputError(f"amount: got {amount!r}, wanted a number that is not 0")
     sizes = (
         {error_name(n): float(v) for n, v in errors.items()}
         if isinstance(errors, Mapping)
