@@ -640,7 +640,7 @@ def _causes(
                 Cause(
                     effect.id,
                     dict(zip(names, map(float, b), strict=True)),
-                    dict(zip(names, map(float, np.where(std > 0, std, np.inf)), strict=True)),
+                    dict(zip(names, map(float, np.where(std >= 0, std, np.inf)), strict=True)),
                     min(1.0, pv * c.multiplicity * places),
                     tuple(aliases),
                     effect.words,
