@@ -96,8 +96,9 @@ def plot_correction(correction: Correction, *, ax: Axes | None = None) -> Axes:
     ax.set_xlabel("Z, mm from the chuck face")
     ax.set_ylabel("error of the diameter, µm")
     ax.legend(fontsize="small")
+    count = len(correction.inserted)
     ax.set_title(
-        f"{len(correction.inserted)} blocks, rule {correction.rule!r}, "
+        f"{count} block{'s' if count != 1 else ''}, rule {correction.rule!r}, "
         f"unit {correction.unit_um:g} µm",
         fontsize="medium",
     )
