@@ -25,6 +25,7 @@ from ballbar_twin import (
     record,
     sign,
 )
+from power import report
 
 Array = NDArray[np.float64]
 HYBRID = (
@@ -234,11 +235,7 @@ def main() -> None:
                 f"| {100 * named:.1f} % | {100 * wrong:.1f} % | {others} |"
             )
             sys.stderr.write(lines[-1] + "\n")
-    text = "\n".join(lines) + "\n"
-    if given.out:
-        given.out.write_text(text, encoding="utf-8")
-    else:
-        sys.stdout.write(text)
+    report.write(lines, given.out)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import trunnion as tn
+from power import report
 from power.measured_twin import (
     POINT_EFFECTS,
     SPACE_EFFECTS,
@@ -88,11 +89,7 @@ def main() -> None:
                 f"| {name} | {effect or 'nothing'} | {given.runs} | {_tally(effect, said)} |"
             )
             sys.stderr.write(lines[-1] + "\n")
-    text = "\n".join(lines) + "\n"
-    if given.out:
-        given.out.write_text(text, encoding="utf-8")
-    else:
-        sys.stdout.write(text)
+    report.write(lines, given.out)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from trunnion.compensation.machine import (
     pose_grid,
     rotary_nodes,
 )
-from trunnion.errors import DataError, InputError
+from trunnion.errors import InputError
 from trunnion.setup import Setup
 from trunnion.tables import Table
 
@@ -149,7 +149,6 @@ def residual_interval(
     core = known.core(setup)
     parameters = [name for name, _ in core.parameters]
     used = [name for name in listed if name in parameters]
-    _refuse_unseen(estimate, used)
     index = [listed.index(name) for name in used]
     part = matrix[np.ix_(index, index)]
 
@@ -206,16 +205,6 @@ def _covariance(
     if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12):
         raise InputError("covariance: got a matrix that is not symmetric, wanted a symmetric one")
     return matrix, list(listed)
-
-
-def _refuse_unseen(estimate: Any, used: Sequence[str]) -> None:
-    errors = getattr(estimate, "std_errors", {})
-    unseen = [name for name in used if not np.isfinite(errors.get(name, 0.0))]
-    if unseen:
-        raise DataError(
-            f"{', '.join(unseen)}: got no estimate (the data cannot see it), wanted one: nothing "
-            "bounds what compensation leaves"
-        )
 
 
 def _root(matrix: Floats) -> Floats:

@@ -415,9 +415,11 @@ class _Task:
         nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
         found = []
         for name, values in self.state.effects.items():
+            if not any(values.values()):
+                continue
             alone = MachineErrors(effects={name: values}).core(self.setup, approach, senses)
             fields, directions = alone.fields(nominal, zeros, self.poses)
-            if any(values.values()) and not np.any(fields) and not np.any(directions):
+            if not np.any(fields) and not np.any(directions):
                 found.append(name)
         return tuple(found)
 

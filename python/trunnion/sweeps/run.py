@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from trunnion._core import __version__
+from trunnion import _core
 from trunnion.errors import DataError, InputError, TrunnionError, UnknownNameError
 from trunnion.sweeps.grid import Grid
 from trunnion.sweeps.store import Blocks, Journal, Place, alone, check_same
@@ -39,8 +39,6 @@ TRIES = 3
 """How often a block is sent out whose worker died."""
 AHEAD = 64
 """Blocks that wait at an executor at a time."""
-MOST_THREADS = 1024
-"""More would take the machine down before they were any use."""
 MOST_TRIALS = 64
 """Nodes that are asked for the outputs before none is taken to work."""
 FAILURE = ("failure_sample", "failure_parameters", "failure_error")
@@ -140,7 +138,7 @@ def sweep(
     samples = _whole("samples", samples, 1)
     seed = _whole("seed", seed, 0)
     if threads is not None:
-        threads = _whole("threads", threads, 1, MOST_THREADS)
+        threads = _whole("threads", threads, 1, _core.MOST_THREADS)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: got {executor!r}, wanted an object with submit")
     limit = _Limit(most_failures)
@@ -472,7 +470,7 @@ def _described(
             [output.name, output.unit, output.dim, list(output.labels), output.words]
             for output in outputs
         ],
-        "trunnion": __version__,
+        "trunnion": _core.__version__,
     }
 
 

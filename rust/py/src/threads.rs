@@ -7,7 +7,7 @@ use trunnion_core::Error;
 use crate::errors::to_py;
 
 /// More threads than this are a slip, and would take the machine down.
-const MOST: usize = 1024;
+pub const MOST: usize = 1024;
 
 /// Runs `work` on this many threads; `None`: on all cores.
 pub fn with_threads<T: Send>(

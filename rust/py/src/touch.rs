@@ -8,7 +8,7 @@ use trunnion_core::compensation::volumetric::Volume;
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
 use trunnion_core::machine::{self, Machine};
-use trunnion_core::moves::MoveTable;
+use trunnion_core::moves::{self, MoveTable};
 use trunnion_core::probe::Probe;
 use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::{self, Simulation};
@@ -412,13 +412,8 @@ impl TouchModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
         let moves = moves.inner.view();
         let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let measurement = Measurement {
-            model: &self.inner,
-            moves: &moves,
-            labels: &labels,
-            simulation: simulation(true, reach_mm, noise_um, seed),
-            first_sample,
-        };
+        let simulation = simulation(true, reach_mm, noise_um, seed);
+        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
         let options = identify.then(least_squares::Options::default);
         let result = py.detach(|| {
             with_threads(threads, || studies::calibrations(&measurement, &truths, options.as_ref()))
@@ -449,13 +444,8 @@ impl TouchModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
         let moves = moves.inner.view();
         let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let measurement = Measurement {
-            model: &self.inner,
-            moves: &moves,
-            labels: &labels,
-            simulation: simulation(true, reach_mm, noise_um, seed),
-            first_sample,
-        };
+        let simulation = simulation(true, reach_mm, noise_um, seed);
+        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
         let method = match method {
             "separating" => Ok(Method::Separating),
             "printed" => Ok(Method::Printed),
@@ -471,6 +461,19 @@ impl TouchModel {
             })
         });
         samples(py, result?.into_py()?)
+    }
+}
+
+impl TouchModel {
+    /// What the studies measure again and again.
+    fn measurement<'a>(
+        &'a self,
+        moves: &'a moves::Moves<'a>,
+        labels: &'a [i64],
+        simulation: Simulation,
+        first_sample: u64,
+    ) -> Measurement<'a> {
+        Measurement { model: &self.inner, moves, labels, simulation, first_sample }
     }
 }
 
