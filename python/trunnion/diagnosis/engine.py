@@ -20,7 +20,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
+from trunnion.diagnosis.fit import Fit, fit, variants
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
@@ -41,6 +41,7 @@ MOST_REVISIONS = 3
 MOST_SUSPECTS = 12
 TWINS = 0.999
 TINY = 1e-300
+VISIBLE = 3e-3
 ROUNDING = 1e-12  # of the largest reading
 PERMUTATION_SEED = 1
 MOST_ALTERNATIVES = 50
@@ -556,7 +557,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     variance = f.rss / max(f.dof, 1)
     causes = _causes(case, e, f, variance, alternatives)
     outlier_rows = sorted({int(r) for r in model.readings.rows[dropped]})
-    std, std_all = (_errors_std(model, of, variance) for of in (f, case.plain))
+    std, std_plain, std_all = (_errors_std(model, of, variance) for of in (f, plain, case.plain))
     return Diagnosis(
         verdict=verdict,  # type: ignore[arg-type]
         causes=causes,
@@ -567,7 +568,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
         outliers=tuple(outlier_rows),
-        lost=tuple(k for k, s in std.items() if np.isinf(s) and np.isfinite(std_all[k])),
+        lost=tuple(k for k, s in std_plain.items() if np.isinf(s) and np.isfinite(std_all[k])),
         model=model.extended(f.nuisance, f.effects),
         p_value=e.alarm,
         sigma=float(np.sqrt(variance)),

@@ -24,6 +24,7 @@ from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.errors import DataError, InputError
 
 __all__ = [
@@ -47,6 +48,8 @@ IntArray: TypeAlias = NDArray[np.intp]
 NuisanceScope: TypeAlias = Literal["setup", "machine"]
 EffectScope: TypeAlias = Literal["machine", "instrument", "workpiece"]
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
+
+EXACT_TOLERANCE = 1e-9
 
 UNIT_SUFFIXES = {
     "um_h": "µm/h",
@@ -373,12 +376,11 @@ class Model(Protocol):
         ...
 
     @property
-    def visible(self) -> float:
-        """Smallest part of a nuisance parameter's change that counts as seen.
+    def rank_tolerance(self) -> float:
+        """Share of the largest singular value up to which a combination is not identifiable.
 
-        A direction of the nuisance parameters is seen if the readings keep more than this of it
-        (a singular value, columns of unit length) beside the others. Larger than rounding where
-        second-order terms make a direction seem to be seen that is not.
+        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
+        has a reason for another.
         """
         ...
 
@@ -473,9 +475,9 @@ class BaseModel:
         return None
 
     @property
-    def visible(self) -> float:
-        """Anything above rounding."""
-        return 1e-9
+    def rank_tolerance(self) -> float:
+        """That of all."""
+        return RANK_TOLERANCE
 
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
@@ -589,6 +591,11 @@ class LinearModel(BaseModel):
     def replicates(self) -> IntArray | None:
         """As given, or none known."""
         return None if self._replicates is None else np.asarray(self._replicates, dtype=np.intp)
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Rounding: a design that is exact has no leftovers of second order."""
+        return EXACT_TOLERANCE
 
     def base(self, nuisance: Array) -> Array:
         """Return design @ nuisance."""

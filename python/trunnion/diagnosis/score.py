@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.statistics import linear_fit
 from trunnion.diagnosis import outliers
-from trunnion.diagnosis.fit import orthonormal
 from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
 from trunnion.diagnosis.result import Diagnosis, Gain
 from trunnion.errors import InputError
@@ -53,6 +53,7 @@ def _anew(model: Model, source: Model, nuisance: Array, effects: EffectValues) -
     r: Array = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
+    hold = None
     for step in range(STEPS):
         parts = [model.jacobian(at, values)[:, free]]
         for e in loose:
@@ -62,8 +63,14 @@ def _anew(model: Model, source: Model, nuisance: Array, effects: EffectValues) -
         if jac.shape[1] == 0:
             break
         root = np.sqrt(weight)
-        u, s, vt, scale = orthonormal(np.asarray(whiten(jac)) * root[:, None])
-        move = (vt.T / s / scale[:, None]) @ (u.T @ (np.asarray(whiten(r)) * root))
+        solved = linear_fit(
+            np.asarray(whiten(jac)) * root[:, None],
+            np.asarray(whiten(r)) * root,
+            hold=hold,
+            tolerance=model.rank_tolerance,
+        )
+        hold = solved.held  # what is not identifiable where the fit starts stays there
+        move = solved.solution
         at[free] += move[: int(free.sum())]
         for (e, i), m in zip(index, move[int(free.sum()) :], strict=True):
             values[e.id][e.parameters[i].name] += float(m)

@@ -40,6 +40,7 @@ WITHIN = 6.0
 
 NAMING_LEVEL = 0.01
 BEAM = 20
+SCORE_DIGITS = 6
 MOST_CAUSES = 12
 WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
 
@@ -327,7 +328,8 @@ class _Scorer:
         with np.errstate(divide="ignore"):
             score = self.dof * np.log(np.maximum(rss, self.floor))
         score = score + penalty * self.dof / np.maximum(room, 1.0)
-        return np.where(room < 1.0, np.inf, score)
+        # Sets that explain the same are ordered by the catalogue, not by rounding.
+        return np.where(room < 1.0, np.inf, np.round(score, SCORE_DIGITS))
 
 
 def search(
