@@ -41,6 +41,7 @@ __all__ = [
     "Readings",
     "Values",
     "as_effect",
+    "identity",
 ]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -64,6 +65,11 @@ UNIT_SUFFIXES = {
     "s": "s",
     "h": "h",
 }
+
+
+def identity(columns: Array) -> Array:
+    """Whiten noise that is white already."""
+    return columns
 
 
 def unit_of(name: str) -> str:
@@ -508,7 +514,7 @@ class BaseModel:
 
     def whitener(self, residuals: Array) -> Callable[[Array], Array]:  # noqa: ARG002
         """Noise taken as white and of one size."""
-        return lambda a: a
+        return identity
 
     def location_errors(self, nuisance: Array, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Nuisance parameters of scope "machine", by name."""

@@ -39,7 +39,6 @@ from scipy.special import chdtri
 from trunnion import _core
 from trunnion.contouring.servo import ROTARY, Axis, Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.engine import NAMELESS
 from trunnion.diagnosis.protocol import (
     BaseModel,
     Covariate,
@@ -52,7 +51,7 @@ from trunnion.diagnosis.protocol import (
     as_effect,
 )
 from trunnion.diagnosis.registry import register
-from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.setup import Setup
 
@@ -1085,7 +1084,10 @@ def _with_structure(
         tried = []
         for i in np.argsort(gain)[::-1][:TRIED]:
             wider = np.concatenate([q, own[i]], axis=1)
-            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms))) + NAMELESS
+            price = (
+                float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms)))
+                + UNNAMED_TERM_PENALTY
+            )
             tried.append((*told(wider), price, wider))
         value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
         if value + price >= score:
