@@ -23,12 +23,15 @@ from trunnion.diagnosis import Diagnosis, diagnose
 from trunnion.errors import DataError, FileFormatError, InputError, UnknownNameError
 from trunnion.models.axis_log import AxisLogModel, _levinson, _Noise, _noise, _partial
 from trunnion.samples.make_contour import HIDDEN_BACKLASH_UM
-from trunnion.setup import Artefact, Setup
+from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
+from twin import forward
 
 SERVO = ct.Servo.paper()
 SETUP = Setup(artefact=Artefact("none"), servo=SERVO.to_table())
 BLIND_CASES = 9
 SEED = 20
+TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+OFFSETS = {"trt-ca": ("Y0A", "Z0A"), "trt-bc": ("X0B", "Z0B"), "table-c-head-b": ("X0B", "Z0B")}
 
 
 @cache
@@ -85,6 +88,75 @@ def test_rotary_centre_shows_in_the_tool_tip_only() -> None:
     assert [c.id for c in d.causes] == ["rotary_centre"]
     for name, value in errors.items():
         assert d.causes[0].parameters[f"{name}_um"] == pytest.approx(value, abs=0.1)
+
+
+def tip_of_twin(
+    preset: str, length_mm: float, errors: Mapping[str, float], axes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Tool tip in the table's frame, (n, 3), for X, Y, Z (mm) and tilt, C (deg): the twin's."""
+    tilt, c = np.deg2rad(axes[:, 3:].T)
+    still = forward.Motion()
+    table = np.matmul(*forward.joint_poses(tilt, c, preset, errors, still, still))
+    setup = forward.Setup(preset=preset, probe_length_mm=length_mm)
+    tip = axes[:, :3] + forward.head_displacement(tilt, setup, errors)
+    if preset == "table-c-head-b":  # nominal: the tip swings about the pivot
+        tip = tip + length_mm * np.stack([-np.sin(tilt), 0 * tilt, 1 - np.cos(tilt)], axis=1)
+    return np.einsum("nji,nj->ni", table[:, :3, :3], tip - table[:, :3, 3])
+
+
+@pytest.mark.parametrize(
+    ("preset", "against", "hidden"),
+    [
+        ("trt-ca", "A", {"EX0C": 12.0, "EZ0A": -8.0}),
+        ("trt-ca", "C", {"EX0C": 12.0, "EZ0A": -8.0}),
+        ("trt-ca", "XAC", {"EX0C": 12.0, "EY0A": 5.0}),
+        ("trt-bc", "", {"EX0C": 12.0, "EZ0B": -8.0}),
+        ("trt-bc", "B", {"EX0B": 12.0, "EY0C": 5.0}),
+        ("table-c-head-b", "", {"EX0C": 12.0, "EZ0B": -8.0}),
+        ("table-c-head-b", "B", {"EX0B": 12.0, "EY0C": 5.0}),
+    ],
+)
+def test_a_tool_tip_is_that_of_the_machine_of_the_set_up(
+    preset: str, against: str, hidden: dict[str, float]
+) -> None:
+    tilt = "A" if preset == "trt-ca" else "B"
+    run = ct.simulate(ct.Path.paper(offset_mm=(0, 0, 20)), 3000.0, controller="independent")
+    made = run.axis_log(noise_um=0.2, noise_arcsec=1.0, seed=4)
+    actual = np.stack([made.actual(letter) for letter in "xyzac"], axis=1)
+    tip = tip_of_twin(preset, 260.0, hidden, actual)
+    tip = tip + 2e-4 * np.random.default_rng(5).standard_normal(tip.shape)
+    columns = {"time_s": made.time_s, **dict(zip(TIPS, tip.T, strict=True))}
+    for letter, unit in zip("XYZAC", ("mm",) * 3 + ("deg",) * 2, strict=True):
+        name = tilt if letter == "A" else letter
+        sign = -1.0 if name in against else 1.0
+        columns[f"{name.lower()}_cmd_{unit}"] = sign * made.commanded(letter.lower())
+        columns[f"{name.lower()}_act_{unit}"] = sign * made.actual(letter.lower())
+    servo = {tilt if key == "A" else key: value for key, value in SERVO.to_table().items()}
+    setup = Setup(
+        artefact=Artefact("none"),
+        machine=Machine(preset),
+        axes={letter: AxisSetup(-1) for letter in against},
+        probe=Probe(length_mm=260.0),
+        servo=servo,
+    )
+    d = diagnose(tn.AxisLog(**columns), setup)
+    assert [c.id for c in d.causes] == ["rotary_centre"]
+    found = dict(d.causes[0].parameters)
+    assert found.keys() == {f"E{k}_um" for k in ("X0C", "Y0C", *OFFSETS[preset])}
+    truth = {name: hidden.get(name.removesuffix("_um"), 0.0) for name in found}
+    if preset == "table-c-head-b":  # a head and a table that are apart: their distance only
+        assert np.isinf([d.causes[0].std_errors[f"E{k}_um"] for k in ("X0B", "X0C")]).all()
+        apart = [v.pop("EX0C_um") - v.pop("EX0B_um") for v in (found, truth)]
+        assert apart[0] == pytest.approx(apart[1], abs=0.1)
+    assert found == pytest.approx(truth, abs=0.1)
+
+
+def test_a_tool_tip_of_other_axes_than_the_machines_is_refused() -> None:
+    log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
+    log = log.with_columns(**dict.fromkeys(TIPS, log.actual("x")))
+    setup = replace(SETUP, machine=Machine("trt-bc"))
+    with pytest.raises(InputError, match=r"got axes X, Y, Z, A, C, .* X, Y, Z, B, C .*trt-bc"):
+        AxisLogModel(log, setup)
 
 
 def test_autocorrelated_noise_is_no_effect() -> None:

@@ -54,6 +54,7 @@ from trunnion.diagnosis.protocol import (
 from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.errors import DataError, InputError, UnknownNameError
+from trunnion.kinematics import core_machine
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo"]
@@ -767,21 +768,36 @@ class AxisLogModel(BaseModel):
         return measured - self._tip({})
 
     def _tip(self, errors: Mapping[str, float]) -> Array:
-        lowered = [a.lower() for a in self.axes]
-        if sorted(lowered) != ["a", "c", "x", "y", "z"]:
-            raise InputError(
-                f"tool tip in the log: got axes {', '.join(self.axes)}, wanted X, Y, Z, A, C"
-            )
+        """Tool tip of the machine at the actual axis positions, table's frame, (rows, 3), mm.
+
+        ``errors``: location errors (µm, arcsec) beside those of the set-up.
+
+        Raises
+        ------
+        InputError
+            The axes of the log are not those of the machine.
+        """
         known = dict(self.setup.machine.errors)
         for name, value in errors.items():
             known[name] = known.get(name, 0.0) + value
-        machine = _core.Machine("trt-ca", 100.0, list(known.items()))
-        axes = np.stack([np.asarray(self.data.actual(a)) for a in "xyzac"], axis=1)
+        machine = core_machine(self.setup, known)
+        letters = f"XYZ{machine.letters}"
+        if sorted(self.axes) != sorted(letters):
+            raise InputError(
+                f"tool tip in the log: got axes {', '.join(self.axes)}, expected "
+                f"{', '.join(letters)} (machine {self.setup.machine.preset})"
+            )
+        axes = np.stack(
+            [self.setup.sense(x) * np.asarray(self.data.actual(x.lower())) for x in letters],
+            axis=1,
+        )
         return np.ascontiguousarray(machine.forward(np.ascontiguousarray(axes)))[:, :3]
 
     def _rotary_centre(self) -> Effect:
-        """C and A axis out of place: their four offsets, exact and linear."""
-        names = ("EX0C", "EY0C", "EY0A", "EZ0A")
+        """Rotary axes out of place: their offsets, exact and linear."""
+        machine = core_machine(self.setup)
+        offsets = [name for name, unit in machine.location_errors if unit == "um"]
+        names = [n for letter in reversed(machine.letters) for n in offsets if n[-1] == letter]
         zero = self._tip({})
         columns = []
         for name in names:
