@@ -3,6 +3,7 @@
 The full power table is made by ``tests/power/axis_logs.py``.
 """
 
+import pickle
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,8 +21,14 @@ import trunnion as tn
 from trunnion import contouring as ct
 from trunnion._core import contour_axis_response
 from trunnion.diagnosis import Diagnosis, diagnose
+from trunnion.diagnosis.noise import (
+    Autoregression,
+    fit_noise,
+    levinson,
+    partial_autocorrelations,
+)
 from trunnion.errors import DataError, FileFormatError, InputError, UnknownNameError
-from trunnion.models.axis_log import AxisLogModel, _levinson, _Noise, _noise, _partial
+from trunnion.models.axis_log import AxisLogModel
 from trunnion.samples.make_contour import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from twin import forward
@@ -189,6 +196,50 @@ def test_a_users_own_effect_competes() -> None:
     assert d.causes[0].parameters["rate_um_s"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_model_and_its_diagnosis_can_be_sent_to_another_process() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    model = AxisLogModel(log, setup)
+    twin_model = pickle.loads(pickle.dumps(model))
+    for effect, copied in zip(model.effects, twin_model.effects, strict=True):
+        values = {p.name: p.grid[0] if p.grid else 0.5 for p in effect.parameters}
+        np.testing.assert_array_equal(copied.change(log, values), effect.change(log, values))
+    d = diagnose(log, setup)
+    assert pickle.loads(pickle.dumps(d)).to_dict() == d.to_dict()
+
+
+def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    model = AxisLogModel(log, setup, block=1)
+    before = ct.Servo.from_table(setup.servo)
+    for name, values in {
+        "gain_x": {"gain_percent": 2.0},
+        "time_constant_y": {"time_constant_ms": 0.5},
+        "loop_delay_z": {"delay_ms": 0.25},
+        "backlash_a": {"backlash_arcsec": 4.0},
+        "friction_x": {"coulomb_um": 2.0, "stribeck_um": 0.0, "speed_mm_s": 1.0},
+        "cyclic_c": {"cosine_arcsec": 3.0, "sine_arcsec": -4.0, "pitch_deg": 7.0},
+    }.items():
+        servo = model.extended(model.start, {name: values}).servo
+        changed = [letter for letter in before.axes if servo.axes[letter] != before.axes[letter]]
+        assert changed == [name[-1].upper()]
+        channel = model.axes.index(changed[0])
+        moved = model_readings(log, setup, before, channel)
+        moved = moved - model_readings(log, setup, servo, channel)
+        change = np.asarray(model.effect(name).change(log, values)).reshape(-1, len(log))
+        # Columns are chords at other values: they differ where a run starts.
+        assert np.linalg.norm(change[channel] - moved) < 0.1 * np.linalg.norm(moved)
+
+
+def model_readings(
+    log: tn.AxisLog, setup: Setup, servo: ct.Servo, channel: int
+) -> NDArray[np.float64]:
+    """Readings of one axis under another servo model."""
+    values = AxisLogModel(log, replace(setup, servo=servo.to_table()), block=1).readings.values
+    return values.reshape(-1, len(log))[channel]
+
+
 def test_bad_input() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     with pytest.raises(InputError, match="Setup"):
@@ -215,7 +266,7 @@ def test_memory_of_the_noise_is_not_lost_with_what_effects_absorb() -> None:
     for _ in range(20):
         start = rng.standard_normal(1) * memory / np.sqrt(1 - memory**2)
         y = lfilter([1.0], [1.0, -memory], rng.standard_normal(n), zi=start)[0]
-        noise = _noise(y, q, segments)
+        noise = fit_noise(y, q, segments)
         rest = y - q @ (q.T @ y)
         plain.append(float(rest[1:] @ rest[:-1] / (rest[:-1] @ rest[:-1])))
         seen.append(float(np.sum(noise.predictors[-1])))
@@ -228,11 +279,11 @@ def test_memory_of_the_noise_is_not_lost_with_what_effects_absorb() -> None:
 
 def test_whitening_of_a_known_noise_is_exact() -> None:
     partial = np.array([0.7, -0.3, 0.2])
-    predictors = _levinson(partial)
+    predictors = levinson(partial)
     ar = predictors[-1]
-    assert _partial(ar) == pytest.approx(partial, abs=1e-12)
+    assert partial_autocorrelations(ar) == pytest.approx(partial, abs=1e-12)
     left = np.cumprod(1 / np.sqrt(1 - partial[::-1] ** 2))[::-1]
-    noise = _Noise(predictors, (*(2.0 * left).tolist(), 2.0))
+    noise = Autoregression(predictors, (*(2.0 * left).tolist(), 2.0))
     # Autocovariances of the process by its impulse response; W V Wᵀ is the unit matrix.
     response = lfilter([2.0], np.r_[1.0, -ar], np.r_[1.0, np.zeros(4000)])
     lagged = [float(response[: len(response) - k] @ response[k:]) for k in range(12)]
@@ -274,7 +325,7 @@ def test_columns_that_cannot_be_an_axis_log_are_refused() -> None:
     with pytest.raises(DataError, match=r"a_act_deg: got 0\.0175 times the motion"):
         AxisLogModel(log.with_columns(a_act_deg=np.deg2rad(log.actual("a"))), SETUP)
     slow = replace(SETUP, servo={k: v for k, v in SETUP.servo.items() if k != "period_ms"})
-    with pytest.raises(DataError, match=r"samples every 1000 ms, wanted at most 24\.6 ms"):
+    with pytest.raises(DataError, match=r"samples every 1000 ms, expected at most 24\.6 ms"):
         AxisLogModel(log.with_columns(time_s=1e3 * log.time_s), slow)
     with pytest.raises(DataError, match=r"at most 100 times servo\.period_ms"):
         AxisLogModel(log, replace(SETUP, servo={**SETUP.servo, "period_ms": 1e-9}))
@@ -332,7 +383,7 @@ def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
 def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     x = log.actual("x")
-    with pytest.raises(DataError, match="got tip_x_mm, wanted all of"):
+    with pytest.raises(DataError, match="got tip_x_mm, expected all of"):
         AxisLogModel(log.with_columns(tip_x_mm=x), SETUP)
     gap = np.where(np.arange(len(x)) == 7, np.nan, x)
     with pytest.raises(DataError, match=r"tip_y_mm, row 7: got 'nan'"):
