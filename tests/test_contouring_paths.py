@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from trunnion import contouring as ct
-from trunnion.errors import ProgramError
+from trunnion.base.errors import ProgramError
 
 
 def test_arc_length_is_that_of_quadrature() -> None:
@@ -95,7 +95,7 @@ def test_cli_simulates_and_diagnoses(tmp_path: object) -> None:
     )
     runner = CliRunner()
     log = str(folder / "axislog.csv")
-    simulate = ["contour", "simulate", "--controller", "independent", "--log", log]
+    simulate = ["contour", "simulate", "--controller", "independent", "--output", log]
     done = runner.invoke(app, [*simulate, "--noise-um", "0.2", "--noise-arcsec", "1"])
     assert done.exit_code == 0, done.output
     assert "7.107" in done.output

@@ -163,7 +163,7 @@ def test_rigid_part_and_remainder_make_up_the_displacement() -> None:
 def test_pictures_are_drawn_on_the_axes_given() -> None:
     from matplotlib.figure import Figure
 
-    from trunnion.plotting.hybrid import plot_ballbar_view, plot_cube
+    from trunnion.plot.hybrid import plot_ballbar_view, plot_cube
 
     change = transformed_cube(Mechanism(), "e14")
     solid = Figure().add_subplot(projection="3d")
@@ -188,7 +188,7 @@ def test_command_line() -> None:
     assert "13 of 17" in result.output
     result = runner.invoke(app, ["hybrid", "sensitivity", "--joints", "1,2"])
     assert result.exit_code == 2
-    assert "wanted 5 numbers" in result.output
+    assert "expected 5 numbers" in result.output
 
 
 def test_batches_of_thousands_come_back_whole_in_few_steps() -> None:

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from trunnion.base.errors import DataError, InputError
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.errors import DataError, InputError
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
 
 __all__ = ["check_loops", "check_motion", "check_servo", "has_tip"]

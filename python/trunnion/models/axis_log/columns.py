@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.errors import InputError
 from trunnion.diagnosis.protocol import Array, Effect, Parameter
-from trunnion.errors import InputError
 from trunnion.models.axis_log.signals import AxisSignal, Blocks, ToolTip
 
 __all__ = ["Columns", "Gridded", "Places", "Signals", "bound_to_readings"]

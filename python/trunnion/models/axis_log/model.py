@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from trunnion.base.errors import InputError
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.noise import Channel, whitener
@@ -19,8 +20,6 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Readings,
 )
-from trunnion.diagnosis.registry import register
-from trunnion.errors import InputError
 from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, bound_to_readings
 from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
@@ -260,6 +259,3 @@ def build(
             f"setup: got {type(setup).__name__}, expected the Setup with [servo] of this log"
         )
     return AxisLogModel(data, setup, effects)
-
-
-register(AxisLog, build)

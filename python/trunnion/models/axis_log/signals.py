@@ -12,12 +12,12 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import DataError, InputError
 from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.protocol import Array, IntArray
-from trunnion.errors import DataError, InputError
-from trunnion.kinematics import core_machine
+from trunnion.machine.kinematics import core_machine
 from trunnion.setup import Setup
 
 __all__ = ["TIP_COLUMNS", "AxisSignal", "Blocks", "Run", "ToolTip", "Units", "runs_of"]
