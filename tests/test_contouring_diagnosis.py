@@ -28,7 +28,7 @@ from trunnion.diagnosis.noise import (
     partial_autocorrelations,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.models.axis_log import AxisLogModel
+from trunnion.models.axis_log import AxisLogModel, effects
 from trunnion.models.kinds import diagnose
 from trunnion.samples.truth import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
@@ -109,7 +109,7 @@ def tip_of_twin(
     tip = axes[:, :3] + forward.head_displacement(tilt, setup, errors)
     if preset == "table-c-head-b":  # nominal: the tip swings about the pivot
         tip = tip + length_mm * np.stack([-np.sin(tilt), 0 * tilt, 1 - np.cos(tilt)], axis=1)
-    return np.einsum("nji,nj->ni", table[:, :3, :3], tip - table[:, :3, 3])
+    return np.asarray(np.einsum("nji,nj->ni", table[:, :3, :3], tip - table[:, :3, 3]))
 
 
 @pytest.mark.parametrize(
@@ -233,12 +233,35 @@ def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() 
         assert np.linalg.norm(change[channel] - moved) < 0.1 * np.linalg.norm(moved)
 
 
+def test_an_effect_is_one_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    screw = effects.ServoEffect(
+        "screw",
+        "the screw of the {axis} axis has an error of its known pitch",
+        "screw_{small}",
+        ("cyclic_{small}",),
+    )
+    monkeypatch.setattr(effects, "AXIS_EFFECTS", (*effects.AXIS_EFFECTS, screw))
+    pitch = {letter: "pitch_mm" if letter in "XYZ" else "pitch_deg" for letter in "XYZAC"}
+    axes = {k: replace(SERVO.axes[k], **{name: 7.0}) for k, name in pitch.items()}  # type: ignore[arg-type]
+    known = replace(SERVO, axes=axes)
+    worn = replace(known, axes={**axes, "C": replace(axes["C"], cyclic_arcsec=9.0)})  # type: ignore[arg-type]
+    run = ct.simulate(ct.Path.paper(), 3000.0, controller="independent", servo=worn)
+    log = run.axis_log(noise_um=0.2, noise_arcsec=1.0, seed=9)
+    d = diagnose(log, replace(SETUP, servo=known.to_table()))
+    (cause,) = d.causes
+    assert cause.id == "screw_c"
+    assert cause.words == "the screw of the C axis has an error of its known pitch"
+    found, error = cause.parameters["screw_arcsec"], cause.std_errors["screw_arcsec"]
+    assert found == pytest.approx(9.0, abs=4 * error)
+    assert d.model.servo.axes["C"].cyclic_arcsec == found
+
+
 def model_readings(
     log: tn.AxisLog, setup: Setup, servo: ct.Servo, channel: int
 ) -> NDArray[np.float64]:
     """Readings of one axis under another servo model."""
     values = AxisLogModel(log, replace(setup, servo=servo.to_table()), block=1).readings.values
-    return values.reshape(-1, len(log))[channel]
+    return np.asarray(values.reshape(-1, len(log))[channel])
 
 
 def test_bad_input() -> None:

@@ -17,11 +17,11 @@ Where two effects look alike:
 
 - e = v/K + a (τ/K - 1/K²): a gain mismatch goes with the velocity, a time-constant mismatch with
   the acceleration; a delay in the loop is like a time constant, a stiff structure likewise;
-- a delay of the log is a gain mismatch of one axis, and told apart by showing in all axes;
+- a delay of the log is like a gain mismatch of one axis, but shows in all axes;
 - backlash and Coulomb friction both lie on the side that the axis comes from, and differ at
   reversals only; at one feed a gain mismatch is like backlash: log two feeds;
-- a rotary axis out of place shows nothing in an axis log. With the tool tip measured in the table's
-  frame (columns ``tip_x_mm``, ``tip_y_mm``, ``tip_z_mm``) it does.
+- a rotary axis out of place is not identifiable from axis positions. It is from the tool tip
+  measured in the table's frame (columns ``tip_x_mm``, ``tip_y_mm``, ``tip_z_mm``).
 
 :mod:`.signals` has the readings and the servo model's responses, :mod:`.effects` the table of
 effects, :mod:`.columns` what its entries are made of, :mod:`.checks` what a log must be,

@@ -101,8 +101,8 @@ def has_tip(log: AxisLog) -> bool:
     """
     there = [name for name in TIP_COLUMNS if name in log.extra]
     if there and len(there) < len(TIP_COLUMNS):
-        wanted = ", ".join(TIP_COLUMNS)
-        raise DataError(f"axis log: got {', '.join(there)}, expected all of {wanted}")
+        every = ", ".join(TIP_COLUMNS)
+        raise DataError(f"axis log: got {', '.join(there)}, expected all of {every}")
     for name in there:
         for row, value in enumerate(log.extra[name]):
             try:

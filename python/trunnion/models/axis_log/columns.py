@@ -152,10 +152,10 @@ class OwnChange:
     def __call__(self, data: Any, values: Mapping[str, float]) -> Array:
         """Return the change of the readings, shape (n,)."""
         raw = np.asarray(self.effect.change(data, values), dtype=np.float64)
-        wanted = (len(data), self.axes)
-        if raw.shape != wanted:
+        expected = (len(data), self.axes)
+        if raw.shape != expected:
             raise InputError(
-                f"effect {self.effect.id}: change: got shape {raw.shape}, expected {wanted}: "
+                f"effect {self.effect.id}: change: got shape {raw.shape}, expected {expected}: "
                 "every row and axis, µm or arcsec"
             )
         return self.blocks.place(self.blocks.rows(0, self.axes), self.blocks.mean(raw).T.ravel())

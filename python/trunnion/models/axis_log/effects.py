@@ -300,11 +300,13 @@ class Resonance:
         if keys[0] not in places.found:
             left, y = places.unexplained(axis.rows)
             grid = [(f, d) for f in RESONANCES_HZ if f < top_hz for d in DAMPINGS]
-            cost = [float(np.sum((y - left(c)) ** 2)) for c in _resonance_columns(axis, grid)]
+            cost = np.concatenate(
+                [np.sum((y[:, None] - left(c)) ** 2, axis=0) for c in _resonances(axis, grid)]
+            )
 
             def miss(place: Array) -> Array:
                 frequency, damping = np.exp(place)
-                return y - left(*_resonance_columns(axis, [(float(frequency), float(damping))]))
+                return y - left(_resonance(axis, float(frequency), float(damping)))
 
             low, high = np.log([2.0, 1e-3]), np.log([1.2 * top_hz, 0.8])
             fits = [
@@ -326,15 +328,20 @@ class ResonanceColumns:
 
     def __call__(self, values: Mapping[str, float]) -> Array:
         """Return the column at a frequency and damping."""
-        (column,) = _resonance_columns(self.axis, [(values["frequency_hz"], values["damping"])])
+        column = _resonance(self.axis, values["frequency_hz"], values["damping"])
         return self.axis.blocks.place(self.axis.rows, column[:, None])
 
 
-def _resonance_columns(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Array]:
-    """Change of an axis's readings by a structure of each frequency (Hz) and damping, (blocks,)."""
+def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Array:
+    """Change of an axis's readings by a structure that carries all of the load, (blocks,)."""
+    return np.asarray(next(_resonances(axis, [(frequency_hz, damping)]))[:, 0])
+
+
+def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Array]:
+    """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
     servos = [replace(axis.servo, resonance_hz=f, damping=d) for f, d in places]
-    for response in axis.responses(servos, "motor"):
-        yield axis.mean(axis.units.scale * (response - axis.predicted))
+    for responses in axis.responses(servos, "motor"):
+        yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
 
 
 AXIS_EFFECTS: tuple[AxisEffect, ...] = (

@@ -52,7 +52,7 @@ class AxisLogModel(BaseModel):
     Parameters
     ----------
     log:
-        One run a feed, two or more for gain and backlash to be told apart.
+        One run a feed, two or more: at one, gain and backlash look alike.
     setup:
         With a ``[servo]`` table that has every axis of the log.
     effects:
@@ -170,10 +170,10 @@ class AxisLogModel(BaseModel):
         out = [
             Covariate("axis", blocks.channel_of, classes=True),
             Covariate("time", blocks.mean_everywhere(time), "s", sequence=True),
-            Covariate("commanded speed of the axis", speed, "face units/s"),
-            Covariate("commanded acceleration of the axis", acceleration, "face units/s²"),
+            Covariate("commanded speed of the axis", speed, "mm or deg/s"),
+            Covariate("commanded acceleration of the axis", acceleration, "mm or deg/s²"),
             Covariate("sense of travel", np.sign(speed), classes=True),
-            Covariate("position of the axis", position, "face units"),
+            Covariate("position of the axis", position, "mm or deg"),
         ]
         if len(self.runs) > 1:
             out.append(Covariate("run", blocks.run_of, classes=True))

@@ -126,11 +126,15 @@ class Blocks:
         """Readings of a channel, or of several in a row."""
         return slice(channel * len(self), (channel + channels) * len(self))
 
-    def mean(self, values: Array) -> Array:
-        """Means of values by row of the log, shape (rows, ...)."""
-        shape = (self.size, *values.shape[1:])
-        parts = [values[rows].reshape(-1, *shape).mean(axis=1) for rows in self._used]
-        return np.concatenate(parts)
+    def mean(self, values: Array, axis: int = 0) -> Array:
+        """Means of values by row of the log; ``axis``: the one of the rows."""
+        before, after = values.shape[:axis], values.shape[axis + 1 :]
+        every = (slice(None),) * axis
+        parts = [
+            values[(*every, rows)].reshape(*before, -1, self.size, *after).mean(axis=axis + 1)
+            for rows in self._used
+        ]
+        return np.concatenate(parts, axis=axis)
 
     def mean_everywhere(self, values: Array) -> Array:
         """Means by row, the same for every channel, shape (n,)."""
@@ -189,16 +193,16 @@ class AxisSignal:
 
     def response(self, servo: Axis, feedback: Feedback | None = None) -> Array:
         """Positions under these parameters, by row, mm or deg."""
-        return next(self.responses([servo], feedback))
+        return np.asarray(next(self.responses([servo], feedback))[0])
 
     def responses(
         self, servos: Sequence[Axis], feedback: Feedback | None = None
     ) -> Iterator[Array]:
-        """Positions under each of many parameters, by row, simulated on all cores."""
+        """Positions under each of many parameters, simulated on all cores: in parts, (m, rows)."""
         batch = max(1, MAX_BATCH // len(self.commanded))
         for start in range(0, len(servos), batch):
             some = servos[start : start + batch]
-            yield from self._follow(some, feedback or self.feedback, self._fine_commands)
+            yield self._follow(some, feedback or self.feedback, self._fine_commands)
 
     def change(self, servo: Axis) -> Array:
         """Exact change of the response by other parameters, µm or arcsec, by row."""
