@@ -87,25 +87,6 @@ impl Axis {
         }
     }
 
-    /// From numbers in the order of the fields: gain, time constant, coulomb, breakaway, stribeck,
-    /// backlash, cyclic, pitch, phase, delay, resonance, damping, limit.
-    #[must_use]
-    pub const fn from_row(row: &[f64; AXIS_FIELDS]) -> Self {
-        Self {
-            gain: row[0],
-            time_constant: row[1],
-            friction: Friction { coulomb: row[2], breakaway: row[3], stribeck: row[4] },
-            backlash: row[5],
-            cyclic: row[6],
-            pitch: row[7],
-            phase: row[8],
-            delay: row[9],
-            resonance: row[10],
-            damping: row[11],
-            limit: row[12],
-        }
-    }
-
     fn check(&self, name: char, period: f64) -> Result<()> {
         let fail = |what: &str, got: f64, wanted: &str| {
             Err(Error::input(format!("axis {name}: {what}"), got, wanted))
