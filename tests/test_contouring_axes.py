@@ -84,6 +84,6 @@ def test_many_responses_of_a_wrong_shape_are_refused() -> None:
         contour_axis_responses("X", rows, 1e-3, "motor", command, 0)
     with pytest.raises(InputError, match=r"axes: got shape \(2, 12\)"):
         contour_axis_responses("X", rows[:, 1:].copy(), 1e-3, "motor", command, 1)
+    command[3] = np.nan
     with pytest.raises(InputError, match="command, row 3"):
-        command[3] = np.nan
         contour_axis_responses("X", rows, 1e-3, "motor", command, 1)
