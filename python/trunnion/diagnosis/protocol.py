@@ -38,6 +38,7 @@ __all__ = [
     "NuisanceScope",
     "Parameter",
     "Readings",
+    "Uncertainty",
     "Values",
     "as_effect",
 ]
@@ -312,6 +313,31 @@ class Covariate:
     sequence: bool = False
 
 
+@dataclass(frozen=True)
+class Uncertainty:
+    """How well a fit knows its parameters.
+
+    Attributes
+    ----------
+    names:
+        Nuisance parameters, then effects' as "id.parameter".
+    std_errors:
+        By name; inf for what the data cannot identify.
+    covariance:
+        In the order of the names, shape (k, k); of what can be identified.
+    sigma:
+        Noise of one reading, in the readings' unit.
+    degrees_of_freedom:
+        Of ``sigma``.
+    """
+
+    names: tuple[str, ...]
+    std_errors: Mapping[str, float]
+    covariance: Array
+    sigma: float
+    degrees_of_freedom: int
+
+
 class Model(Protocol):
     """A model bound to data: everything the engine asks.
 
@@ -411,8 +437,13 @@ class Model(Protocol):
         """Return the machine's errors (µm, arcsec, by name) for before and after."""
         ...
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
-        """Return the extended model, in the form its kind of data is used with."""
+    def extended(
+        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> Any:
+        """Return the extended model, in the form its kind of data is used with.
+
+        With what the fit says of the uncertainty; None: the values are exact.
+        """
         ...
 
 
@@ -516,7 +547,12 @@ class BaseModel:
             if n.scope == "machine"
         }
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,  # noqa: ARG002
+    ) -> Any:
         """Nuisance and effects by name."""
         names = (n.name for n in self.nuisance)
         return {

@@ -49,6 +49,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
 from trunnion.diagnosis.registry import register
@@ -106,10 +107,13 @@ class ExtendedServo:
         Gain, time constant, delay, friction, backlash, cyclic error of each axis as found.
     effects:
         Id → parameter → value, as in the diagnosis.
+    std_errors:
+        Of the effects, as "id.parameter"; inf for what the log cannot identify.
     """
 
     servo: Servo
     effects: dict[str, dict[str, float]] = field(default_factory=dict)
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
 
 def _names(axis: str) -> tuple[str, str]:
@@ -249,7 +253,12 @@ class AxisLogModel(BaseModel):
         """Return the same model, with the same columns, on another log."""
         return AxisLogModel(data, self.setup, self._own, chords=self._chords)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedServo:  # noqa: ARG002
+    def extended(
+        self,
+        nuisance: Array,  # noqa: ARG002
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedServo:
         """Return the servo model with the causes in it."""
         from dataclasses import replace
 
@@ -260,7 +269,8 @@ class AxisLogModel(BaseModel):
             if letter in axes and kind in _SERVO_CHANGE:
                 axes[letter] = _changed(axes[letter], kind, values)
         found = {k: dict(v) for k, v in effects.items()}
-        return ExtendedServo(replace(self.servo, axes=axes), found)
+        known = {} if uncertainty is None else uncertainty.std_errors
+        return ExtendedServo(replace(self.servo, axes=axes), found, known)
 
     # --- readings
 

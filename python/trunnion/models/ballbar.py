@@ -52,7 +52,7 @@ A machine is hybrid if the data command joints or the set-up has a table ``[hybr
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -73,6 +73,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
 from trunnion.diagnosis.registry import register
@@ -158,12 +159,15 @@ class ExtendedBallbarModel:
         Ball centre of each set-up, from where the nominal machine puts it.
     effects
         Id → parameter → value.
+    std_errors
+        By name, an effect's as "id.parameter"; inf for what the lengths cannot identify.
     """
 
     setup: Setup | None
     errors: dict[str, float]
     centres_um: dict[str, float]
     effects: dict[str, dict[str, float]]
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def lengths_mm(self, plan: Ballbar) -> Array:
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
@@ -894,7 +898,12 @@ class BallbarModel(BaseModel):
             raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Ballbar")
         return BallbarModel(data, self.setup, self._own)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedBallbarModel:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedBallbarModel:
         """Return errors, centres and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
         return ExtendedBallbarModel(
@@ -902,6 +911,7 @@ class BallbarModel(BaseModel):
             errors={k: v for k, v in named.items() if k in PAPER_ERRORS},
             centres_um={k: v for k, v in named.items() if k not in PAPER_ERRORS},
             effects={k: dict(v) for k, v in effects.items()},
+            std_errors={} if uncertainty is None else uncertainty.std_errors,
         )
 
 

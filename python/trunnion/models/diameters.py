@@ -40,7 +40,7 @@ diameter_mm           nominal diameter, where the data have no such column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -58,6 +58,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
 from trunnion.diagnosis.registry import register
@@ -316,11 +317,14 @@ class DiameterLaw:
         Fitted offset of each pass that was measured.
     effects : dict
         Parameters by cause.
+    std_errors : dict
+        By name, a cause's as "id.parameter"; inf for what the passes cannot identify.
     """
 
     offset_um: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]]
     causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]]
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.
@@ -352,13 +356,19 @@ class DiameterLaw:
 class _DiameterModel(LinearModel):
     """Adds the law in the form it is used with."""
 
-    def extended(self, nuisance: Array, effects: Mapping[str, Mapping[str, float]]) -> DiameterLaw:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: Mapping[str, Mapping[str, float]],
+        uncertainty: Uncertainty | None = None,
+    ) -> DiameterLaw:
         """Return offsets and causes."""
         names = (n.name.removeprefix("offset_").removesuffix("_um") for n in self.nuisance)
         return DiameterLaw(
             offset_um=dict(zip(names, map(float, nuisance), strict=True)),
             effects={k: dict(v) for k, v in effects.items()},
             causes={e.id: e.change for e in self.effects if e.id in effects},
+            std_errors={} if uncertainty is None else uncertainty.std_errors,
         )
 
 

@@ -37,6 +37,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
     lengths,
 )
@@ -294,7 +295,12 @@ class PointsModel(BaseModel):
             )
         return PointsModel(data, source=self)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedPoints:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedPoints:
         """Return the error of the machine as a function of the programmed place."""
         named = {k: dict(v) for k, v in effects.items() if k != "field"}
         left = self.readings.values - self.predict(nuisance, named)
@@ -319,6 +325,7 @@ class PointsModel(BaseModel):
             features_um=mean,
             features=scatter,
             source=self,
+            std_errors={} if uncertainty is None else uncertainty.std_errors,
         )
 
 
@@ -346,6 +353,8 @@ class ExtendedPoints:
         Scatter of the features themselves, where they were measured again and differ.
     features_mm, features_um
         Programmed places, (m, d), and what is left at each, (m, d): hole by hole, and noise.
+    std_errors
+        By name, an effect's as "id.parameter"; inf for what the points cannot identify.
     """
 
     effects: dict[str, dict[str, float]]
@@ -354,6 +363,7 @@ class ExtendedPoints:
     features_um: Array
     features: FeatureScatter | None
     source: PointsModel = field(repr=False)
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def error_um(
         self,

@@ -38,6 +38,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
 )
 from trunnion.diagnosis.registry import register
@@ -352,7 +353,12 @@ class SweepModel(BaseModel):
         named = zip(self.nuisance, nuisance, strict=True)
         return {x.name: float(v) for x, v in named if x.name.startswith("axis_")}
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedSweep:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedSweep:
         """Return axis, targets and error motions."""
         g = self._geometry
         tilt = _tilt(np.tile(nuisance[2:4] * ARCSEC, (1, 1)))[0][0]
@@ -366,6 +372,7 @@ class SweepModel(BaseModel):
             height_mm={k: float(v[2]) for k, v in zip(self._labels, own, strict=True)},
             effects={k: dict(v) for k, v in effects.items()},
             source=self,
+            std_errors={} if uncertainty is None else uncertainty.std_errors,
         )
 
 
@@ -384,6 +391,8 @@ class ExtendedSweep:
         Of each target.
     effects
         Id → parameter → value.
+    std_errors
+        By name, an effect's as "id.parameter"; inf for what the sweep cannot identify.
     """
 
     point_mm: Array
@@ -393,6 +402,7 @@ class ExtendedSweep:
     height_mm: dict[Any, float]
     effects: dict[str, dict[str, float]]
     source: SweepModel = field(repr=False)
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

@@ -9,7 +9,7 @@ and derivatives are the core's, exact.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
 )
 from trunnion.diagnosis.registry import register
@@ -66,12 +67,16 @@ class ExtendedTouchModel:
         Placement of the artefact.
     effects
         Id (or the user's own effect) → parameter → value.
+    std_errors
+        By name, an effect's as "id.parameter"; inf for what the touches cannot identify, which
+        compensation refuses.
     """
 
     setup: Setup
     errors: dict[str, float]
     placement: dict[str, float]
     effects: dict[Any, dict[str, float]]
+    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def simulate(self, plan: Touches, **more: Any) -> Touches:
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
@@ -337,7 +342,9 @@ class TouchDiagnosisModel(BaseModel):
             raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Touches")
         return TouchDiagnosisModel(data, self.setup, self._own)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedTouchModel:
+    def extended(
+        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> ExtendedTouchModel:
         """Return errors, placement and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
         own = {e.id: e for e in self._own}
@@ -346,6 +353,7 @@ class TouchDiagnosisModel(BaseModel):
             {n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
             {n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
             {own.get(k, k): dict(v) for k, v in effects.items()},
+            {} if uncertainty is None else uncertainty.std_errors,
         )
 
     def _check_on_surface(self) -> None:
