@@ -194,6 +194,26 @@ def test_a_users_own_effect_is_simulated_and_estimated() -> None:
     assert abs(result.effects["plus_x_arm"]["step_um"] - 4.0) < 4 * result.std_errors[name]
 
 
+class SteppedStep(Step):
+    """The same in steps of 0.01 µm, with a derivative of its own."""
+
+    def change(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+        return super().change(data, {"step_um": round(values["step_um"], 2)})
+
+    def jacobian(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+        assert np.isfinite(values["step_um"])
+        return super().change(data, {"step_um": 1.0})[:, None]
+
+
+def test_a_users_own_derivative_is_used() -> None:
+    """Differences over 1e-4 µm of a change in steps of 0.01 µm would be zero."""
+    effect = SteppedStep()
+    data = tn.simulate(tn.plan(CROSS), CROSS, effects={effect: {"step_um": 4.0}})
+    result = tn.identify(data, CROSS, (effect,))
+    assert result.effects[effect.id]["step_um"] == pytest.approx(4.0, abs=0.01)
+    assert np.isfinite(result.std_errors["plus_x_arm.step_um"])
+
+
 def test_known_errors_are_part_of_the_totals() -> None:
     known = tn.Setup(artefact=tn.Artefact("cross"), machine=tn.Machine(errors={"EX0C": 30.0}))
     data = tn.simulate(tn.plan(CROSS), CROSS, {"EX0C": 42.0})

@@ -285,6 +285,33 @@ def _lack_of_fit(data: Touches, residuals_um: Floats, parameters: int) -> LackOf
     return lack_of_fit(residuals_um, repeats_of(data), parameters)
 
 
+def own_columns(effect: UserEffect, data: Touches, values: Mapping[str, float]) -> Floats:
+    """Derivative of a user's effect by its parameters, (n, k): its own, or by differences.
+
+    Raises
+    ------
+    DataError
+        A `jacobian` of another shape, or with values that are not finite.
+    """
+    shape = (len(data), len(effect.parameters))
+    given = getattr(effect, "jacobian", None)
+    if given is not None:
+        columns = np.asarray(given(data, dict(values)), dtype=float)
+    else:
+        columns = np.empty(shape)
+        for k, name in enumerate(effect.parameters):
+            step = 1e-4 * max(1.0, abs(values[name]))
+            ahead, back = ({**values, name: values[name] + s} for s in (step, -step))
+            rise = np.asarray(effect.change(data, ahead)) - np.asarray(effect.change(data, back))
+            columns[:, k] = rise / (2 * step)
+    if columns.shape != shape or not np.all(np.isfinite(columns)):
+        raise DataError(
+            f"effect {effect.id!r}: jacobian gave shape {columns.shape} or values that are not "
+            f"finite, expected {shape} finite numbers"
+        )
+    return columns
+
+
 def _identify_own(
     model: TouchModel,
     data: Touches,
@@ -325,14 +352,8 @@ def _identify_own(
 
     def jacobian(vector: Floats) -> Floats:
         _, exact = model.core.linearise(moves, vector[:built_in])
-        columns = [-exact]
-        for k in range(built_in, len(vector)):
-            step = 1e-4 * max(1.0, abs(vector[k]))
-            ahead, back = vector.copy(), vector.copy()
-            ahead[k] += step
-            back[k] -= step
-            columns.append(-((change(ahead) - change(back)) / (2 * step))[:, None])
-        return np.hstack(columns)
+        parts = zip(own, own_values(vector), strict=True)
+        return np.hstack([-exact, *(-own_columns(e, data, values) for e, values in parts)])
 
     start = np.concatenate([model.values(), np.zeros(len(names) - built_in)])
     if len(data) < len(start):
