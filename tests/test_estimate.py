@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.diagnosis.registry import model_of
+from trunnion.machine.estimate import Estimate
 
 
 def only_c_turns() -> tuple[tn.Touches, tn.Setup]:
@@ -22,4 +26,108 @@ def test_a_diagnosis_carries_nothing_unmeasured_into_a_control() -> None:
     assert np.isinf(model.std_errors["EY0A"])
     for use in (tn.cnc_parameters, tn.error_map, tn.volumetric_error):
         with pytest.raises(tn.DataError, match="EY0A"):
-            use(setup, model)  # type: ignore[operator]
+            use(setup, model)
+
+
+SETUP = tn.Setup(artefact=tn.Artefact("cross"))
+BOX: dict[str, Any] = {
+    "x_mm": (-150, 150),
+    "y_mm": (-100, 100),
+    "z_mm": (0, 50),
+    "points": (5, 5, 2),
+}
+
+
+def plate(x_um: np.ndarray, y_um: np.ndarray, z_um: np.ndarray, at: np.ndarray) -> tn.Points:
+    """Points in space with these errors and 0.1 µm of noise."""
+    noise = 0.1 * np.random.default_rng(5).normal(size=at.shape)
+    measured = at + 1e-3 * (np.column_stack([x_um, y_um, z_um]) + noise)
+    return tn.Points(
+        **{f"nominal_{a}_mm": at[:, i] for i, a in enumerate("xyz")},
+        **{f"{a}_mm": measured[:, i] for i, a in enumerate("xyz")},
+    )
+
+
+def test_what_points_say_of_the_linear_axes_reaches_compensation() -> None:
+    grid = np.meshgrid(np.linspace(-150, 150, 13), np.linspace(-100, 100, 9), [0.0, 50.0])
+    at = np.stack(grid, axis=-1).reshape(-1, 3)
+    u = at[:, 0] / 150
+    data = plate(30e-3 * at[:, 0], 8.0 * (3 * u * u - 1) / 2, 0 * u, at)
+    model = tn.diagnose(data).model
+    assert set(model.effects) == {"scale_x", "straightness_y_of_x"}
+    bent = tn.volumetric_error(SETUP, model, **BOX)
+    nodes = np.stack(np.meshgrid(bent.x_mm, bent.y_mm, bent.z_mm, indexing="ij"), axis=-1)
+    none = np.zeros(nodes.size // 3)
+    asked = plate(none, none, none, nodes.reshape(-1, 3))  # measured values play no part
+    assert bent.field_um.reshape(-1, 3) == pytest.approx(model.error_um(asked), abs=1e-3)
+    exact = tn.ModelCompensation.of(SETUP, model)
+    assert tn.volumetric_error(SETUP, model, compensation=exact, **BOX).max_um < 0.01
+    table = tn.error_map(SETUP, model, a_deg=0, c_deg=0, linear_step_mm=25.0)
+    assert tn.volumetric_error(SETUP, model, compensation=table, **BOX).max_um < 1.0
+    with pytest.raises(tn.InputError, match="straightness_y_of_x"):
+        tn.cnc_parameters(SETUP, model)
+
+
+def test_beyond_the_measured_travel_the_last_value_holds() -> None:
+    at = np.stack(np.meshgrid(np.linspace(-90, 90, 9), np.linspace(-50, 50, 5), [0.0, 20.0]), -1)
+    at = at.reshape(-1, 3)
+    u = at[:, 0] / 90
+    model = tn.diagnose(plate(0 * u, 0 * u, 9.0 * (3 * u * u - 1) / 2, at)).model
+    assert set(model.effects) == {"straightness_z_of_x"}
+    far = tn.volumetric_error(SETUP, model, x_mm=[0, 90, 900], y_mm=0, z_mm=0).field_um[..., 2]
+    assert far.ravel()[1] == pytest.approx(9.0, abs=0.3)
+    assert far.ravel()[2] == far.ravel()[1]
+
+
+def test_what_a_ballbar_says_of_a_three_axis_machine_reaches_compensation() -> None:
+    angle = np.radians(np.arange(0.0, 720.0, 2.0))
+    x, y = 50 + 100 * np.cos(angle), -20 + 100 * np.sin(angle)
+    length = np.hypot(x - 50 - 40e-6 * y, y + 20)  # squareness
+    length += 2e-4 * np.random.default_rng(2).normal(size=len(x))
+    data = tn.Ballbar(setup=np.zeros(len(x), int), x_mm=x, y_mm=y, length_mm=length)
+    model = tn.diagnose(data, SETUP).model
+    assert set(model.effects) == {"squareness_xy"}
+    gamma = model["squareness_xy.arcsec"]
+    assert gamma == pytest.approx(40e-6 * 648000 / np.pi, abs=0.1)
+    v = tn.volumetric_error(SETUP, model, **BOX)
+    assert v.max_um == pytest.approx(40e-3 * 100, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("kind", "read", "path", "setup"),
+    [
+        ("sweep", tn.read_sweep, "axis/sweep.csv", None),
+        ("diameters", tn.read_diameters, "turning/diameters.csv", "turning/setup.toml"),
+        ("axis log", tn.read_axis_log, "contour/axislog.csv", "contour/setup.toml"),
+        ("ball-bar", tn.read_ballbar, "ballbar/circle.csv", None),
+        ("points", tn.read_points, "plate/first.csv", None),
+    ],
+)
+def test_what_has_no_meaning_for_compensation_is_listed_by_name(
+    kind: str, read: Any, path: str, setup: str | None
+) -> None:
+    """Every kind of data goes through: compensated, or named as taking no part and why."""
+    known = None if setup is None else tn.read_setup(tn.sample_path(setup))
+    model = tn.diagnose(read(tn.sample_path(path)), known).model
+    v = tn.volumetric_error(SETUP, model, **BOX)
+    assert set(v.ignored) == set(model.not_compensable), kind
+    for name, reason in model.not_compensable.items():
+        assert name in model.effects
+        assert len(reason.split()) > 2
+    taking_part = set(model.effects) - set(v.ignored)
+    assert (v.max_um > 0) == bool(taking_part), (kind, taking_part)
+
+
+def test_errors_of_a_hybrid_machine_are_none_of_these_axes() -> None:
+    found = Estimate(errors={"e5_um": 3.0})
+    with pytest.raises(tn.TrunnionError, match="e5_um"):
+        tn.volumetric_error(SETUP, found)
+
+
+def test_an_offset_of_the_rotary_axes_from_a_log_is_a_location_error() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    found = model_of(tn.read_axis_log(tn.sample_path("contour/axislog.csv")), setup).extended(
+        np.zeros(0), {"rotary_centre": {"EX0C_um": 12.0, "EY0C_um": 0.0}}
+    )
+    assert found.errors == {"EX0C": 12.0, "EY0C": 0.0}
+    assert tn.volumetric_error(setup, found).max_um == pytest.approx(12.0)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from trunnion.machine.estimate import Estimate
 from trunnion.tables import Table, number
 
 __all__ = ["ClosedFormResult", "IdentificationResult", "LackOfFit", "PerPosition"]
@@ -103,32 +104,18 @@ def lack_of_fit(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class IdentificationResult:
-    """Location errors, placement and effects estimated from touches.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentificationResult(Estimate):
+    """Location errors, placement and effects estimated from touches: an :class:`Estimate`.
+
+    `degrees_of_freedom` are readings and priors less parameters that could be determined.
 
     Attributes
     ----------
     method
         How: "least squares", "separating closed forms", "casadi gauss-newton", ...
-    errors
-        Location errors by ISO name, µm and arcsec; totals that include what was known beforehand.
-    placement
-        `dx_um` ... `rc_arcsec`; None where the method does not find it.
-    effects
-        Id → parameter → value.
-    std_errors
-        Standard errors by name (an effect's as "id.parameter"); inf for what cannot be seen.
-    names
-        Order of the rows of `covariance`.
-    covariance
-        Of what can be seen, (p, p), in products of the parameters' units.
     residuals_um
         Recorded minus modelled coordinate along the approach, (n,).
-    sigma_um
-        Standard deviation of one reading: given by the set-up or taken from the residuals.
-    degrees_of_freedom
-        Readings and priors less parameters that could be determined.
     converged
         Whether the last step was within rounding.
     unseen
@@ -142,30 +129,14 @@ class IdentificationResult:
     """
 
     method: str
-    errors: dict[str, float]
-    placement: dict[str, float] | None
-    effects: dict[str, dict[str, float]]
-    std_errors: dict[str, float]
-    names: tuple[str, ...]
     covariance: Floats
     residuals_um: Floats
-    sigma_um: float
-    degrees_of_freedom: int
     converged: bool
     unseen: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
     weights: Floats | None = None
     lack_of_fit: LackOfFit | None = None
     notes: tuple[str, ...] = ()
-
-    @property
-    def values(self) -> dict[str, float]:
-        """All estimates in one flat dict, by the names of `std_errors`."""
-        flat = dict(self.errors)
-        flat.update(self.placement or {})
-        for effect, parameters in self.effects.items():
-            flat.update({f"{effect}.{name}": value for name, value in parameters.items()})
-        return flat
 
     @property
     def rms_um(self) -> float:
@@ -322,7 +293,7 @@ class PerPosition:
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ClosedFormResult(IdentificationResult):
     """Result of a closed form.
 

@@ -6,9 +6,8 @@ here and nowhere else.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from trunnion import _core
 from trunnion.arguments import finite, instance, named
 from trunnion.data.touches import Touches
 from trunnion.errors import DataError, InputError, UnknownNameError
+from trunnion.machine.effects import PLACEMENT, Effect, UserEffect, split_effects
 from trunnion.names import canonical_error_name
 from trunnion.setup import Setup
 
@@ -28,35 +28,10 @@ __all__ = [
     "TouchModel",
     "UserEffect",
     "catalogue",
+    "split_effects",
 ]
 
 Floats = NDArray[np.float64]
-
-PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
-"""Placement of the artefact on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc)."""
-
-
-@runtime_checkable
-class UserEffect(Protocol):
-    """An effect of the user's own, accepted wherever the id of a built-in effect is."""
-
-    @property
-    def id(self) -> str:
-        """Its name."""
-        ...
-
-    @property
-    def parameters(self) -> Sequence[str]:
-        """Names with their units."""
-        ...
-
-    # Any: a user's class may name narrower types than Touches and Mapping[str, float].
-    def change(self, data: Any, values: Any) -> Any:
-        """Change of each reading of `data` in µm along its approach, shape (n,)."""
-        ...
-
-
-Effect: TypeAlias = str | UserEffect
 
 
 @dataclass(frozen=True)
@@ -283,32 +258,3 @@ class TouchModel:
                 effect, parameter = name.split(".", 1)
                 found[effect][parameter] = float(value)
         return found
-
-
-def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect]]:
-    """Built-in ids and the user's own effects, each checked.
-
-    Raises
-    ------
-    InputError
-        If something is neither an id nor an effect, or an id stands twice.
-    """
-    if isinstance(effects, str):
-        raise InputError(f"effects: got the text {effects!r}, wanted a sequence of ids or effects")
-    ids: list[str] = []
-    own: list[UserEffect] = []
-    for effect in effects:
-        if isinstance(effect, str):
-            ids.append(effect)
-        elif isinstance(effect, UserEffect):
-            own.append(effect)
-        else:
-            raise InputError(
-                f"effect: got {effect!r}, wanted an id of the catalogue or an object with id, "
-                "parameters and change(data, values)"
-            )
-    names = [*ids, *(effect.id for effect in own)]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"effects: got {name!r} twice, wanted each once")
-    return ids, own

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +26,7 @@ from trunnion.compensation import (
 )
 from trunnion.compensation.machine import chain_letters
 from trunnion.errors import FileFormatError
+from trunnion.machine.estimate import Estimate
 from trunnion.plotting.volumetric import plot_over_poses, plot_volumetric
 from trunnion.setup import Setup, read_setup
 from trunnion.tables import Table
@@ -94,18 +94,6 @@ def compensate(
         console.print(f"wrote {out / name}")
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """What the command takes from a file."""
-
-    errors: dict[str, float]
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
-    std_errors: dict[str, float] = field(default_factory=dict)
-    names: tuple[str, ...] | None = None
-    covariance: Any = None
-    degrees_of_freedom: float = float("inf")
-
-
 def read_estimate(path: Path) -> Estimate:
     """Read an estimate: the dictionary of a result, or names and values alone.
 
@@ -130,17 +118,17 @@ def read_estimate(path: Path) -> Estimate:
         if isinstance(content.get(method), dict):
             content = content[method]
     if "errors" not in content:
-        return Estimate(_numbers(path, "errors", content))
+        return Estimate(errors=_numbers(path, "errors", content))
     effects = content.get("effects") or {}
     if not isinstance(effects, dict):
         raise FileFormatError(f"{path}: effects: got {effects!r}, wanted id → parameter → value")
-    std_errors = content.get("std_errors") or {}
+    std_errors, covariance = content.get("std_errors") or {}, content.get("covariance")
     return Estimate(
         errors=_numbers(path, "errors", content["errors"]),
         effects={name: _numbers(path, f"effects.{name}", v) for name, v in effects.items()},
         std_errors={name: float(value) for name, value in std_errors.items()},
-        names=tuple(content["names"]) if "names" in content else None,
-        covariance=content.get("covariance"),
+        names=tuple(content.get("names", ())),
+        covariance=None if covariance is None else np.asarray(covariance, dtype=float),
         degrees_of_freedom=float(content.get("degrees_of_freedom", float("inf"))),
     )
 
@@ -173,7 +161,7 @@ def _field(
 
 def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
     """Predicted interval over the whole range, where the estimate has a covariance."""
-    if estimate.covariance is None or estimate.names is None:
+    if estimate.covariance is None or not estimate.names:
         return None
     tilt = "A" if "A" in chain_letters(setup) else "B"
     return residual_interval(

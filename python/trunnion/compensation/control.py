@@ -11,13 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion import _core
-from trunnion.compensation.machine import NOMINAL, Floats, MachineErrors, chain_letters
+from trunnion.compensation.machine import (
+    NOMINAL,
+    Effects,
+    Floats,
+    Known,
+    MachineErrors,
+    chain_letters,
+)
 from trunnion.errors import InputError
 from trunnion.setup import Setup
 
@@ -62,7 +69,7 @@ class ModelCompensation:
     known: MachineErrors
 
     @classmethod
-    def of(cls, setup: Setup, errors: Any, effects: Any = None) -> ModelCompensation:
+    def of(cls, setup: Setup, errors: Known, effects: Effects = None) -> ModelCompensation:
         """Make it from errors and effects, or from a result that has them."""
         return cls(MachineErrors.of(setup, errors, effects))
 
@@ -93,7 +100,7 @@ class InverseCompensation:
 
     @classmethod
     def of(
-        cls, setup: Setup, errors: Any, effects: Any = None, *, largest_turn_deg: float = 1.0
+        cls, setup: Setup, errors: Known, effects: Effects = None, *, largest_turn_deg: float = 1.0
     ) -> InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
         if not (np.isfinite(largest_turn_deg) and largest_turn_deg > 0):
@@ -101,7 +108,7 @@ class InverseCompensation:
         known = MachineErrors.of(setup, errors, effects)
         if known.own:
             raise InputError(
-                f"effect {known.own[0][0].id!r}: got a user's own effect, wanted effects of the "
+                f"effect {known.own[0].id!r}: got a user's own effect, wanted effects of the "
                 "catalogue: its motion says nothing of the tool direction; use "
                 "ModelCompensation or error_map"
             )
@@ -208,10 +215,10 @@ def control_commands(
 
 def inverse_compensation(
     setup: Setup,
-    errors: Any,
+    errors: Known,
     points_mm: ArrayLike,
     rotary_deg: Mapping[str, ArrayLike],
-    effects: Any = None,
+    effects: Effects = None,
     *,
     axes: str = "all",
     largest_turn_deg: float = 1.0,

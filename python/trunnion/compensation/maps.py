@@ -28,7 +28,9 @@ from scipy.interpolate import RegularGridInterpolator
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
     NOMINAL,
+    Effects,
     Floats,
+    Known,
     MachineErrors,
     axis_nodes,
     chain_letters,
@@ -223,8 +225,8 @@ def _decimals(step: float) -> int | None:
 
 def error_map(
     setup: Setup,
-    errors: Any,
-    effects: Any = None,
+    errors: Known,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
-from trunnion.compensation.machine import NOMINAL, Floats, MachineErrors, chain_letters
+from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors, chain_letters
 from trunnion.data.touches import Touches
 from trunnion.errors import DataError, InputError
+from trunnion.machine.effects import Effect
 from trunnion.setup import Setup
 from trunnion.simulation import simulate
-from trunnion.touch_model import Effect
 
 __all__ = ["remeasure"]
 
@@ -71,7 +71,7 @@ def remeasure(
     plan: Touches,
     setup: Setup,
     compensation: Compensation | None,
-    errors: Any = None,
+    errors: Known = None,
     placement: Mapping[str, float] | None = None,
     effects: Mapping[Effect, Mapping[str, float]] | None = None,
     noise_um: float = 0.0,

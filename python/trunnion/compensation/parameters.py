@@ -25,7 +25,9 @@ from trunnion import _core
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
     NOMINAL,
+    Effects,
     Floats,
+    Known,
     MachineErrors,
     axis_nodes,
     chain_letters,
@@ -172,8 +174,8 @@ class CncParameters:
 
 def cnc_parameters(
     setup: Setup,
-    errors: Any,
-    effects: Any = None,
+    errors: Known,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -216,7 +218,7 @@ def cnc_parameters(
     known = MachineErrors.of(setup, errors, effects, placement)
     if known.own:
         raise InputError(
-            f"effect {known.own[0][0].id!r}: got a user's own effect, wanted effects of the "
+            f"effect {known.own[0].id!r}: got a user's own effect, wanted effects of the "
             "catalogue: parameters of a control cannot follow it"
         )
     if method == "direct":

@@ -19,7 +19,9 @@ from trunnion import _core
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
+    Effects,
     Floats,
+    Known,
     MachineErrors,
     axis_nodes,
     chain_letters,
@@ -209,8 +211,8 @@ class VolumetricError:
 
 def volumetric_error(
     setup: Setup,
-    errors: Any = None,
-    effects: Any = None,
+    errors: Known = None,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -311,8 +313,8 @@ def volumetric_error(
 
 def error_fields(
     setup: Setup,
-    errors: Any = None,
-    effects: Any = None,
+    errors: Known = None,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -368,8 +370,8 @@ class _Task:
     def of(
         cls,
         setup: Setup,
-        errors: Any,
-        effects: Any,
+        errors: Known,
+        effects: Effects,
         box: tuple[ArrayLike, ArrayLike, ArrayLike],
         rotary: Mapping[str, ArrayLike | None],
         placement: Mapping[str, float] | None,

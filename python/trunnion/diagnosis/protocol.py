@@ -337,6 +337,16 @@ class Uncertainty:
     sigma: float
     degrees_of_freedom: int
 
+    def fields(self) -> dict[str, Any]:
+        """As fields of an :class:`~trunnion.machine.estimate.Estimate`."""
+        return {
+            "std_errors": dict(self.std_errors),
+            "names": self.names,
+            "covariance": self.covariance,
+            "sigma_um": self.sigma,
+            "degrees_of_freedom": self.degrees_of_freedom,
+        }
+
 
 class Model(Protocol):
     """A model bound to data: everything the engine asks.

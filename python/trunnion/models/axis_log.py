@@ -26,7 +26,7 @@ Where two effects look alike:
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations, pairwise, product
 from typing import Any, TypeAlias
 
@@ -55,6 +55,8 @@ from trunnion.diagnosis.protocol import (
 from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.errors import DataError, InputError, UnknownNameError
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo"]
@@ -77,6 +79,7 @@ SLOWEST = 2.0  # samples apart, times the loop gain
 SHORTEST = 0.01  # rms motion from which on it is checked, mm or deg
 SMALLEST_NOISE = 1e-6  # µm, arcsec: a simulated log has rounding only
 SCALE = {"mm": 1e3, "deg": 3600.0}
+OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
 @dataclass(frozen=True)
@@ -97,23 +100,18 @@ class _Run:
         return int(self.rows.stop - self.rows.start)
 
 
-@dataclass(frozen=True)
-class ExtendedServo:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedServo(Estimate):
     """The servo model with what a diagnosis found.
 
     Attributes
     ----------
     servo:
         Gain, time constant, delay, friction, backlash, cyclic error of each axis as found.
-    effects:
-        Id → parameter → value, as in the diagnosis.
-    std_errors:
-        Of the effects, as "id.parameter"; inf for what the log cannot identify.
+        Offsets of the rotary axes (`rotary_centre`) are location errors, in `errors`.
     """
 
     servo: Servo
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
-    std_errors: Mapping[str, float] = field(default_factory=dict)
 
 
 def _names(axis: str) -> tuple[str, str]:
@@ -269,8 +267,20 @@ class AxisLogModel(BaseModel):
             if letter in axes and kind in _SERVO_CHANGE:
                 axes[letter] = _changed(axes[letter], kind, values)
         found = {k: dict(v) for k, v in effects.items()}
-        known = {} if uncertainty is None else uncertainty.std_errors
-        return ExtendedServo(replace(self.servo, axes=axes), found, known)
+        fields = {} if uncertainty is None else uncertainty.fields()
+        std_errors = fields.setdefault("std_errors", {})
+        known, errors = self.setup.machine.errors, {}
+        for name, value in found.pop("rotary_centre", {}).items():
+            error = name.removesuffix("_um")
+            errors[error] = known.get(error, 0.0) + value
+            std_errors[error] = std_errors.pop(f"rotary_centre.{name}", 0.0)
+        return ExtendedServo(
+            servo=replace(self.servo, axes=axes),
+            errors=errors,
+            effects=found,
+            **fields,
+            **for_compensation(self.effects, found, (), OF_THE_SERVO),
+        )
 
     # --- readings
 

@@ -52,8 +52,8 @@ A machine is hybrid if the data command joints or the set-up has a table ``[hybr
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -86,11 +86,24 @@ from trunnion.hybrid.ballbar import (
     start_centres,
 )
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
+from trunnion.machine.effects import Motion, MotionPose
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
 AXES = "xyz"
+#: Effects that are in the machine's own catalogue, by the same names.
+CATALOGUED = (
+    *(f"scale_{a}" for a in AXES),
+    *(f"backlash_{a}" for a in AXES),
+    "squareness_xy",
+    "squareness_xz",
+    "squareness_yz",
+)
+DYNAMIC = "it depends on time or on how the axes move, or has no motion(pose, values)"
+OF_MECHANISM = "it moves the legs or the wrist of the hybrid machine, not linear axes X, Y, Z"
 SMALLEST_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -145,8 +158,8 @@ class BallbarSettings:
         return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
 
 
-@dataclass(frozen=True)
-class ExtendedBallbarModel:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
     Attributes
@@ -157,17 +170,10 @@ class ExtendedBallbarModel:
         The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
     centres_um
         Ball centre of each set-up, from where the nominal machine puts it.
-    effects
-        Id → parameter → value.
-    std_errors
-        By name, an effect's as "id.parameter"; inf for what the lengths cannot identify.
     """
 
     setup: Setup | None
-    errors: dict[str, float]
     centres_um: dict[str, float]
-    effects: dict[str, dict[str, float]]
-    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def lengths_mm(self, plan: Ballbar) -> Array:
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
@@ -552,6 +558,7 @@ class BallbarModel(BaseModel):
                 f"cyclic_{AXES[a]}",
                 [(place_a, self.bar[:, a])],
                 f"the {AXES[a].upper()} axis has a cyclic error",
+                partial(_cyclic_motion, a),
             )
         return out
 
@@ -614,7 +621,13 @@ class BallbarModel(BaseModel):
         }
         return [_linear("gain_mismatch", columns, "the axes follow with different lags")]
 
-    def _cyclic(self, name: str, parts: Sequence[tuple[Array, Array]], words: str) -> list[Effect]:
+    def _cyclic(
+        self,
+        name: str,
+        parts: Sequence[tuple[Array, Array]],
+        words: str,
+        motion: Motion | None = None,
+    ) -> list[Effect]:
         """Periodic error of positions (mm) that enter the readings with weights, summed."""
         travel = max(float(np.ptp(place)) for place, _ in parts)
         # Readings lie unevenly along an axis, so pitches below two of their gaps can be told.
@@ -646,7 +659,7 @@ class BallbarModel(BaseModel):
             return np.column_stack([*waves_at(p), np.asarray(slope)])
 
         parameters = (Parameter("a_um"), Parameter("b_um"), pitch)
-        return [Effect(name, parameters, change, jacobian, words=words)]
+        return [Effect(name, parameters, change, jacobian, motion=motion, words=words)]
 
     # --- the hybrid machine's
 
@@ -906,13 +919,23 @@ class BallbarModel(BaseModel):
     ) -> ExtendedBallbarModel:
         """Return errors, centres and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
+        known = DYNAMIC if self.mechanism is None else OF_MECHANISM
         return ExtendedBallbarModel(
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in PAPER_ERRORS},
             centres_um={k: v for k, v in named.items() if k not in PAPER_ERRORS},
             effects={k: dict(v) for k, v in effects.items()},
-            std_errors={} if uncertainty is None else uncertainty.std_errors,
+            **for_compensation(self.effects, effects, () if self.mechanism else CATALOGUED, known),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
+
+
+def _cyclic_motion(axis: int, pose: MotionPose, v: Mapping[str, float]) -> Array:
+    """Displacement under a periodic error of one linear axis, µm, (n, 3)."""
+    turn = 2 * np.pi * pose.position_mm[:, axis] / v["pitch_mm"]
+    out = np.zeros((len(turn), 3))
+    out[:, axis] = v["a_um"] * np.cos(turn) + v["b_um"] * np.sin(turn)
+    return out
 
 
 ARCSEC_PER_RAD = 648000.0 / np.pi

@@ -17,7 +17,7 @@ again is *hole by hole*; the rest is the measurement. :func:`repeatable_part` te
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, permutations
 from typing import Any
@@ -44,7 +44,14 @@ from trunnion.diagnosis.protocol import (
 from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.errors import DataError, InputError
-from trunnion.models.candidates import effect_of_columns, own_effects, periodic_effect
+from trunnion.machine.effects import MotionPose
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import (
+    effect_of_columns,
+    for_compensation,
+    own_effects,
+    periodic_effect,
+)
 from trunnion.models.smooth import Modes, SmoothField
 
 __all__ = ["ExtendedPoints", "FeatureScatter", "PointsModel", "RepeatablePart", "repeatable_part"]
@@ -59,6 +66,8 @@ SHORTEST_PITCH_MM = 4.0
 MOST_PITCHES = 400
 MOST_MOMENTS = 48
 OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
+#: Effects that are in the machine's own catalogue.
+RIGID = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 MIDDLE = 1.0 / 3.0  # mean square of a position between -1 and 1
 
 
@@ -113,7 +122,7 @@ class PointsModel(BaseModel):
         )
         self._travel: _Travel = _Travel.of(nominal) if source is None else source._travel
         self._places = _places(nominal)
-        catalogue = _catalogue(data, self._travel)
+        catalogue = [_with_motion(e, self._travel) for e in _catalogue(data, self._travel)]
         self.field: _Field | None = (
             source.field if source is not None else self._field(deviation, catalogue)
         )
@@ -325,8 +334,21 @@ class PointsModel(BaseModel):
             features_um=mean,
             features=scatter,
             source=self,
-            std_errors={} if uncertainty is None else uncertainty.std_errors,
+            **self._for_compensation(effects, smooth),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
+
+    def _for_compensation(
+        self, effects: EffectValues, smooth: SmoothField | None
+    ) -> dict[str, Any]:
+        """Scale and squareness are the machine's own effects; the others move the linear axes."""
+        why_not = "it changes with time, or has no motion(pose, values)"
+        fields = for_compensation(self.effects, effects, RIGID, why_not)
+        if "field" in effects and smooth is None:
+            fields["not_compensable"]["field"] = "too few places to predict others from"
+        elif smooth is not None:
+            fields["motions"]["field"] = _SmoothMotion(smooth, self._travel)
+        return fields
 
 
 @dataclass(frozen=True)
@@ -337,8 +359,8 @@ class FeatureScatter:
     measurement_um: float
 
 
-@dataclass(frozen=True)
-class ExtendedPoints:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedPoints(Estimate):
     """What a diagnosis of points says of the machine and of the part.
 
     Attributes
@@ -353,17 +375,13 @@ class ExtendedPoints:
         Scatter of the features themselves, where they were measured again and differ.
     features_mm, features_um
         Programmed places, (m, d), and what is left at each, (m, d): hole by hole, and noise.
-    std_errors
-        By name, an effect's as "id.parameter"; inf for what the points cannot identify.
     """
 
-    effects: dict[str, dict[str, float]]
     smooth: SmoothField | None
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
     source: PointsModel = field(repr=False)
-    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def error_um(
         self,
@@ -407,6 +425,54 @@ class ExtendedPoints:
             if k in key:
                 out[row] = self.features_um[key[k]]
         return out
+
+
+# --- what the linear axes do with it
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """What an effect of the linear axes does at their positions, µm.
+
+    Beyond the travel that was measured the last value holds: nothing is extrapolated.
+    """
+
+    change: Callable[[Points, Mapping[str, float]], Any]
+    travel: _Travel
+
+    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Array:
+        at = self.travel.inside(pose.position_mm)
+        names = AXES[: at.shape[1]]
+        columns = {f"nominal_{a}_mm": at[:, i] for i, a in enumerate(names)}
+        columns |= {f"{a}_mm": at[:, i] for i, a in enumerate(names)}
+        change = np.asarray(self.change(Points(columns), Values(values)), dtype=float)
+        return _in_space(change.reshape(at.shape))
+
+
+@dataclass(frozen=True)
+class _SmoothMotion:
+    """The smooth field at positions of the linear axes; beyond its travel the last value holds."""
+
+    smooth: SmoothField
+    travel: _Travel
+
+    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Array:  # noqa: ARG002
+        places = self.travel.field_places(self.travel.inside(pose.position_mm))
+        return _in_space(self.smooth.at(places))
+
+
+def _in_space(change: Array) -> Array:
+    """Displacements (n, 2) or (n, 3) in all three coordinates."""
+    out = np.zeros((len(change), 3))
+    out[:, : change.shape[1]] = change
+    return out
+
+
+def _with_motion(e: Effect, travel: _Travel) -> Effect:
+    """Say what the linear axes do under an effect that the machine's catalogue lacks."""
+    if e.scope != "machine" or e.id in OF_TIME or e.id in RIGID:
+        return e
+    return replace(e, motion=_Motion(e.change, travel))
 
 
 # --- the catalogue
@@ -674,6 +740,11 @@ class _Travel:
         """Position along an axis, −1 to 1 over the travel used."""
         half = self.half[axis]
         return np.asarray((nominal[:, axis] - self.middle[axis]) / (half if half > 0 else 1.0))
+
+    def inside(self, position_mm: Array) -> Array:
+        """Positions (n, 3) in the coordinates of the points, none beyond the travel used."""
+        at = position_mm[:, : len(self.half)]
+        return np.asarray(np.clip(at, self.middle - self.half, self.middle + self.half))
 
     def field_places(self, nominal: Array) -> Array:
         """Places for a smooth field: coordinates that vary, all on one scale."""

@@ -43,7 +43,8 @@ from trunnion.diagnosis.protocol import (
 )
 from trunnion.diagnosis.registry import register
 from trunnion.errors import DataError, InputError
-from trunnion.models.candidates import own_effects
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import for_compensation, own_effects
 
 __all__ = ["Circle", "ExtendedSweep", "SweepModel", "circles"]
 
@@ -60,6 +61,7 @@ DIRECTIONS = ("radial", "tangential", "axial")
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
 #: A target further from its circle than this belongs to no model, mm.
 FAR_OFF_MM = 5.0
+NO_AXIS = "a sweep does not say which axis of a machine turned, nor how the instrument stood to it"
 OWN_UM = 3  # nuisance parameters of a target
 
 
@@ -372,12 +374,13 @@ class SweepModel(BaseModel):
             height_mm={k: float(v[2]) for k, v in zip(self._labels, own, strict=True)},
             effects={k: dict(v) for k, v in effects.items()},
             source=self,
-            std_errors={} if uncertainty is None else uncertainty.std_errors,
+            **for_compensation(self.effects, effects, (), NO_AXIS),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 
-@dataclass(frozen=True)
-class ExtendedSweep:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedSweep(Estimate):
     """What a diagnosis of a sweep says of the axis.
 
     Attributes
@@ -389,10 +392,6 @@ class ExtendedSweep:
         Directions X, Y, Z of the error motions in the instrument's frame, one a column.
     radius_mm, height_mm
         Of each target.
-    effects
-        Id → parameter → value.
-    std_errors
-        By name, an effect's as "id.parameter"; inf for what the sweep cannot identify.
     """
 
     point_mm: Array
@@ -400,9 +399,7 @@ class ExtendedSweep:
     frame: Array
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    effects: dict[str, dict[str, float]]
     source: SweepModel = field(repr=False)
-    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

@@ -9,7 +9,7 @@ and derivatives are the core's, exact.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from trunnion.diagnosis.protocol import (
 from trunnion.diagnosis.registry import register
 from trunnion.errors import DataError, InputError
 from trunnion.identification import known_sigma_um
+from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import own_effects
 from trunnion.setup import Setup
 from trunnion.touch_model import EffectInfo, TouchModel, catalogue
@@ -49,8 +50,8 @@ UNITS = {"um": "µm", "um/h": "µm/h"}
 SCOPES: dict[str, EffectScope] = {"probe": "instrument", "artefact": "instrument"}
 
 
-@dataclass(frozen=True)
-class ExtendedTouchModel:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ExtendedTouchModel(Estimate):
     """What a diagnosis of touches says of the machine, ready for the other functions.
 
     ``tn.identify(data, m.setup, effects=m.effects)``,
@@ -61,22 +62,9 @@ class ExtendedTouchModel:
     ----------
     setup
         The set-up of the measurement.
-    errors
-        Location errors, µm and arcsec.
-    placement
-        Placement of the artefact.
-    effects
-        Id (or the user's own effect) → parameter → value.
-    std_errors
-        By name, an effect's as "id.parameter"; inf for what the touches cannot identify, which
-        compensation refuses.
     """
 
     setup: Setup
-    errors: dict[str, float]
-    placement: dict[str, float]
-    effects: dict[Any, dict[str, float]]
-    std_errors: Mapping[str, float] = field(default_factory=dict)
 
     def simulate(self, plan: Touches, **more: Any) -> Touches:
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
@@ -349,11 +337,16 @@ class TouchDiagnosisModel(BaseModel):
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
         own = {e.id: e for e in self._own}
         return ExtendedTouchModel(
-            self.setup,
-            {n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
-            {n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
-            {own.get(k, k): dict(v) for k, v in effects.items()},
-            {} if uncertainty is None else uncertainty.std_errors,
+            setup=self.setup,
+            errors={n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
+            placement={n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
+            effects={own.get(k, k): dict(v) for k, v in effects.items()},
+            not_compensable={
+                k: "it has no motion(pose, values)"
+                for k, e in own.items()
+                if k in effects and e.motion is None
+            },
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
     def _check_on_surface(self) -> None:

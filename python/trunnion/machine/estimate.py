@@ -1,0 +1,83 @@
+"""What a measurement says of a machine: one type for every kind of data and every consumer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.errors import UnknownNameError
+from trunnion.machine.effects import Motion, effect_id
+
+__all__ = ["Estimate"]
+
+Floats: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """Errors of a machine with their uncertainty, and what the data do not identify.
+
+    Attributes
+    ----------
+    errors
+        Location errors by ISO 230-7 name, µm and arcsec; totals that include what was known
+        beforehand.
+    placement
+        `dx_um` ... `rc_arcsec`; None where the method does not find it.
+    effects
+        Id (or the user's own effect) → parameter → value.
+    std_errors
+        Standard uncertainty by name (an effect's as "id.parameter"); inf for what the data do not
+        identify.
+    names
+        Order of the rows of `covariance`.
+    covariance
+        Of what can be identified, (p, p), in products of the parameters' units; None: unknown.
+    sigma_um
+        Standard deviation of one reading.
+    degrees_of_freedom
+        Of the variance that the covariance rests on; inf where it was known beforehand.
+    motions
+        Id → how an effect that is not in the catalogue of the machine moves the tool.
+    not_compensable
+        Id → why an effect says nothing that a compensation could use.
+    """
+
+    errors: dict[str, float] = field(default_factory=dict)
+    placement: dict[str, float] | None = None
+    effects: dict[Any, dict[str, float]] = field(default_factory=dict)
+    std_errors: dict[str, float] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
+    covariance: Floats | None = None
+    sigma_um: float = 0.0
+    degrees_of_freedom: float = np.inf
+    motions: Mapping[str, Motion] = field(default_factory=dict, repr=False)
+    not_compensable: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All values in one flat dict, by the names of `std_errors`."""
+        flat = dict(self.errors)
+        flat.update(self.placement or {})
+        for effect, parameters in self.effects.items():
+            flat.update({f"{effect_id(effect)}.{name}": v for name, v in parameters.items()})
+        return flat
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a parameter: ``fit["EX0C"]``, ``fit["drift_z.rate_um_h"]``."""
+        values = self.values
+        if name not in values:
+            raise UnknownNameError(f"parameter: got {name!r}, expected one of {', '.join(values)}")
+        return values[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a parameter of this name."""
+        return name in self.values
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of all parameters."""
+        return iter(self.values)
