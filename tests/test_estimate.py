@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.diagnosis.registry import model_of
 from trunnion.machine.estimate import Estimate
+from trunnion.models.kinds import model_of
 
 
 def only_c_turns() -> tuple[tn.Touches, tn.Setup]:

@@ -16,7 +16,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import InputError
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
@@ -25,7 +26,6 @@ from trunnion.compensation.machine import (
     MachineErrors,
     chain_letters,
 )
-from trunnion.errors import InputError
 from trunnion.setup import Setup
 
 __all__ = [

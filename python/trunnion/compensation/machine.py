@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion import _core
-from trunnion.arguments import instance
-from trunnion.errors import DataError, InputError, UnknownNameError
+import trunnion._core as _core
+from trunnion.base.checks import instance
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.machine.effects import (
     PLACEMENT,
     Motion,
@@ -22,8 +22,8 @@ from trunnion.machine.effects import (
     split_effects,
 )
 from trunnion.machine.estimate import Estimate
-from trunnion.names import canonical_error_name
 from trunnion.setup import Setup
+from trunnion.setup.names import canonical_error_name
 
 __all__ = [
     "Effects",

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.base.errors import DataError
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
 from trunnion.diagnosis.protocol import (
@@ -33,7 +34,6 @@ from trunnion.diagnosis.protocol import (
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.diagnosis.selection import MOST_CAUSES, WITHIN, Candidates, Found, search
-from trunnion.errors import DataError
 
 __all__ = ["diagnose"]
 

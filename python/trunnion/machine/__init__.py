@@ -1,1 +1,1 @@
-"""The machine: what is wrong with it, and what a measurement says of that."""
+"""The machine: its chain of axes, kinematics, and what a measurement says of it."""

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.errors import InputError
+from trunnion.base.errors import InputError
 
 __all__ = [
     "PLACEMENT",

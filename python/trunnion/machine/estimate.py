@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.errors import UnknownNameError
+from trunnion.base.errors import UnknownNameError
 from trunnion.machine.effects import Motion, effect_id
 
 __all__ = ["Estimate"]

@@ -48,6 +48,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.protocol import (
     Covariate,
@@ -61,8 +62,6 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     as_effect,
 )
-from trunnion.diagnosis.registry import register
-from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
@@ -452,6 +451,3 @@ def _bound(
     reference: _Reference,
 ) -> Model:
     return build(data, setup, effects, reference=reference)
-
-
-register(Diameters, build)

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.smooth import Modes, SmoothField
 from trunnion.data.points import Points
 from trunnion.diagnosis.protocol import (
     Array,
@@ -41,9 +43,7 @@ from trunnion.diagnosis.protocol import (
     Values,
     lengths,
 )
-from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.errors import DataError, InputError
 from trunnion.machine.effects import MotionPose
 from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import (
@@ -52,7 +52,6 @@ from trunnion.models.candidates import (
     own_effects,
     periodic_effect,
 )
-from trunnion.models.smooth import Modes, SmoothField
 
 __all__ = ["ExtendedPoints", "FeatureScatter", "PointsModel", "RepeatablePart", "repeatable_part"]
 
@@ -878,9 +877,6 @@ def build(
 ) -> PointsModel:
     """Build the model of points; no set-up is needed."""
     return PointsModel(data, effects)
-
-
-register(Points, build)
 
 
 # --- what is in the part, and what in the measurement
