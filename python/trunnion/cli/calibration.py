@@ -12,6 +12,7 @@ from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.cli.common import clean_errors, named_values, numbers, say, show_json
 from trunnion.data.linuxcnc_log import read_probe_log
 from trunnion.data.touches import Touches, read_touches
+from trunnion.machine.chain import Chain
 from trunnion.probing.closed_form import closed_form
 from trunnion.probing.identify import identify
 from trunnion.probing.observability import observability
@@ -76,8 +77,7 @@ def plan(
 
 def _plan(setup: Setup, c: str, tilt: str, feeds: str, both_senses: bool, repeats: int) -> Touches:
     angles: dict[str, Any] = {"c_deg": numbers("--c", c)}
-    letter = "a_deg" if setup.machine.preset == "trt-ca" else "b_deg"
-    angles[letter] = numbers("--tilt", tilt)
+    angles[f"{(Chain(setup).tilting or 'a').lower()}_deg"] = numbers("--tilt", tilt)
     return make_plan(
         setup,
         feeds_mm_min=numbers("--feeds", feeds),

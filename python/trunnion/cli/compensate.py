@@ -25,7 +25,7 @@ from trunnion.compensation import (
     residual_interval,
     volumetric_error,
 )
-from trunnion.compensation.machine import chain_letters
+from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
 from trunnion.plot.axes import new_figure
 from trunnion.plot.volumetric import plot_over_poses, plot_volumetric
@@ -147,7 +147,7 @@ def _field(
 ) -> VolumetricError:
     if not over:
         return volumetric_error(setup, known, compensation=kind, points=_POINTS)
-    tilt = "A" if "A" in chain_letters(setup) else "B"
+    tilt = Chain(setup).tilting
     return volumetric_error(
         setup,
         known,
@@ -163,7 +163,7 @@ def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval |
     """Predicted interval over the whole range, where the estimate has a covariance."""
     if estimate.covariance is None or not estimate.names:
         return None
-    tilt = "A" if "A" in chain_letters(setup) else "B"
+    tilt = Chain(setup).tilting
     return residual_interval(
         setup,
         estimate,

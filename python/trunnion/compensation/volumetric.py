@@ -25,10 +25,10 @@ from trunnion.compensation.machine import (
     Known,
     MachineErrors,
     axis_nodes,
-    chain_letters,
     pose_grid,
     rotary_nodes,
 )
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
@@ -335,8 +335,7 @@ def error_fields(
         setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
         placement, compensation, rounded, points, approach, senses,
     )  # fmt: skip
-    letters = chain_letters(setup)
-    signs = [setup.sense(letter) for letter in letters]
+    chain = Chain(setup)
     shape = (*(len(axis) for axis in task.nodes), 3)
     if task.is_affine:
         fields, directions = task.affine_fields()
@@ -348,7 +347,7 @@ def error_fields(
     else:
         each = task.sampled_fields()
     for pose, (field, direction) in zip(task.poses, each, strict=True):
-        rotary = {k: float(q * s) for k, q, s in zip(letters, pose, signs, strict=True)}
+        rotary = {k: float(q) for k, q in chain.to_control(pose).items()}
         yield PoseField(rotary, field.reshape(shape), direction)
 
 
@@ -452,6 +451,5 @@ class _Task:
 
     def _on_work(self, moved: Floats, rotary_deg: Floats) -> Floats:
         """Displacements in the machine frame, in the frame of the nominal table."""
-        machine = _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, [])
-        poses = machine.table_pose(rotary_deg).reshape(-1, 3, 4)[:, :, :3]
-        return cast(Floats, np.einsum("nji,nj->ni", poses, moved))
+        turn, _ = Chain(self.setup).table_pose(rotary_deg)
+        return cast(Floats, np.einsum("nji,nj->ni", turn, moved))

@@ -7,24 +7,22 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 
 __all__ = [
     "PLACEMENT",
     "Effect",
+    "EffectInfo",
     "Motion",
     "MotionPose",
     "Moving",
     "Owner",
+    "ParameterInfo",
     "UserEffect",
     "effect_id",
     "split_effects",
 ]
-
-Floats: TypeAlias = NDArray[np.float64]
 
 PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
 """Placement of the artefact on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc)."""
@@ -106,6 +104,33 @@ class Moving(Protocol):
     def motion(self, pose: MotionPose, values: Mapping[str, float]) -> Floats:
         """Displacement of the tool relative to the work, machine frame, µm, shape (n, 3)."""
         ...
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """A parameter of an effect: name with unit, unit, and how it is found.
+
+    `kind` is "linear" (least squares), "moment" (a time that is searched between touches) or
+    "duration" (searched over decades, then refined).
+    """
+
+    name: str
+    unit: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """An entry of the catalogue of effects on touches.
+
+    `needs` are columns of the touches without which the effect cannot be identified.
+    """
+
+    id: str
+    title: str
+    owner: Owner
+    parameters: tuple[ParameterInfo, ...]
+    needs: tuple[str, ...]
 
 
 def effect_id(effect: Effect) -> str:

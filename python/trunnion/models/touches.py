@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.protocol import (
@@ -33,10 +32,12 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     Values,
 )
+from trunnion.machine.chain import Chain
+from trunnion.machine.effects import EffectInfo
 from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import own_effects
 from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import EffectInfo, TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
 __all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
@@ -298,13 +299,8 @@ class TouchDiagnosisModel(BaseModel):
     def _faces(self) -> NDArray[np.str_]:
         """Name of the touched face, from the nominal pose: "+X arm, top", "+Y side", ..."""
         setup, data = self.setup, self.data
-        machine = _core.Machine(setup.machine.preset, setup.probe.length_mm, [])
-        letters = machine.letters.lower()
-        rotary = np.column_stack(
-            [data.rotary_deg[x] * float(setup.sense(x.upper())) for x in letters]
-        )
-        pose = machine.table_pose(np.ascontiguousarray(rotary, dtype=float)).reshape(-1, 3, 4)
-        turn, shift = pose[:, :, :3], pose[:, :, 3]
+        chain = Chain(setup)
+        turn, shift = chain.table_pose(chain.to_machine(data.rotary_deg, len(data)))
         contact = data.position_mm + setup.probe.ball_radius_mm * data.direction - shift
         at = np.einsum("nji,nj->ni", turn, contact)
         normal = -np.einsum("nji,nj->ni", turn, data.direction)
