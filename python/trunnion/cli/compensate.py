@@ -124,7 +124,7 @@ def _field(
 
 def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
     """Predicted interval over the whole range, where the estimate has a covariance."""
-    if estimate.covariance is None or not estimate.names:
+    if not estimate.names:
         return None
     tilt = _tilting(setup)
     return tn.residual_interval(

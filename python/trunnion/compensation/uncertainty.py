@@ -199,8 +199,8 @@ def _covariance(
 ) -> tuple[Floats, list[str]]:
     given, listed = covariance, names
     if isinstance(estimate, Estimate):
-        given = estimate.covariance if given is None else given
-        listed = (estimate.names or None) if listed is None else listed
+        given = estimate.covariance if given is None and estimate.names else given
+        listed = estimate.names if listed is None and estimate.names else listed
     if given is None or listed is None:
         raise InputError("covariance: got none, wanted a result that has one, or it and names")
     matrix = np.asarray(given, dtype=float)

@@ -99,7 +99,7 @@ class _Run:
         return int(self.rows.stop - self.rows.start)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedServo(Estimate):
     """The servo model with what a diagnosis found.
 

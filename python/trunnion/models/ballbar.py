@@ -53,7 +53,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -85,8 +85,9 @@ from trunnion.hybrid.ballbar import (
     start_centres,
 )
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
-from trunnion.machine.effects import Motion, MotionPose
+from trunnion.machine.effects import Motion
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
@@ -157,7 +158,7 @@ class BallbarSettings:
         return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
@@ -522,6 +523,12 @@ class BallbarModel(BaseModel):
             for a in self._moving()
         ]
 
+    @property
+    def _travel(self) -> Travel:
+        """Travel of X, Y, Z along the readings."""
+        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
+        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
+
     def _three_axis(self) -> list[Effect]:
         moving = self._moving()
         # From the centre: the constant part is the centre's anyway, and columns stay small.
@@ -557,7 +564,7 @@ class BallbarModel(BaseModel):
                 f"cyclic_{AXES[a]}",
                 [(place_a, self.bar[:, a])],
                 f"the {AXES[a].upper()} axis has a cyclic error",
-                partial(_cyclic_motion, a),
+                LinearMotion(f"cyclic_{AXES[a]}", self._travel),
             )
         return out
 
@@ -927,14 +934,6 @@ class BallbarModel(BaseModel):
             **for_compensation(self.effects, effects, () if self.mechanism else CATALOGUED, known),
             **({} if uncertainty is None else uncertainty.fields()),
         )
-
-
-def _cyclic_motion(axis: int, pose: MotionPose, v: Mapping[str, float]) -> Array:
-    """Displacement under a periodic error of one linear axis, µm, (n, 3)."""
-    turn = 2 * np.pi * pose.position_mm[:, axis] / v["pitch_mm"]
-    out = np.zeros((len(turn), 3))
-    out[:, axis] = v["a_um"] * np.cos(turn) + v["b_um"] * np.sin(turn)
-    return out
 
 
 ARCSEC_PER_RAD = 648000.0 / np.pi

@@ -40,7 +40,7 @@ diameter_mm           nominal diameter, where the data have no such column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -62,7 +62,7 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     as_effect,
 )
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
 from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
@@ -309,7 +309,7 @@ class _Cause:
         return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DiameterLaw(Estimate):
     """The extended model of a diagnosis of diameters: what a planned pass would come out as.
 
@@ -320,7 +320,7 @@ class DiameterLaw(Estimate):
     """
 
     offset_um: Mapping[str, float]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]]
+    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(metadata=CODE)
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.

@@ -44,8 +44,8 @@ from trunnion.diagnosis.protocol import (
     lengths,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.machine.effects import MotionPose
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.linear_axes import FieldMotion, LinearMotion, Travel, angular, bow
 from trunnion.models.candidates import (
     effect_of_columns,
     for_compensation,
@@ -67,7 +67,6 @@ MOST_MOMENTS = 48
 OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
 #: Effects that are in the machine's own catalogue.
 RIGID = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
-MIDDLE = 1.0 / 3.0  # mean square of a position between -1 and 1
 
 
 # --- the model
@@ -121,7 +120,7 @@ class PointsModel(BaseModel):
         )
         self._travel: _Travel = _Travel.of(nominal) if source is None else source._travel
         self._places = _places(nominal)
-        catalogue = [_with_motion(e, self._travel) for e in _catalogue(data, self._travel)]
+        catalogue = [_with_motion(e, self._travel.used) for e in _catalogue(data, self._travel)]
         self.field: _Field | None = (
             source.field if source is not None else self._field(deviation, catalogue)
         )
@@ -346,7 +345,9 @@ class PointsModel(BaseModel):
         if "field" in effects and smooth is None:
             fields["not_compensable"]["field"] = "too few places to predict others from"
         elif smooth is not None:
-            fields["motions"]["field"] = _SmoothMotion(smooth, self._travel)
+            fields["motions"]["field"] = FieldMotion(
+                smooth.places, smooth.readings, smooth.smoothing, smooth.freedom, self._travel.used
+            )
         return fields
 
 
@@ -358,7 +359,7 @@ class FeatureScatter:
     measurement_um: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedPoints(Estimate):
     """What a diagnosis of points says of the machine and of the part.
 
@@ -380,7 +381,7 @@ class ExtendedPoints(Estimate):
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
-    source: PointsModel = field(repr=False)
+    source: PointsModel = field(metadata=CODE)
 
     def error_um(
         self,
@@ -426,52 +427,11 @@ class ExtendedPoints(Estimate):
         return out
 
 
-# --- what the linear axes do with it
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """What an effect of the linear axes does at their positions, µm.
-
-    Beyond the travel that was measured the last value holds: nothing is extrapolated.
-    """
-
-    change: Callable[[Points, Mapping[str, float]], Any]
-    travel: _Travel
-
-    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Array:
-        at = self.travel.inside(pose.position_mm)
-        names = AXES[: at.shape[1]]
-        columns = {f"nominal_{a}_mm": at[:, i] for i, a in enumerate(names)}
-        columns |= {f"{a}_mm": at[:, i] for i, a in enumerate(names)}
-        change = np.asarray(self.change(Points(columns), Values(values)), dtype=float)
-        return _in_space(change.reshape(at.shape))
-
-
-@dataclass(frozen=True)
-class _SmoothMotion:
-    """The smooth field at positions of the linear axes; beyond its travel the last value holds."""
-
-    smooth: SmoothField
-    travel: _Travel
-
-    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Array:  # noqa: ARG002
-        places = self.travel.field_places(self.travel.inside(pose.position_mm))
-        return _in_space(self.smooth.at(places))
-
-
-def _in_space(change: Array) -> Array:
-    """Displacements (n, 2) or (n, 3) in all three coordinates."""
-    out = np.zeros((len(change), 3))
-    out[:, : change.shape[1]] = change
-    return out
-
-
-def _with_motion(e: Effect, travel: _Travel) -> Effect:
+def _with_motion(e: Effect, travel: Travel) -> Effect:
     """Say what the linear axes do under an effect that the machine's catalogue lacks."""
     if e.scope != "machine" or e.id in OF_TIME or e.id in RIGID:
         return e
-    return replace(e, motion=_Motion(e.change, travel))
+    return replace(e, motion=LinearMotion(e.id, travel))
 
 
 # --- the catalogue
@@ -505,7 +465,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"positioning_{AXES[i]}",
             ["a2_um", "a3_um"],
-            partial(_bow, i, i, travel),
+            partial(_bow, i, i, travel.used),
             f"the scale of {name[i]} changes along it",
         )
         for i in axes
@@ -514,7 +474,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"straightness_{AXES[j]}_of_{AXES[i]}",
             ["a2_um", "a3_um"],
-            partial(_bow, j, i, travel),
+            partial(_bow, j, i, travel.used),
             f"{name[i]} is not straight in {name[j]}",
         )
         for i, j in permutations(axes, 2)
@@ -523,7 +483,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"angular_{AXES[about]}_of_{AXES[i]}",
             ["a1_arcsec", "a2_arcsec"],
-            partial(_angular, about, i, travel),
+            partial(_angular, about, i, travel.used),
             f"{name[i]} turns about {name[about]} as it travels",
         )
         for i in axes
@@ -631,32 +591,17 @@ def _drift(axis: int, p: Points) -> Array:
     return _enter(p, axis, _elapsed(p))[:, None]
 
 
-def _bow(into: int, axis: int, travel: _Travel, p: Points) -> Array:
-    """Second and third Legendre polynomial of the position along ``axis``, 1 at the end."""
-    u = travel.scaled(p.nominal_mm, axis)
-    return np.stack(
-        [
-            _enter(p, into, (3 * u * u - 1) / 2),
-            _enter(p, into, (5 * u**3 - 3 * u) / 2),
-        ],
-        axis=1,
-    )
+def _bow(into: int, axis: int, travel: Travel, p: Points) -> Array:
+    return _readings(bow(into, axis, p.nominal_mm, travel), p)
 
 
-def _angular(about: int, axis: int, travel: _Travel, p: Points) -> Array:
-    """Error ω × lever, ω = a1 u + a2 (u² − 1/3), u from −1 to 1 along the axis' travel.
+def _angular(about: int, axis: int, travel: Travel, p: Points) -> Array:
+    return _readings(angular(about, axis, p.nominal_mm, travel), p)
 
-    The lever is the programmed place, its own coordinate left out: that is zero in the frame of
-    the moving axis.
-    """
-    lever = np.zeros((len(p), 3))
-    lever[:, : p.dimension] = p.nominal_mm
-    lever[:, axis] = 0.0
-    omega = np.zeros(3)
-    omega[about] = ARCSEC * 1e3
-    moved = np.cross(omega, lever)[:, : p.dimension]
-    u = travel.scaled(p.nominal_mm, axis)[:, None]
-    return np.stack([(u * moved).reshape(-1), ((u * u - MIDDLE) * moved).reshape(-1)], axis=1)
+
+def _readings(moved: Array, p: Points) -> Array:
+    """Displacements (n, 3, k) as columns of the readings, (n d, k)."""
+    return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
 
 
 def _elapsed(p: Points) -> Array:
@@ -735,20 +680,14 @@ class _Travel:
             raise DataError("points: got all at one programmed place, wanted several places")
         return cls((low + high) / 2, half, np.array([_grid_step(x) for x in nominal.T]))
 
-    def scaled(self, nominal: Array, axis: int) -> Array:
-        """Position along an axis, −1 to 1 over the travel used."""
-        half = self.half[axis]
-        return np.asarray((nominal[:, axis] - self.middle[axis]) / (half if half > 0 else 1.0))
-
-    def inside(self, position_mm: Array) -> Array:
-        """Positions (n, 3) in the coordinates of the points, none beyond the travel used."""
-        at = position_mm[:, : len(self.half)]
-        return np.asarray(np.clip(at, self.middle - self.half, self.middle + self.half))
+    @property
+    def used(self) -> Travel:
+        """Middle and half length as plain data."""
+        return Travel(tuple(map(float, self.middle)), tuple(map(float, self.half)))
 
     def field_places(self, nominal: Array) -> Array:
         """Places for a smooth field: coordinates that vary, all on one scale."""
-        vary = self.half > 1e-3 * self.half.max()
-        return np.asarray((nominal[:, vary] - self.middle[vary]) / self.half.max())
+        return self.used.field_places(nominal)
 
     def pitches(self, axis: int) -> tuple[float, ...]:
         """Pitches to try, mm, longest first, evenly spaced in frequency.

@@ -42,7 +42,7 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     Values,
 )
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
 from trunnion.models.candidates import for_compensation, own_effects
 
 __all__ = ["Circle", "ExtendedSweep", "SweepModel", "circles"]
@@ -378,7 +378,7 @@ class SweepModel(BaseModel):
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedSweep(Estimate):
     """What a diagnosis of a sweep says of the axis.
 
@@ -398,7 +398,7 @@ class ExtendedSweep(Estimate):
     frame: Array
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    source: SweepModel = field(repr=False)
+    source: SweepModel = field(metadata=CODE)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

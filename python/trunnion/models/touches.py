@@ -50,7 +50,7 @@ UNITS = {"um": "µm", "um/h": "µm/h"}
 SCOPES: dict[str, EffectScope] = {"probe": "instrument", "artefact": "instrument"}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedTouchModel(Estimate):
     """What a diagnosis of touches says of the machine, ready for the other functions.
 

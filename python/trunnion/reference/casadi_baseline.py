@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.machine.chain import Chain
+from trunnion.machine.estimate import named_combination
 from trunnion.probing.result import IdentificationResult
 
 if TYPE_CHECKING:
@@ -812,15 +813,5 @@ def _result(model: _Model, rows: _Rows, found: _Solution, method: str) -> Identi
         sigma_um=float(np.sqrt(variance)),
         degrees_of_freedom=freedom,
         converged=found.converged,
-        unseen=tuple(_in_words(names, direction / scale) for direction in vt[rank:]),
+        combinations=tuple(named_combination(names, row / scale) for row in vt[rank:]),
     )
-
-
-def _in_words(names: tuple[str, ...], direction: Floats) -> str:
-    size = np.abs(direction).max()
-    parts = [
-        f"{part / size:+.3g} {name}"
-        for name, part in zip(names, direction, strict=True)
-        if abs(part) > _RANK_TOLERANCE * size
-    ]
-    return f"These data cannot see {' '.join(parts)}."
