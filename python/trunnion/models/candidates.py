@@ -8,6 +8,7 @@ import numpy as np
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.protocol import Array, Effect, EffectLike, EffectScope, Parameter, as_effect
+from trunnion.machine.effects import Owner
 
 __all__ = ["effect_of_columns", "for_compensation", "own_effects", "periodic_effect"]
 
@@ -106,16 +107,17 @@ def for_compensation(
     why_not
         Why an effect of the machine that has no ``motion`` cannot be compensated.
     """
-    motions, not_compensable = {}, {}
+    motions, not_compensable, owners = {}, {}, {}
     whose = {"instrument": "it belongs to the instrument", "workpiece": "it belongs to the part"}
     for e in effects:
         if e.id not in found:
             continue
+        owners[e.id] = Owner(e.scope)
         if e.motion is not None:
             motions[e.id] = e.motion
         elif e.id not in catalogued or e.scope != "machine":
             not_compensable[e.id] = whose.get(e.scope, why_not)
-    return {"motions": motions, "not_compensable": not_compensable}
+    return {"motions": motions, "not_compensable": not_compensable, "owners": owners}
 
 
 def own_effects(effects: Sequence[EffectLike | str], known: Sequence[str]) -> tuple[Effect, ...]:

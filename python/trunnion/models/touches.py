@@ -47,16 +47,15 @@ DURATIONS = 10
 FEW = 5
 FAR_OFF_UM = 5000.0
 UNITS = {"um": "µm", "um/h": "µm/h"}
-SCOPES: dict[str, EffectScope] = {"probe": "instrument", "artefact": "instrument"}
+SCOPES: dict[str, EffectScope] = {"instrument": "instrument", "artefact": "instrument"}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedTouchModel(Estimate):
     """What a diagnosis of touches says of the machine, ready for the other functions.
 
-    ``tn.identify(data, m.setup, effects=m.effects)``,
-    ``tn.simulate(plan, m.setup, m.errors, m.placement, m.effects)`` and
-    ``tn.volumetric_error(m.setup, m.errors, m.effects)`` take its parts.
+    ``tn.identify(data, m.setup, effects=m)``, ``tn.simulate(plan, m.setup, m)`` and
+    ``tn.volumetric_error(m.setup, m)`` take it.
 
     Attributes
     ----------
@@ -70,7 +69,7 @@ class ExtendedTouchModel(Estimate):
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
         from trunnion.probing.simulate import simulate
 
-        return simulate(plan, self.setup, self.errors, self.placement, self.effects, **more)
+        return simulate(plan, self.setup, self, **more)
 
 
 class TouchDiagnosisModel(BaseModel):
@@ -93,6 +92,7 @@ class TouchDiagnosisModel(BaseModel):
         self.setup = setup
         infos = [i for i in catalogue(setup) if all(_has(data, need) for need in i.needs)]
         self._ids = [i.id for i in infos]
+        self._owners = {i.id: i.owner for i in infos}
         self._own = own_effects(effects, [i.id for i in catalogue(setup)])
         self._full = TouchModel(setup, self._ids)
         self._moves = self._full.moves(data)
@@ -336,6 +336,7 @@ class TouchDiagnosisModel(BaseModel):
             errors={n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
             placement={n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
+            owners={k: self._owners[k] for k in effects if k in self._owners},
             not_compensable={
                 k: "it has no motion(pose, values)"
                 for k, e in own.items()

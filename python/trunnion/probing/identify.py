@@ -13,7 +13,7 @@ from trunnion._core import Moves
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, UserEffect, split_effects
-from trunnion.machine.estimate import named_combination
+from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.model import TouchModel
 from trunnion.probing.result import IdentificationResult, LackOfFit, lack_of_fit
 from trunnion.setup import Setup
@@ -32,7 +32,7 @@ HUBER_KNEE = 1.345
 def identify(
     data: Touches,
     setup: Setup,
-    effects: Sequence[Effect] = (),
+    effects: Sequence[Effect] | Estimate = (),
     *,
     loss: Literal["squares", "huber"] = "squares",
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -52,7 +52,7 @@ def identify(
         results are totals that include them. With `probe.repeatability_um` known, standard errors
         come from it (and from the tick); else from the residuals.
     effects
-        Ids of the catalogue, or effects of the user's own.
+        Ids of the catalogue, or effects of the user's own; of an estimate, those that it has.
     loss
         "huber" lowers the weight of readings beyond 1.345 standard deviations (robust).
     priors
@@ -77,6 +77,7 @@ def identify(
     """
     if loss not in ("squares", "huber"):
         raise UnknownNameError(f"loss: got {loss!r}, wanted 'squares' or 'huber'")
+    effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
@@ -103,6 +104,7 @@ def identify(
             for n, v in zip(PLACEMENT, values[count : count + len(PLACEMENT)], strict=True)
         },
         effects=model.effects_of(values),
+        owners=model.owners,
         std_errors={
             name: _moment_error(data, value) if kind == "moment" else float(error)
             for name, kind, value, error in zip(
@@ -374,6 +376,7 @@ def _identify_own(
             for n, v in zip(PLACEMENT, found.x[count : count + len(PLACEMENT)], strict=True)
         },
         effects=effects,
+        owners=model.owners,
         std_errors={name: float(value) for name, value in zip(names, spread, strict=True)},
         names=tuple(names),
         covariance=covariance,

@@ -12,7 +12,7 @@ from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, artefact_dimensions
-from trunnion.machine.effects import PLACEMENT, EffectInfo
+from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
 
 __all__ = ["TouchModel", "catalogue"]
@@ -59,6 +59,11 @@ class TouchModel:
         self.kinds = tuple(kind for _, _, kind in self.core.parameters)
         self.error_names = self.names[: self.core.error_count]
         self.effect_ids = tuple(effects)
+
+    @property
+    def owners(self) -> dict[str, Owner]:
+        """Whose each of the effects is."""
+        return {name: self.chain.effects[name].owner for name in self.effect_ids}
 
     def moves(self, touches: Touches, *, from_start: bool = False) -> _core.Moves:
         """Rows of the touches in the core's units; points are recorded positions or starts."""
