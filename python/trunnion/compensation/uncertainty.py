@@ -20,11 +20,13 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Table
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import (
+    Known,
     MachineErrors,
     axis_nodes,
     pose_grid,
     rotary_nodes,
 )
+from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
 __all__ = ["ResidualInterval", "residual_interval"]
@@ -91,7 +93,7 @@ class ResidualInterval:
 
 def residual_interval(
     setup: Setup,
-    estimate: Any,
+    estimate: Known,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -143,7 +145,9 @@ def residual_interval(
     freedom = degrees_of_freedom
     if freedom is None:
         from_residuals = covariance is None and setup.probe.repeatability_um == 0
-        freedom = getattr(estimate, "degrees_of_freedom", np.inf) if from_residuals else np.inf
+        freedom = np.inf
+        if from_residuals and isinstance(estimate, Estimate):
+            freedom = estimate.degrees_of_freedom
     if not freedom > 0:
         raise InputError(f"degrees_of_freedom: got {freedom!r}, wanted above 0")
     core = known.core(setup)
@@ -191,10 +195,12 @@ def residual_interval(
 
 
 def _covariance(
-    estimate: Any, covariance: ArrayLike | None, names: Sequence[str] | None
+    estimate: Known, covariance: ArrayLike | None, names: Sequence[str] | None
 ) -> tuple[Floats, list[str]]:
-    given = getattr(estimate, "covariance", None) if covariance is None else covariance
-    listed = getattr(estimate, "names", None) if names is None else names
+    given, listed = covariance, names
+    if isinstance(estimate, Estimate):
+        given = estimate.covariance if given is None and estimate.names else given
+        listed = estimate.names if listed is None and estimate.names else listed
     if given is None or listed is None:
         raise InputError("covariance: got none, wanted a result that has one, or it and names")
     matrix = np.asarray(given, dtype=float)

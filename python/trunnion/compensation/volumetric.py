@@ -20,13 +20,15 @@ from trunnion.base.errors import InputError
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
+    Effects,
     Floats,
+    Known,
     MachineErrors,
     axis_nodes,
-    chain_letters,
     pose_grid,
     rotary_nodes,
 )
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
@@ -209,8 +211,8 @@ class VolumetricError:
 
 def volumetric_error(
     setup: Setup,
-    errors: Any = None,
-    effects: Any = None,
+    errors: Known = None,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -311,8 +313,8 @@ def volumetric_error(
 
 def error_fields(
     setup: Setup,
-    errors: Any = None,
-    effects: Any = None,
+    errors: Known = None,
+    effects: Effects = None,
     x_mm: ArrayLike = (-150, 150),
     y_mm: ArrayLike = (-120, 120),
     z_mm: ArrayLike = (0, 150),
@@ -333,8 +335,7 @@ def error_fields(
         setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
         placement, compensation, rounded, points, approach, senses,
     )  # fmt: skip
-    letters = chain_letters(setup)
-    signs = [setup.sense(letter) for letter in letters]
+    chain = Chain(setup)
     shape = (*(len(axis) for axis in task.nodes), 3)
     if task.is_affine:
         fields, directions = task.affine_fields()
@@ -346,7 +347,7 @@ def error_fields(
     else:
         each = task.sampled_fields()
     for pose, (field, direction) in zip(task.poses, each, strict=True):
-        rotary = {k: float(q * s) for k, q, s in zip(letters, pose, signs, strict=True)}
+        rotary = {k: float(q) for k, q in chain.to_control(pose).items()}
         yield PoseField(rotary, field.reshape(shape), direction)
 
 
@@ -368,8 +369,8 @@ class _Task:
     def of(
         cls,
         setup: Setup,
-        errors: Any,
-        effects: Any,
+        errors: Known,
+        effects: Effects,
         box: tuple[ArrayLike, ArrayLike, ArrayLike],
         rotary: Mapping[str, ArrayLike | None],
         placement: Mapping[str, float] | None,
@@ -450,6 +451,5 @@ class _Task:
 
     def _on_work(self, moved: Floats, rotary_deg: Floats) -> Floats:
         """Displacements in the machine frame, in the frame of the nominal table."""
-        machine = _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, [])
-        poses = machine.table_pose(rotary_deg).reshape(-1, 3, 4)[:, :, :3]
-        return cast(Floats, np.einsum("nji,nj->ni", poses, moved))
+        turn, _ = Chain(self.setup).table_pose(rotary_deg)
+        return cast(Floats, np.einsum("nji,nj->ni", turn, moved))

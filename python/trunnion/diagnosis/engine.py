@@ -22,7 +22,15 @@ from scipy import special
 from trunnion.base.errors import DataError
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
+from trunnion.diagnosis.protocol import (
+    Array,
+    Effect,
+    IntArray,
+    Model,
+    Uncertainty,
+    Values,
+    lengths,
+)
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.diagnosis.selection import MOST_CAUSES, WITHIN, Candidates, Found, search
@@ -568,7 +576,7 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
         errors_std=std,
         outliers=tuple(outlier_rows),
         lost=tuple(k for k, s in std.items() if np.isinf(s) and np.isfinite(std_all[k])),
-        model=model.extended(f.nuisance, f.effects),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance)),
         p_value=e.alarm,
         sigma=float(np.sqrt(variance)),
         evidence=tuple(alternatives),
@@ -588,6 +596,18 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     known = model.location_errors(f.nuisance, f.effects)
     std = f.std() * np.sqrt(variance)
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
+
+
+def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
+    names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
+    std = f.std() * np.sqrt(variance)
+    return Uncertainty(
+        names,
+        dict(zip(names, map(float, std), strict=True)),
+        f.covariance * variance,
+        float(np.sqrt(variance)),
+        f.dof,
+    )
 
 
 def _unexplained(e: _Explanation) -> str | None:

@@ -74,6 +74,7 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
 from trunnion.hybrid.ballbar import (
@@ -84,11 +85,25 @@ from trunnion.hybrid.ballbar import (
     start_centres,
 )
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
+from trunnion.machine.effects import Motion
+from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import LinearMotion, Travel
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
 AXES = "xyz"
+#: Effects that are in the machine's own catalogue, by the same names.
+CATALOGUED = (
+    *(f"scale_{a}" for a in AXES),
+    *(f"backlash_{a}" for a in AXES),
+    "squareness_xy",
+    "squareness_xz",
+    "squareness_yz",
+)
+DYNAMIC = "it depends on time or on how the axes move, or has no motion(pose, values)"
+OF_MECHANISM = "it moves the legs or the wrist of the hybrid machine, not linear axes X, Y, Z"
 SMALLEST_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -143,8 +158,8 @@ class BallbarSettings:
         return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
 
 
-@dataclass(frozen=True)
-class ExtendedBallbarModel:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
     Attributes
@@ -155,14 +170,10 @@ class ExtendedBallbarModel:
         The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
     centres_um
         Ball centre of each set-up, from where the nominal machine puts it.
-    effects
-        Id → parameter → value.
     """
 
     setup: Setup | None
-    errors: dict[str, float]
     centres_um: dict[str, float]
-    effects: dict[str, dict[str, float]]
 
     def lengths_mm(self, plan: Ballbar) -> Array:
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
@@ -512,6 +523,12 @@ class BallbarModel(BaseModel):
             for a in self._moving()
         ]
 
+    @property
+    def _travel(self) -> Travel:
+        """Travel of X, Y, Z along the readings."""
+        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
+        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
+
     def _three_axis(self) -> list[Effect]:
         moving = self._moving()
         # From the centre: the constant part is the centre's anyway, and columns stay small.
@@ -547,6 +564,7 @@ class BallbarModel(BaseModel):
                 f"cyclic_{AXES[a]}",
                 [(place_a, self.bar[:, a])],
                 f"the {AXES[a].upper()} axis has a cyclic error",
+                LinearMotion(f"cyclic_{AXES[a]}", self._travel),
             )
         return out
 
@@ -609,7 +627,13 @@ class BallbarModel(BaseModel):
         }
         return [_linear("gain_mismatch", columns, "the axes follow with different lags")]
 
-    def _cyclic(self, name: str, parts: Sequence[tuple[Array, Array]], words: str) -> list[Effect]:
+    def _cyclic(
+        self,
+        name: str,
+        parts: Sequence[tuple[Array, Array]],
+        words: str,
+        motion: Motion | None = None,
+    ) -> list[Effect]:
         """Periodic error of positions (mm) that enter the readings with weights, summed."""
         travel = max(float(np.ptp(place)) for place, _ in parts)
         # Readings lie unevenly along an axis, so pitches below two of their gaps can be told.
@@ -641,7 +665,7 @@ class BallbarModel(BaseModel):
             return np.column_stack([*waves_at(p), np.asarray(slope)])
 
         parameters = (Parameter("a_um"), Parameter("b_um"), pitch)
-        return [Effect(name, parameters, change, jacobian, words=words)]
+        return [Effect(name, parameters, change, jacobian, motion=motion, words=words)]
 
     # --- the hybrid machine's
 
@@ -893,14 +917,22 @@ class BallbarModel(BaseModel):
             raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Ballbar")
         return BallbarModel(data, self.setup, self._own)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedBallbarModel:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedBallbarModel:
         """Return errors, centres and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
+        known = DYNAMIC if self.mechanism is None else OF_MECHANISM
         return ExtendedBallbarModel(
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in PAPER_ERRORS},
             centres_um={k: v for k, v in named.items() if k not in PAPER_ERRORS},
             effects={k: dict(v) for k, v in effects.items()},
+            **for_compensation(self.effects, effects, () if self.mechanism else CATALOGUED, known),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 

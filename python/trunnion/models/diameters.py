@@ -40,7 +40,7 @@ diameter_mm           nominal diameter, where the data have no such column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -59,8 +59,11 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
+from trunnion.machine.estimate import CODE, Estimate
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
 __all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions"]
@@ -78,6 +81,7 @@ MOST_ERROR_UM = 5000.0
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 LEAST_WEAR_UM = 2.0
+OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
 
 CAUSES = {
     "tool_heating": "the tool heats up and grows",
@@ -305,21 +309,18 @@ class _Cause:
         return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
 
 
-@dataclass(frozen=True)
-class DiameterLaw:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DiameterLaw(Estimate):
     """The extended model of a diagnosis of diameters: what a planned pass would come out as.
 
     Attributes
     ----------
     offset_um : dict
         Fitted offset of each pass that was measured.
-    effects : dict
-        Parameters by cause.
     """
 
     offset_um: Mapping[str, float]
-    effects: Mapping[str, Mapping[str, float]]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]]
+    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(metadata=CODE)
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.
@@ -351,13 +352,20 @@ class DiameterLaw:
 class _DiameterModel(LinearModel):
     """Adds the law in the form it is used with."""
 
-    def extended(self, nuisance: Array, effects: Mapping[str, Mapping[str, float]]) -> DiameterLaw:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: Mapping[str, Mapping[str, float]],
+        uncertainty: Uncertainty | None = None,
+    ) -> DiameterLaw:
         """Return offsets and causes."""
         names = (n.name.removeprefix("offset_").removesuffix("_um") for n in self.nuisance)
         return DiameterLaw(
             offset_um=dict(zip(names, map(float, nuisance), strict=True)),
             effects={k: dict(v) for k, v in effects.items()},
             causes={e.id: e.change for e in self.effects if e.id in effects},
+            **for_compensation(self.effects, effects, (), OF_TURNING),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 
