@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.errors import InputError
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 from trunnion.tables import Table, number
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Pictures of the hybrid machine: the transformed cube, what a ball-bar sees, what it can tell."""
+"""Plots of the hybrid machine: transformed cube, ball-bar view, what a plan determines."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from trunnion.errors import InputError
-from trunnion.hybrid.ballbar import Identifiability
 from trunnion.hybrid.cube import EDGES, CubeChange, CubeStudy
+from trunnion.hybrid.identifiability import Identifiability
 
 __all__ = ["plot_ballbar_view", "plot_cube", "plot_cubes", "plot_identifiability"]
 
@@ -97,11 +97,11 @@ def plot_ballbar_view(change: CubeChange, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_identifiability(result: Identifiability, *, ax: Axes | None = None) -> Axes:
-    """Draw the standard error of each combination of errors, best seen first."""
+    """Draw the standard error of each combination of errors, best determined first."""
     if ax is None:
         ax = _new_axes((5.5, 3.2))
-    seen = result.direction_errors[: result.rank]
-    ax.semilogy(np.arange(1, len(seen) + 1), seen, "o-", markersize=4, linewidth=1)
+    determined = result.direction_errors[: result.rank]
+    ax.semilogy(np.arange(1, len(determined) + 1), determined, "o-", markersize=4, linewidth=1)
     ax.set_xlabel("combination of errors")
     ax.set_ylabel("standard error, µm or arcsec")
     ax.set_xticks(range(1, len(result.parameters) + 1, 2))
