@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import tomllib
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from trunnion.cli.common import say
-from trunnion.errors import FileFormatError, InputError
-from trunnion.sweeps import STUDIES, sweep
+from trunnion.errors import InputError
 from trunnion.sweeps.study import study_of
+from trunnion.sweeps.study_file import sweep_file
 
 __all__ = ["sweep_command"]
-
-KEYS = ("study", "samples", "seed", "grid", "fixed")
 
 
 def sweep_command(
@@ -45,18 +46,10 @@ def sweep_command(
         return
     if study is None:
         raise InputError("STUDY: got none, wanted the path of a TOML file")
-    described = _read(study)
     target = output or study.with_suffix(".nc")
     try:
-        found = sweep(
-            described["study"],
-            described.get("grid", {}),
-            described.get("samples", 1),
-            described.get("seed", 0),
-            fixed=described.get("fixed", {}),
-            path=target,
-            threads=threads,
-        )
+        with _answering_interrupts():
+            found = sweep_file(study, path=target, threads=threads)
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted: {target}.part has what is done; the same command goes on", err=True
@@ -88,16 +81,18 @@ def _show_parameters(name: str) -> None:
     Console(soft_wrap=True).print(table)
 
 
-def _read(path: Path) -> dict[str, Any]:
+@contextmanager
+def _answering_interrupts() -> Iterator[None]:
+    """Let SIGINT interrupt even where a shell has started the command in the background.
+
+    A shell without job control has what ends in ``&`` ignore it.
+    """
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if not ignored or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        described = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{path}: {error}") from None
-    for key in described:
-        if key not in KEYS:
-            raise FileFormatError(f"{path}: got key {key!r}, wanted some of {', '.join(KEYS)}")
-    if not isinstance(described.get("study"), str):
-        raise FileFormatError(
-            f"{path}: got study {described.get('study')!r}, wanted one of {', '.join(STUDIES)}"
-        )
-    return described
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

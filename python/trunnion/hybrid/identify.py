@@ -282,10 +282,17 @@ def _search(problem: _Problem, start: Spectrum) -> tuple[Floats, bool]:
     way = np.zeros((len(origin), rank + centres))
     way[:count, :rank] = start.directions[:rank].T / start.values[:rank]
     way[count:, rank:] = np.eye(centres)
+
+    def residuals(z: Floats) -> Floats:
+        return problem.residuals(origin + way @ z)
+
+    def jacobian(z: Floats) -> Floats:
+        return np.asarray(problem.jacobian(origin + way @ z) @ way)
+
     found = optimize.least_squares(
-        lambda z: problem.residuals(origin + way @ z),
+        residuals,
         np.zeros(way.shape[1]),
-        jac=lambda z: problem.jacobian(origin + way @ z) @ way,
+        jac=jacobian,
         x_scale="jac",
         method="lm",
         xtol=1e-12,
