@@ -22,9 +22,9 @@ from typer.testing import CliRunner
 
 import trunnion as tn
 from trunnion.cli import app
-from trunnion.sweeps import Output
-from trunnion.sweeps.description import Description
-from trunnion.sweeps.grid import Grid
+from trunnion.studies import Output
+from trunnion.studies.description import Description
+from trunnion.studies.grid import Grid
 
 SCRIPT = Path(__file__)
 GRID: dict[str, list[float]] = {"scale": [1.0, 2.0]}

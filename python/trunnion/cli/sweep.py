@@ -13,10 +13,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from trunnion.base.errors import InputError
 from trunnion.cli.common import say
-from trunnion.errors import InputError
-from trunnion.sweeps.study import study_of
-from trunnion.sweeps.study_file import sweep_file
+from trunnion.studies.study import study_of
+from trunnion.studies.study_file import sweep_file
 
 __all__ = ["sweep_command"]
 

@@ -3,7 +3,7 @@
 After D. Ko, T. Kim, K. T. Kim and S. P. Na, "Representation of Sensitivities with respect to
 Geometric Errors for a Hybrid-Structure Machining Center"; "the paper" in this package. Kinematics
 and sensitivities are the core's; here are names, files, results, the study of the paper's section 3
-and the use of a ball-bar. Plots are in :mod:`trunnion.plotting.hybrid`.
+and the use of a ball-bar. Plots are in :mod:`trunnion.plot.hybrid`.
 """
 
 from trunnion.hybrid.choose import choose_poses

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import InputError
 from trunnion.hybrid.identifiability import design
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.errors import InputError
+from trunnion.base.report import Table, number
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import InputError
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 from trunnion.hybrid.readings import (
@@ -21,7 +22,6 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.hybrid.spectrum import Spectrum, combination
-from trunnion.tables import Table, number
 
 __all__ = ["Identifiability", "design", "identifiability"]
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.report import Table, number
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import DataError, InputError
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 from trunnion.hybrid.readings import (
@@ -27,7 +28,6 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.hybrid.spectrum import Spectrum
-from trunnion.tables import Table, number
 
 __all__ = ["BallbarIdentification", "identify_ballbar"]
 

@@ -45,7 +45,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion._core import Hybrid, hybrid_example
-from trunnion.errors import InputError, UnknownNameError
+from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
 from trunnion.hybrid.results import (
     FORWARD_COLUMNS,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import trunnion._core as _core
-from trunnion.errors import InputError, UnknownNameError
+from trunnion.base.errors import InputError, UnknownNameError
 
 __all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name"]
 

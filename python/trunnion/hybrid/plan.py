@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import InputError
 from trunnion.hybrid.mechanism import Mechanism
 
 __all__ = ["ballbar_plan"]

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.errors import DataError
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import DataError
 
 __all__ = [
     "MIN_READINGS",

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.report import Table, number
 from trunnion.hybrid.parameters import JOINTS
-from trunnion.tables import Table, number
 
 __all__ = ["ClosureDependence", "Constraint", "Forward", "Sensitivity"]
 
