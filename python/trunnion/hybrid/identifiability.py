@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.base.report import Table, number
+from trunnion.base.report import Result, Table
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
@@ -31,8 +30,8 @@ Floats = NDArray[np.float64]
 MAX_WELL_DETERMINED_UM = 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class Identifiability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identifiability(Result):
     """What a plan can determine of the errors, before anything is measured.
 
     Attributes
@@ -77,59 +76,31 @@ class Identifiability:
         """Combinations that the plan cannot determine, as text."""
         return tuple(combination(v, self.parameters) for v in self.directions[self.rank :])
 
-    def table(self) -> Table:
-        """Singular directions, best determined first."""
+    def tables(self) -> tuple[Table, ...]:
+        """Combinations of errors, best determined first, then the single errors."""
         rows = [
-            (
-                str(k + 1),
-                number(float(self.direction_errors[k]), 3),
-                combination(self.directions[k], self.parameters, 0.3),
-            )
-            for k in range(len(self.parameters))
+            (str(k + 1), error, combination(self.directions[k], self.parameters, 0.3))
+            for k, error in enumerate(self.direction_errors.tolist())
         ]
-        return Table.of(
-            "Combinations of errors, best determined first",
-            ("", "std. error", "combination"),
-            rows,
+        title = "Combinations of errors, best determined first"
+        return (
+            Table.of(title, ("", "std. error", "combination"), rows, digits=3),
+            Table.of("Single errors", ("", "std. error"), list(self.std_errors.items()), digits=3),
         )
 
-    def sentences(self) -> list[str]:
+    def sentences(self) -> Sequence[str]:
         """Rank, condition, and what is not identifiable."""
-        return [
+        return (
             f"{self.readings} readings of {self.sigma_um:g} µm in {self.setups} set-up(s): rank "
             f"{self.rank} of {len(self.parameters)}, condition {self.condition:.0f}, "
             f"{self.well_determined()} combinations within {MAX_WELL_DETERMINED_UM:g} µm or "
             "arcsec.",
             *(f"Not identifiable: {text}." for text in self.not_identifiable),
-        ]
+        )
 
-    def summary(self) -> str:
-        """Table and sentences."""
-        return "\n".join([self.table().text(), *self.sentences()])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return self.table().html() + lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values; infinities as strings "inf"."""
-
-        def plain(value: float) -> float | str:
-            return float(value) if np.isfinite(value) else "inf"
-
-        return {
-            "parameters": list(self.parameters),
-            "readings": self.readings,
-            "setups": self.setups,
-            "sigma_um": self.sigma_um,
-            "rank": self.rank,
-            "condition": self.condition,
-            "singular_values": self.singular_values.tolist(),
-            "directions": self.directions.tolist(),
-            "std_errors": {k: plain(v) for k, v in self.std_errors.items()},
-            "direction_errors": [plain(v) for v in self.direction_errors],
-            "not_identifiable": list(self.not_identifiable),
-        }
+    def derived(self) -> Mapping[str, Any]:
+        """What is not identifiable."""
+        return {"not_identifiable": self.not_identifiable}
 
 
 def identifiability(

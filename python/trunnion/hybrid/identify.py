@@ -5,17 +5,15 @@ Least squares on the exact model; lengths and derivatives are the core's.
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.report import Table, number
+from trunnion.base.report import Result, Table
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
@@ -37,8 +35,8 @@ Floats = NDArray[np.float64]
 MAX_STD_ERROR_UM = 1000.0
 
 
-@dataclass(frozen=True, eq=False)
-class BallbarIdentification:
+@dataclass(frozen=True, eq=False, repr=False)
+class BallbarIdentification(Result):
     """Errors of the hybrid machine estimated from ball-bar readings.
 
     Attributes
@@ -85,20 +83,20 @@ class BallbarIdentification:
         """Root mean square of the residuals."""
         return float(np.sqrt(np.mean(self.residuals_um**2)))
 
-    def table(self) -> Table:
-        """Estimates with standard errors."""
+    def tables(self) -> tuple[Table, ...]:
+        """Estimates with standard errors, and the ball centres."""
         rows = [
-            (
-                name,
-                number(value) if np.isfinite(self.std_errors[name]) else "–",
-                number(self.std_errors[name]),
-            )
+            (name, value if np.isfinite(self.std_errors[name]) else None, self.std_errors[name])
             for name, value in self.errors.items()
         ]
-        return Table.of("Errors from ball-bar readings", ("", "estimate", "std. error"), rows)
+        centres = [(label, *centre) for label, centre in self.centres_mm.items()]
+        return (
+            Table.of("Errors from ball-bar readings", ("", "estimate", "std. error"), rows),
+            Table.of("Ball centres, mm", ("set-up", "x", "y", "z"), centres),
+        )
 
     def sentences(self) -> list[str]:
-        """What is worth saying beside the table."""
+        """Fit, convergence, and what is not identifiable."""
         lines = [
             f"{len(self.residuals_um)} readings, {self.degrees_of_freedom} degrees of freedom, "
             f"residuals {self.rms_um:.4f} µm rms, one reading {self.sigma_um:.4f} µm (1 σ); "
@@ -108,30 +106,6 @@ class BallbarIdentification:
             lines.append("Did NOT converge: do not use these numbers.")
         lines.extend(f"Not identifiable: {text}." for text in self.not_identifiable)
         return lines
-
-    def summary(self) -> str:
-        """Table and sentences as text."""
-        return "\n".join([self.table().text(), *self.sentences()])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return self.table().html() + lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values; infinities as strings "inf"."""
-        std_errors = {k: v if np.isfinite(v) else "inf" for k, v in self.std_errors.items()}
-        return {
-            "errors": dict(self.errors),
-            "std_errors": std_errors,
-            "covariance": self.covariance.tolist(),
-            "centres_mm": {k: list(v) for k, v in self.centres_mm.items()},
-            "residuals_um": self.residuals_um.tolist(),
-            "sigma_um": self.sigma_um,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "rank": self.rank,
-            "not_identifiable": list(self.not_identifiable),
-            "converged": self.converged,
-        }
 
 
 def identify_ballbar(

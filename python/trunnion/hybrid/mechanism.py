@@ -357,7 +357,7 @@ class Mechanism:
         tips = np.array(moved)
         spread = max((float(np.linalg.norm(a - b)) for a in tips for b in tips), default=0.0)
         return ClosureDependence(
-            errors=MappingProxyType(named),
+            errors=named,
             closures=tuple(closures),
             tip_um=tips,
             misfit_arcsec=np.array([f.misfit_arcsec[0] for f in left]),

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.base.report import Table, number
+from trunnion.base.report import Result, Table
 from trunnion.hybrid.parameters import JOINTS
 
 __all__ = ["ClosureDependence", "Constraint", "Forward", "Sensitivity"]
@@ -19,8 +18,8 @@ Floats = NDArray[np.float64]
 FORWARD_COLUMNS = 26
 
 
-@dataclass(frozen=True, eq=False)
-class Forward:
+@dataclass(frozen=True, eq=False, repr=False)
+class Forward(Result):
     """Forward solutions, n poses.
 
     Attributes
@@ -71,9 +70,31 @@ class Forward:
     def __len__(self) -> int:
         return len(self.tip_mm)
 
+    def sentences(self) -> Sequence[str]:
+        """Count, and how far from singular and from closed."""
+        return (
+            f"Poses: {len(self)}; smallest pivot ratio {self.pivot_ratio.min(initial=1.0):.3g}, "
+            f"largest misfit of the loops {np.abs(self.misfit_arcsec).max(initial=0.0):.3g} "
+            f"arcsec, largest gap {np.abs(self.gap_um).max(initial=0.0):.3g} µm.",
+        )
 
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
+    def tables(self) -> tuple[Table, ...]:
+        """Joints and tool point, then direction and pivot ratio; one row a pose."""
+        return (
+            _by_pose("Tool points", (*JOINTS, "x_mm", "y_mm", "z_mm"), self.joints, self.tip_mm),
+            _by_pose(
+                "Tool directions", ("i", "j", "k", "pivot_ratio"), self.direction, self.pivot_ratio
+            ),
+        )
+
+
+def _by_pose(title: str, columns: tuple[str, ...], *values: Floats) -> Table:
+    rows = [(str(pose), *row) for pose, row in enumerate(np.column_stack(values).tolist())]
+    return Table.of(title, ("pose", *columns), rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivity(Result):
     """How errors move the tool: n poses, k parameters; equations (1) and (2).
 
     Every derivative is in user units: µm or arcsec per unit of the parameter (its name says
@@ -106,7 +127,7 @@ class Sensitivity:
     def table(self, pose: int = 0) -> Table:
         """Columns of dr/dE and of the tool's turn at one pose."""
         rows = [
-            (name, *(number(v) for v in (*self.tip[pose, :, k], *self.turn[pose, :, k])))
+            (name, *self.tip[pose, :, k].tolist(), *self.turn[pose, :, k].tolist())
             for k, name in enumerate(self.parameters)
         ]
         joints = ", ".join(
@@ -117,29 +138,21 @@ class Sensitivity:
         title = f"Tool point (µm) and turn (arcsec) per unit of each error at {joints}"
         return Table.of(title, ("", "x", "y", "z", "about X", "about Y", "about Z"), rows)
 
-    def summary(self) -> str:
-        """Table of the first pose as text."""
-        return self.table().text()
+    def tables(self) -> tuple[Table, ...]:
+        """The table of the first pose."""
+        return (self.table(),)
 
-    def _repr_html_(self) -> str:
-        return self.table().html()
+    def headline(self) -> str:
+        """Counts."""
+        return f"errors: {len(self.parameters)}, poses: {len(self.forward)}"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "parameters": list(self.parameters),
-            "joints": self.forward.joints.tolist(),
-            "tip_mm": self.forward.tip_mm.tolist(),
-            "tip": self.tip.tolist(),
-            "turn": self.turn.tolist(),
-            "serial_tip": self.serial_tip.tolist(),
-            "serial_turn": self.serial_turn.tolist(),
-            "passive": self.passive.tolist(),
-        }
+    def derived(self) -> Mapping[str, Any]:
+        """Poses."""
+        return {"joints": self.forward.joints, "tip_mm": self.forward.tip_mm}
 
 
-@dataclass(frozen=True, eq=False)
-class Constraint:
+@dataclass(frozen=True, eq=False, repr=False)
+class Constraint(Result):
     """Over-constraint of the loops at one pose.
 
     Attributes
@@ -169,27 +182,31 @@ class Constraint:
         """Redundant equations: states of self-stress."""
         return len(self.self_stress)
 
-    def summary(self) -> str:
-        """One sentence."""
+    def sentences(self) -> Sequence[str]:
+        """Rank, mobility, self-stress."""
         return (
             f"Loop Jacobian 12 × 13 of rank {self.rank}: {self.mobility} degrees of freedom, "
             f"{self.redundant} redundant equations, thus {self.redundant} states of self-stress; "
-            f"smallest non-zero singular value {self.singular_values[self.rank - 1]:.3g} mm/rad."
+            f"smallest non-zero singular value {self.singular_values[self.rank - 1]:.3g} mm/rad.",
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "rank": self.rank,
-            "mobility": self.mobility,
-            "singular_values": self.singular_values.tolist(),
-            "self_stress": self.self_stress.tolist(),
-            "jacobian": self.jacobian.tolist(),
-        }
+    def tables(self) -> tuple[Table, ...]:
+        """Singular values, and the states of self-stress."""
+        columns = ("state, leg", "force x", "y", "z", "moment x", "y", "z")
+        stress = [
+            (f"{state + 1}, leg {leg}", *loop)
+            for state, loops in enumerate(self.self_stress.tolist())
+            for leg, loop in zip((1, 3), loops, strict=True)
+        ]
+        values = [(str(k + 1), v) for k, v in enumerate(self.singular_values.tolist())]
+        return (
+            Table.of("Singular values of the loop Jacobian", ("", "mm/mm or rad"), values),
+            Table.of("Self-stress, unit size, moments times mm", columns, stress),
+        )
 
 
-@dataclass(frozen=True, eq=False)
-class ClosureDependence:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClosureDependence(Result):
     """What errors strain, and how far the answer depends on which equations are kept.
 
     Attributes
@@ -218,42 +235,31 @@ class ClosureDependence:
         """Whether the loops are strained, beyond rounding, so that joint stiffness decides."""
         return bool(np.abs(self.misfit_arcsec).max() > 1e-6 or np.abs(self.gap_um).max() > 1e-6)
 
-    def table(self) -> Table:
+    def sentences(self) -> Sequence[str]:
+        """Whether the closure matters."""
+        if not self.depends:
+            return ("All equations stay satisfied: the answer does not depend on the closure.",)
+        return (
+            f"The loops are strained: answers differ by {self.spread_um:.3f} µm, and only the "
+            "stiffness of the joints decides between them.",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
         """One row a closure."""
         rows = [
             (
                 name,
-                *(number(v, 3) for v in self.tip_um[i]),
-                number(float(np.abs(self.misfit_arcsec[i]).max()), 3),
-                number(float(np.abs(self.gap_um[i]).max()), 3),
+                *self.tip_um[i].tolist(),
+                float(np.abs(self.misfit_arcsec[i]).max()),
+                float(np.abs(self.gap_um[i]).max()),
             )
             for i, name in enumerate(self.closures)
         ]
         amounts = ", ".join(f"{name} = {value:g}" for name, value in self.errors.items())
+        title = f"Displacement of the tool point under {amounts}"
         columns = ("closure", "dx µm", "dy µm", "dz µm", "misfit arcsec", "gap µm")
-        return Table.of(f"Displacement of the tool point under {amounts}", columns, rows)
+        return (Table.of(title, columns, rows, digits=3),)
 
-    def summary(self) -> str:
-        """Table and verdict."""
-        verdict = (
-            f"The loops are strained: answers differ by {self.spread_um:.3f} µm, and only the "
-            "stiffness of the joints decides between them."
-            if self.depends
-            else "All equations stay satisfied: the answer does not depend on the closure."
-        )
-        return f"{self.table().text()}\n{verdict}"
-
-    def _repr_html_(self) -> str:
-        return self.table().html() + f"<p>{html.escape(self.summary().splitlines()[-1])}</p>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "errors": dict(self.errors),
-            "closures": list(self.closures),
-            "tip_um": self.tip_um.tolist(),
-            "misfit_arcsec": self.misfit_arcsec.tolist(),
-            "gap_um": self.gap_um.tolist(),
-            "spread_um": self.spread_um,
-            "depends": self.depends,
-        }
+    def derived(self) -> Mapping[str, Any]:
+        """Whether the closure matters."""
+        return {"depends": self.depends}
