@@ -6,13 +6,17 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError, TrunnionError
 
-__all__ = ["entry", "finite", "instance", "named", "shown", "whole"]
+__all__ = ["entry", "finite", "floats", "instance", "named", "shown", "whole"]
 
 T = TypeVar("T")
+Floats: TypeAlias = NDArray[np.float64]
 
 
 def instance(what: str, value: object, kind: type[T], wanted: str) -> T:
@@ -51,6 +55,20 @@ def whole(what: str, value: object, low: int, high: int | None = None) -> int:
         return int(value)  # type: ignore[call-overload,no-any-return]
     to = "" if high is None else f" to {high:g}"
     raise InputError(f"{what}: got {shown(value)}, wanted a whole number from {low}{to}")
+
+
+def floats(what: str, value: object) -> Floats:
+    """Return finite numbers as an array of their shape."""
+    try:
+        given = np.asarray(value)
+        found = given.astype(np.float64) if given.dtype.kind in "fiuO" else None
+    except (TypeError, ValueError, OverflowError):
+        found = None
+    if found is None:
+        raise InputError(f"{what}: got {shown(value)}, wanted numbers")
+    if not np.isfinite(found).all():
+        raise InputError(f"{what}: got {shown(value)}, wanted finite numbers")
+    return found
 
 
 def shown(value: object) -> str:

@@ -1,4 +1,4 @@
-"""Five-axis contouring with cross-coupled control (paper 003: Byun and Jee 2010).
+"""Five-axis contouring with cross-coupled control (Byun and Jee 2010).
 
 - `Path`: where tool tip and tool axis should be;
 - `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`, `read_servo`: what moves and what controls it;

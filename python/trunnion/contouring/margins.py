@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import trunnion._core as _core
+from trunnion.base.checks import floats
 from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
@@ -100,7 +101,7 @@ def margins(
     along = np.zeros((0, 2))
     if path is not None and gains is not None:
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
-        points = span if u is None else np.atleast_1d(np.asarray(u, dtype=np.float64))
+        points = span if u is None else np.atleast_1d(floats("u", u))
         along = _core.contour_path_margins(
             path.core, points, servo.rows(), gains, period_s, location_errors(believed)
         )

@@ -76,7 +76,7 @@ class Feed:
     dwell_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the feed, in its own unit, and that a dwell has a rest to follow."""
+        """Check the feed, in its own unit, and that a dwell follows a stop."""
         if self.dwell_s and not self.decelerate:
             raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, wanted it too")
         if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
@@ -113,8 +113,8 @@ class ContourRun(Result):
     point_mm, tip_mm:
         Reference and actual tool tip in the part's frame, shape (n, 3).
     reference, commanded, actual:
-        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those that the position
-        loops were told to go to (with what the coupling adds), and those that came of it.
+        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those commanded to the
+        position loops (with what the coupling adds), and the actual ones.
     foot_u:
         Path parameter of the true foot point of the tool tip: solved, not sampled.
     contour_vector_um, contour_um:
@@ -317,8 +317,8 @@ def period_ms(servo: Servo) -> float:
 def _name(controller: Controller) -> str:
     if isinstance(controller, Coupling):
         c = controller
-        words = {"jacobian_last": ", J⁻¹ last", "as_printed": ", as printed"}
-        order = words.get(c.order, "")
+        labels = {"jacobian_last": ", J⁻¹ last", "as_printed": ", as printed"}
+        order = labels.get(c.order, "")
         return f"coupled ({c.position}, {c.orientation}{order})"
     return controller
 
@@ -370,8 +370,8 @@ def simulate(
         location_errors(believed),
         location_errors(errors),
     )
-    rest: dict[str, Any] = dict(columns)
-    return ContourRun(controller=_name(controller), period_ms=period, **rest)
+    arrays: dict[str, Any] = dict(columns)
+    return ContourRun(controller=_name(controller), period_ms=period, **arrays)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -33,7 +33,7 @@ def choose_poses(
 
     Each reading (or block) is added where the determinant grows most, then exchanged as long as
     that helps. Ball centres are unknown; errors are known to `tolerance` beforehand, so that the
-    determinant exists before they are all seen.
+    determinant exists before all of them are identifiable.
 
     Parameters
     ----------

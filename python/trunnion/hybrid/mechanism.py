@@ -45,6 +45,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion._core import Hybrid, hybrid_example
+from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
 from trunnion.hybrid.results import (
@@ -67,12 +68,19 @@ def _dimension_keys() -> dict[str, int]:
 
 def joints_array(joints: ArrayLike) -> Floats:
     """Return joints as (n, 5); one pose may be given as (5,)."""
-    array = np.atleast_2d(np.asarray(joints, dtype=np.float64))
+    array = np.atleast_2d(floats("joints", joints))
     if array.ndim != 2 or array.shape[1] != 5:
         raise InputError(
             f"joints: got shape {np.shape(joints)}, wanted (n, 5): {', '.join(JOINTS)}"
         )
     return np.ascontiguousarray(array)
+
+
+def _one_pose(joints: ArrayLike) -> Floats:
+    array = joints_array(joints)
+    if len(array) != 1:
+        raise InputError(f"joints: got {len(array)} poses, wanted one")
+    return np.asarray(array[0])
 
 
 Weights: TypeAlias = tuple[float, float, float, float]
@@ -286,8 +294,8 @@ class Mechanism:
         """
         if wrist not in (1, -1):
             raise InputError(f"wrist branch: got {wrist!r}, wanted 1 or -1")
-        tips = np.atleast_2d(np.asarray(tip_mm, dtype=np.float64))
-        ways = np.asarray(direction, dtype=np.float64)
+        tips = np.atleast_2d(floats("tip_mm", tip_mm))
+        ways = floats("direction", direction)
         if tips.ndim != 2 or tips.shape[1] != 3:
             raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, wanted (n, 3) or (3,)")
         if ways.shape not in ((3,), (1, 3), tips.shape):
@@ -302,7 +310,7 @@ class Mechanism:
 
     def constraint(self, joints: ArrayLike) -> Constraint:
         """Rank, mobility and self-stress of the loops at one pose, (5,)."""
-        (pose,) = joints_array(joints)
+        pose = _one_pose(joints)
         rank, values, stress, jacobian = self._core.constraint(list(pose))
         return Constraint(
             rank=rank,
@@ -342,26 +350,26 @@ class Mechanism:
         closures
             Name and weights (mm) of each.
         """
-        (pose,) = joints_array(joints)
+        pose = _one_pose(joints)
         named = {error_name(name): float(value) for name, value in errors.items()}
         total = dict(self.errors)
         for name, value in named.items():
             total[name] = total.get(name, 0.0) + value
-        moved, left = [], []
+        moved, solved = [], []
         for weights in closures.values():
             plain = replace(self, closure_mm=weights)
             before = plain.forward(pose)
             after = plain.with_errors(total).forward(pose)
             moved.append((after.tip_mm[0] - before.tip_mm[0]) * 1e3)
-            left.append(after)
+            solved.append(after)
         tips = np.array(moved)
         spread = max((float(np.linalg.norm(a - b)) for a in tips for b in tips), default=0.0)
         return ClosureDependence(
             errors=named,
             closures=tuple(closures),
             tip_um=tips,
-            misfit_arcsec=np.array([f.misfit_arcsec[0] for f in left]),
-            gap_um=np.array([f.gap_um[0] for f in left]),
+            misfit_arcsec=np.array([f.misfit_arcsec[0] for f in solved]),
+            gap_um=np.array([f.gap_um[0] for f in solved]),
             spread_um=spread,
         )
 
@@ -391,7 +399,10 @@ class Mechanism:
             µm per unit of each parameter.
         """
         array = joints_array(joints)
-        centres = np.broadcast_to(np.asarray(centres_mm, dtype=np.float64), (len(array), 3))
+        centres = floats("centres_mm", centres_mm)
+        if centres.shape not in ((3,), (1, 3), (len(array), 3)):
+            raise InputError(f"centres_mm: got shape {centres.shape}, wanted (3,) or (n, 3)")
+        centres = np.broadcast_to(centres, (len(array), 3))
         names = [error_name(p) for p in parameters]
         rows = self._core.ballbar(array, np.ascontiguousarray(centres), names, threads)
         return rows[:, 0], rows[:, 1:4], rows[:, 4:]

@@ -33,7 +33,7 @@ class Forward(Result):
     passive_deg
         Y = u1, v1, u2, v2, φ, w2, u3, v3, (n, 8).
     gap_um
-        What is left open between platform and legs 1 and 3, machine frame, (n, 2, 3).
+        Gap between platform and legs 1 and 3, machine frame, (n, 2, 3).
     misfit_arcsec
         Revolute axis of the platform against legs 1 and 3: against the leg's direction, and about
         it, (n, 2, 2). All zero where the loops close.

@@ -122,9 +122,9 @@ def _one(values: Mapping[str, Value], rng: np.random.Generator) -> list[float]:
     )
     diagnosis = diagnose(data, setup)
     named = frozenset(cause.id for cause in diagnosis.causes)
-    wanted = frozenset(hidden)
-    found = named == wanted and diagnosis.verdict != "unexplained"
-    among = not found and wanted in diagnosis.alternatives
+    true = frozenset(hidden)
+    found = named == true and diagnosis.verdict != "unexplained"
+    among = not found and true in diagnosis.alternatives
     missed = not found and not among and diagnosis.verdict == "consistent"
     return [float(found), float(among), float(missed), float(not (found or among or missed))]
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
+from trunnion.base.checks import finite, floats
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.turning.profile import Blocks, Profile
@@ -119,12 +120,12 @@ class ProbePath(Result):
         Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
         the ball.
         """
-        z = np.atleast_1d(np.asarray(z_mm, dtype=float))
+        z = np.atleast_1d(floats("z_mm", z_mm))
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
     def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
-        if not pitch_mm > 0:
+        if finite("pitch_mm", pitch_mm) <= 0:
             raise InputError(f"pitch_mm: got {pitch_mm}, wanted more than zero")
         rows = []
         for index, interval in enumerate(self.intervals):
@@ -210,7 +211,7 @@ def probe_path(
     Lines are measured between their change points (Fig. 5) as far as slope (2.3(2)) and the corners
     before and behind (2.3(3), (4); Fig. 6) allow. Then ball, cone and body are checked on every
     move against the part with its allowance and the chuck; an interval on which they would touch
-    is shortened or left out, and told.
+    is shortened or left out, and named in `left_out`.
 
     Parameters
     ----------
