@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 import trunnion as tn
 from trunnion import contouring, hybrid, turning
@@ -31,7 +33,7 @@ def short() -> contouring.Path:
     return contouring.Path.circle(5.0, turn_deg=20.0, tilt_deg=10.0)
 
 
-def comparison() -> contouring.Comparison:
+def comparison() -> contouring.ContourComparison:
     return contouring.compare(path=short(), feeds_mm_min=(1000.0, 2000.0))
 
 
@@ -70,7 +72,7 @@ RESULTS: dict[str, Callable[[], Result]] = {
     "ContourRun": lambda: contouring.simulate(short(), 1000.0),
     "ContourSweep": lambda: contouring.sweep([short()], [500.0, 1000.0]),
     "Margins": lambda: contouring.margins(path=short()),
-    "Comparison": comparison,
+    "ContourComparison": comparison,
     "Correction": correction,
     "Finishing": groove,
     "ProbePath": lambda: turning.probe_path(profile()),
@@ -133,6 +135,22 @@ def test_it_is_a_data_frame(result: Result) -> None:
     frame = result.to_dataframe()
     assert len(frame) > 0
     assert any(kind.kind in "fi" for kind in frame.dtypes)
+
+
+NOTHING_TO_SEE = {
+    "ClosureDependence", "Constraint", "Crossing", "Finishing", "Forward", "Interval"
+}  # fmt: skip
+
+
+def test_it_is_drawn_where_there_is_something_to_see(result: Result) -> None:
+    if type(result).__name__ in NOTHING_TO_SEE:
+        with pytest.raises(tn.InputError, match="plot: got"):
+            result.plot()
+        return
+    drawn = result.plot()
+    figure = drawn if isinstance(drawn, Figure) else drawn.figure
+    assert any(ax.has_data() for ax in figure.axes)
+    plt.close(figure)
 
 
 def test_equal_results_have_equal_fields() -> None:

@@ -22,13 +22,13 @@ from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo
 from trunnion.contouring.simulation import MODEL_FIGURES, TOOL_FIGURES, ContourRun, simulate
 
-__all__ = ["Comparison", "compare", "offsets", "order_of_controller"]
+__all__ = ["ContourComparison", "compare", "offsets", "order_of_controller"]
 
 CONTROLLERS: tuple[Controller, ...] = ("independent", "existing", "proposed")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Result):
+class ContourComparison(Result):
     """Runs by feed and controller: ``comparison[3000.0, "proposed"]``.
 
     Attributes
@@ -92,7 +92,7 @@ def compare(
     feeds_mm_min: Sequence[float] = (1000.0, 3000.0),
     controllers: Iterable[Controller] = CONTROLLERS,
     servo: Servo | None = None,
-) -> Comparison:
+) -> ContourComparison:
     """Run the paper's comparison: three controllers at two feeds along eq. (8)."""
     path = path or Path.paper()
     controllers = tuple(controllers)
@@ -101,10 +101,12 @@ def compare(
         for controller in controllers:
             run = simulate(path, feed, controller=controller, servo=servo)
             runs[feed, run.controller] = run
-    return Comparison(tuple(feed for feed, _ in runs), tuple(runs.values()))
+    return ContourComparison(tuple(feed for feed, _ in runs), tuple(runs.values()))
 
 
-def order_of_controller(*, path: Path | None = None, feed_mm_min: float = 3000.0) -> Comparison:
+def order_of_controller(
+    *, path: Path | None = None, feed_mm_min: float = 3000.0
+) -> ContourComparison:
     """Run C(z) after J⁻¹ (stable) beside J⁻¹ after C(z), in right units and as printed."""
     orders = (Coupling(), Coupling(order="jacobian_last"), Coupling(order="as_printed"))
     return compare(path=path, feeds_mm_min=(feed_mm_min,), controllers=orders)
@@ -114,7 +116,7 @@ def offsets(
     places_mm: Iterable[Sequence[float]] = ((0, 0, 0), (0, 0, 50), (0, 0, 100), (50, 0, 50)),
     *,
     feed_mm_min: float = 3000.0,
-) -> dict[tuple[float, ...], Comparison]:
+) -> dict[tuple[float, ...], ContourComparison]:
     """Run the comparison with the path at other places on the table: the true one is unknown."""
     return {
         tuple(float(v) for v in place): compare(
