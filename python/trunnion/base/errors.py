@@ -12,7 +12,16 @@ __all__ = [
 
 
 class TrunnionError(ValueError):
-    """Base of every error that trunnion raises on purpose."""
+    """Base of every error that trunnion raises on purpose.
+
+    Attributes
+    ----------
+    entry
+        Path of keys of the table entry that is wrong, where the error is about one: what has read
+        the table from a file adds the place.
+    """
+
+    entry: tuple[str | int, ...] = ()
 
 
 class InputError(TrunnionError):

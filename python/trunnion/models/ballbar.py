@@ -77,14 +77,15 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     as_effect,
 )
-from trunnion.hybrid.ballbar import (
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS
+from trunnion.hybrid.readings import (
     check_enough,
     check_near,
     gradient_with_centres,
     setup_index,
     start_centres,
 )
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
 from trunnion.machine.effects import Motion
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
