@@ -15,7 +15,6 @@ PACKAGE = Path(tn.__file__).parent
 BRIDGES = {
     "machine/chain.py",
     "setup/parts.py",  # the list of a preset's location errors: it lies below the chain
-    "models/axis_log.py",
 }
 TURNED = tn.Setup(artefact=tn.Artefact("cross"), axes={"A": tn.AxisSetup(-1)})
 
