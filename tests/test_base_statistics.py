@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trunnion.base.statistics import combination_in_words, linear_fit
-from trunnion.errors import InputError
+from trunnion.base.errors import InputError
 
 RNG = np.random.default_rng(1)
 
