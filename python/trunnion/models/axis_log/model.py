@@ -31,12 +31,13 @@ from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo", "build"]
 
+
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedServo(Estimate):
-    """The servo model with what a diagnosis found: an :class:`Estimate`.
+    """The servo model with what a diagnosis found.
 
     Attributes
     ----------
