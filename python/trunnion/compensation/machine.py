@@ -1,4 +1,4 @@
-"""The machine with its errors, as the core wants it, and the axes of its grids."""
+"""The machine with its errors, as the core wants it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError, UnknownNameError
@@ -30,8 +30,6 @@ __all__ = [
     "Floats",
     "Known",
     "MachineErrors",
-    "axis_nodes",
-    "rotary_nodes",
 ]
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -223,63 +221,3 @@ def _sorted_effects(
         else:
             raise UnknownNameError(f"effect: got {name!r}, wanted one of {', '.join(known)}")
     return machine, tuple(own), tuple(ignored)
-
-
-# --- axes of grids
-
-
-def axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
-    """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = _numbers(name, given)
-    if nodes.ndim == 0:
-        nodes = nodes[None]
-    if len(nodes) == 2 and nodes[0] < nodes[1]:
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InputError(f"points along {name}: got {count!r}, wanted a whole number from 2")
-        return np.linspace(nodes[0], nodes[1], int(count))
-    if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
-        raise InputError(f"{name}: got {given!r}, wanted (low, high) or rising nodes, in mm")
-    return nodes
-
-
-def rotary_nodes(
-    setup: Setup, given: Mapping[str, ArrayLike | None]
-) -> tuple[dict[str, Floats], tuple[int, ...]]:
-    """Positions of each rotary axis by letter (control's sign) and the shape of their grid.
-
-    An axis that is not given stands at zero; a number takes no part in the shape.
-    """
-    letters = Chain(setup).letters
-    for letter, value in given.items():
-        if letter not in letters and value is not None and np.any(np.asarray(value) != 0):
-            raise InputError(
-                f"{letter.lower()}_deg: got {value!r}, wanted none: machine "
-                f"{setup.machine.preset} has the rotary axes {', '.join(letters)}"
-            )
-    nodes: dict[str, Floats] = {}
-    shape: list[int] = []
-    for letter in letters:
-        value = given.get(letter)
-        positions = _numbers(f"{letter.lower()}_deg", 0.0 if value is None else value)
-        if positions.ndim > 1 or positions.size == 0:
-            raise InputError(f"{letter.lower()}_deg: got {value!r}, wanted a number or a sequence")
-        shape.extend(positions.shape)
-        nodes[letter] = np.atleast_1d(positions)
-    return nodes, tuple(shape)
-
-
-def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
-    """Every combination of positions, contract's sign, shape (m, axes), last axis fastest."""
-    chain = Chain(setup)
-    axes = np.meshgrid(*(nodes[letter] for letter in chain.letters), indexing="ij")
-    return np.stack(axes, axis=-1).reshape(-1, chain.count) * chain.senses
-
-
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{name}: got {given!r}, wanted finite numbers")
-    return values

@@ -33,10 +33,8 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    axis_nodes,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.files.columns import ColumnError, Number, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -280,8 +278,9 @@ def error_map(
         letter: _stepped(f"{letter.lower()}_deg", given[letter], rotary_step_deg)
         for letter in letters
     }
-    rotary, _ = rotary_nodes(setup, spread)
-    box = [axis_nodes(n, v, 2) for n, v in zip(("x", "y", "z"), (x_mm, y_mm, z_mm), strict=True)]
+    where = Workspace(x_mm, y_mm, z_mm, spread.get("A"), spread.get("C"), spread.get("B"))
+    rotary, _ = where.rotary(setup)
+    box = list(where.ends())
     low, high = _reach(setup, rotary, box)
     linear = [
         np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))

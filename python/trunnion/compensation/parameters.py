@@ -30,10 +30,8 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    axis_nodes,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -225,8 +223,7 @@ def cnc_parameters(
         return _direct(setup, known, groups)
     if method != "least-squares":
         raise InputError(f'method: got {method!r}, wanted "least-squares" or "direct"')
-    task = _Fit(setup, known, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg}, groups)
-    return task.solve()
+    return _Fit(setup, known, Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg), groups).solve()
 
 
 def _direct(setup: Setup, known: MachineErrors, groups: Sequence[str]) -> CncParameters:
@@ -263,16 +260,14 @@ class _Fit:
         self,
         setup: Setup,
         known: MachineErrors,
-        box: tuple[ArrayLike, ArrayLike, ArrayLike],
-        rotary: Mapping[str, ArrayLike],
+        where: Workspace,
         groups: Sequence[str],
     ) -> None:
         self.setup = setup
         self.chain = Chain(setup)
         self.truth = known.core(setup)
-        given = {letter: rotary[letter] for letter in self.chain.letters}
-        self.poses = pose_grid(setup, rotary_nodes(setup, given)[0])
-        ends = [axis_nodes(n, v, 2) for n, v in zip("xyz", box, strict=True)]
+        self.poses = pose_grid(setup, where.rotary(setup, spare=True)[0])
+        ends = where.ends()
         self.middle = np.array([0.5 * (e[0] + e[-1]) for e in ends])
         # Standard deviation of a coordinate over the solid box: a mean square over the box is
         # |M m + t|² + Σ |M_j|² σ_j², so these twelve numbers a pose are the residuals.
