@@ -74,7 +74,7 @@ class TomlText:
 
 def _syntax_error(name: str, text: str, error: Exception) -> FileFormatError:
     if isinstance(error, RecursionError):
-        return FileFormatError(f"{name}:1:1: got tables or arrays nested too deeply, wanted TOML")
+        return FileFormatError(f"{name}:1:1: got tables or arrays nested too deeply, expected TOML")
     match = _MESSAGE.fullmatch(str(error))
     if match is None:  # a number too long to convert; tomllib does not say where
         return FileFormatError(f"{name}:1:1: got a file that is not TOML: {error}")
@@ -82,7 +82,7 @@ def _syntax_error(name: str, text: str, error: Exception) -> FileFormatError:
     if line is None:
         line, column = (str(number) for number in position_of(text, None))
     stood = text.split("\n")[int(line) - 1].strip()
-    return FileFormatError(f"{name}:{line}:{column}: got {stood[:80]!r}, wanted TOML: {what}")
+    return FileFormatError(f"{name}:{line}:{column}: got {stood[:80]!r}, expected TOML: {what}")
 
 
 class _Scanner:

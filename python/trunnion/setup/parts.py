@@ -79,14 +79,14 @@ class _UnknownEntryError(_EntryError, UnknownNameError):
     """A value that is no name of the list."""
 
 
-def _fault(name: str, got: object, wanted: str, *below: str | int) -> _EntryError:
-    return _EntryError(f"{name}: got {got!r}, wanted {wanted}", below)
+def _fault(name: str, got: object, expected: str, *below: str | int) -> _EntryError:
+    return _EntryError(f"{name}: got {got!r}, expected {expected}", below)
 
 
 # --- checks of one value; each returns the value in its final type
 
 
-def _number(name: str, value: object, wanted: str = "a finite number") -> float:
+def _number(name: str, value: object, expected: str = "a finite number") -> float:
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             number = float(value)
@@ -94,7 +94,7 @@ def _number(name: str, value: object, wanted: str = "a finite number") -> float:
             number = math.inf
         if math.isfinite(number):
             return number
-    raise _fault(name, value, wanted)
+    raise _fault(name, value, expected)
 
 
 def _positive(name: str, value: object) -> float:
@@ -120,7 +120,7 @@ def _sense(name: str, value: object) -> int:
 def _preset(name: str, value: object) -> str:
     if value in _core.presets():
         return str(value)
-    raise _UnknownEntryError(f"{name}: got {value!r}, wanted one of {', '.join(_core.presets())}")
+    raise _UnknownEntryError(f"{name}: got {value!r}, expected one of {', '.join(_core.presets())}")
 
 
 def _kind(name: str, value: object) -> str:
@@ -130,10 +130,10 @@ def _kind(name: str, value: object) -> str:
 
 
 def _point(name: str, value: object) -> tuple[float, float, float]:
-    wanted = "three finite numbers [x, y, z]"
+    expected = "three finite numbers [x, y, z]"
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise _fault(name, value, wanted)
-    x, y, z = (_number(name, item, wanted) for item in value)
+        raise _fault(name, value, expected)
+    x, y, z = (_number(name, item, expected) for item in value)
     return x, y, z
 
 
@@ -196,7 +196,7 @@ class Machine(_Part):
         for name in self.errors:
             if name not in known:
                 raise _UnknownEntryError(
-                    f"machine.errors: got {name!r}, wanted an error that {self.preset} has: "
+                    f"machine.errors: got {name!r}, expected an error that {self.preset} has: "
                     f"{', '.join(known)}",
                     ("errors", name),
                 )
@@ -231,7 +231,7 @@ class Artefact(_Part):
             key, value = item.name, getattr(self, item.name)
             of_sphere = item.default is None
             if value is None and self.kind == "sphere":
-                raise _EntryError(f"artefact.{key}: got none, wanted one: a sphere needs it")
+                raise _EntryError(f"artefact.{key}: got none, expected one: a sphere needs it")
             if value != item.default and of_sphere != (self.kind == "sphere"):
                 raise _fault(
                     f"artefact.{key}", value, f"none: a {self.kind} has no such dimension", key
@@ -347,8 +347,8 @@ class Setup:
             raise _fault("axes", self.axes, "a mapping of axis name to AxisSetup", "axes")
         for name, axis in self.axes.items():
             if name not in AXES:
-                wanted = f"an axis name, one of {', '.join(AXES)}"
-                raise _fault("axes", name, wanted, "axes", name)
+                expected = f"an axis name, one of {', '.join(AXES)}"
+                raise _fault("axes", name, expected, "axes", name)
             if not isinstance(axis, AxisSetup):
                 raise _fault(f"axes.{name}", axis, "an AxisSetup", "axes", name)
         for key in SISTER_TABLES:
@@ -387,7 +387,7 @@ def read_setup(path: str | PathLike[str]) -> Setup:
     ------
     FileFormatError
         If the file is not TOML, has a key that nobody knows or a value that its key does not take;
-        the message has file, line and column, what stood there and what is wanted.
+        the message has file, line and column, what stood there and what is expected.
     """
     file = TomlText.read(path)
     tables = {key: file.tables[key] for key in file.tables}
@@ -400,7 +400,7 @@ def read_setup(path: str | PathLike[str]) -> Setup:
     if "artefact" not in tables and sisters:
         tables["artefact"] = {"kind": "none"}
     if "kind" not in _table(tables, "artefact"):
-        what = 'artefact.kind: missing, wanted kind = "cross", "cuboid" or "sphere"'
+        what = 'artefact.kind: missing, expected kind = "cross", "cuboid" or "sphere"'
         raise file.error(("artefact", "kind"), f"{what} in a table [artefact]", at_value=False)
     built: dict[str, Any] = {
         key: _build(file, part, (key,), _table(tables, key)) for key, part in _PARTS.items()
@@ -421,12 +421,12 @@ def _table(tables: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _unknown(file: TomlText, keys: tuple[str, ...], known: tuple[str, ...]) -> Exception:
-    what = f"{'.'.join(keys)}: unknown key, wanted one of {', '.join(known)}"
+    what = f"{'.'.join(keys)}: unknown key, expected one of {', '.join(known)}"
     return file.error(keys, what, at_value=False)
 
 
-def _wrong(file: TomlText, keys: tuple[str, ...], wanted: str) -> Exception:
-    what = f"{'.'.join(keys)}: got {file.written(keys)}, wanted {wanted}"
+def _wrong(file: TomlText, keys: tuple[str, ...], expected: str) -> Exception:
+    what = f"{'.'.join(keys)}: got {file.written(keys)}, expected {expected}"
     return file.error(keys, what, at_value=True)
 
 
