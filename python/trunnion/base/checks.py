@@ -25,6 +25,7 @@ __all__ = [
     "entry",
     "finite",
     "instance",
+    "mapping",
     "named",
     "numbers",
     "positive",
@@ -65,11 +66,16 @@ def instance(what: str, value: object, kind: type[T], expected: str) -> T:
     return value
 
 
+def mapping(what: str, value: object, expected: str = "a table") -> Mapping[Any, Any]:
+    """Return names with values."""
+    if not isinstance(value, Mapping):
+        raise InputError(f"{what}: got {shown(value)}, expected {expected}")
+    return value
+
+
 def named(what: str, value: object, expected: str) -> Mapping[Any, Any]:
     """Return names with values; None is none of them."""
-    if value is None:
-        return {}
-    return instance(what, value, Mapping, expected)
+    return {} if value is None else mapping(what, value, expected)
 
 
 def numbers(what: str, value: object) -> dict[str, float]:
@@ -159,8 +165,12 @@ def choose(what: str, name: object, known: Iterable[str]) -> str:
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """Return "; did you mean x?" if a known name is near, an empty text otherwise."""
+    if not isinstance(name, str):
+        return ""
     spellings = {each.lower(): each for each in known}
-    near = get_close_matches(name.lower(), spellings, 1) if isinstance(name, str) else []
+    text = name.lower()
+    near = [each for each in spellings if text and each.startswith(text + "_")]  # without its unit
+    near = near or get_close_matches(text, spellings, 1)
     return f"; did you mean {spellings[near[0]]}?" if near else ""
 
 
