@@ -156,6 +156,7 @@ def diagnose(
             f"files: got {len(logs)} logs and {len(setups)} set-ups, wanted one axis log and one "
             "set-up (.toml)"
         )
-    contouring.read_servo(setups[0])  # a fault of the table with its place
-    d = diagnose_data(read_axis_log(logs[0]), read_setup(setups[0]))
+    setup = read_setup(setups[0])
+    contouring.Servo.from_setup(setup)  # a missing table is reported with its file
+    d = diagnose_data(read_axis_log(logs[0]), setup)
     show_diagnosis(d, html=html, json_output=json_output)
