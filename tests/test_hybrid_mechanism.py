@@ -119,8 +119,8 @@ def test_setup_table_and_its_errors(tmp_path: Path) -> None:
     assert np.array_equal(again.forward(poses(3, 4)).tip_mm, machine.forward(poses(3, 4)).tip_mm)
     for text, match in (
         ("e18_mm = 1.0", "e18_mm"),
-        ("e8_mm = 'wide'", "wanted a number"),
-        ("home_mm = [0, 1]", "wanted 3 numbers"),
+        ("e8_mm = 'wide'", "expected a finite number"),
+        ("home_mm = [0, 1]", "expected a list of 3 numbers"),
         ("errors = {e99_um = 1.0}", "e99"),
     ):
         path.write_text(f"[hybrid]\n{text}\n")

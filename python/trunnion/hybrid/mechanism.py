@@ -56,6 +56,7 @@ from trunnion.hybrid.results import (
     Sensitivity,
 )
 from trunnion.setup import Setup
+from trunnion.setup.fields import Key, Number, Numbers, Section, Vector
 
 __all__ = ["Mechanism"]
 
@@ -170,27 +171,16 @@ class Mechanism:
 
         Raises
         ------
-        UnknownNameError
-            A key that is none of those in the module's docstring.
-        InputError
-            A value of the wrong kind.
+        FileFormatError, InputError
+            A key that is none of those in the module's docstring, or a value of the wrong kind;
+            with its place in the file of the set-up.
         """
-        table = dict(setup.hybrid)
-        errors = table.pop("errors", {})
-        arguments: dict[str, Any] = {"errors": _numbers("[hybrid.errors]", errors)}
-        for key, count in (("home_mm", 3), ("closure_mm", 4)):
-            if key in table:
-                value = table.pop(key)
-                if not isinstance(value, Sequence) or len(value) != count:
-                    raise InputError(f"[hybrid] {key}: got {value!r}, wanted {count} numbers")
-                values = _numbers(f"[hybrid] {key}", dict(enumerate(value)))
-                arguments[key] = tuple(values.values())
-        keys = _dimension_keys()
-        for key in table:
-            if key not in keys:
-                known = ", ".join((*keys, "home_mm", "closure_mm", "errors"))
-                raise UnknownNameError(f"[hybrid] key {key!r}; wanted one of: {known}")
-        return cls(dimensions=_numbers("[hybrid]", table), **arguments)
+        section = Section.of("hybrid", setup.hybrid)
+        dimensions = {name: Key(Number(), "dimension", None) for name in _dimension_keys()}
+        values = section.read({**dimensions, **_KEYS})
+        given = {name: values.pop(name) for name in dimensions if name in values}
+        with section.placed():
+            return cls(dimensions=given, **values)
 
     def with_errors(self, errors: Mapping[str, float]) -> Mechanism:
         """Return the same machine with these errors (µm, arcsec) instead of its own."""
@@ -408,12 +398,8 @@ class Mechanism:
         return rows[:, 0], rows[:, 1:4], rows[:, 4:]
 
 
-def _numbers(what: str, table: object) -> dict[str, float]:
-    if not isinstance(table, Mapping):
-        raise InputError(f"{what}: got {table!r}, wanted a table of numbers")
-    numbers = {}
-    for key, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{what} {key}: got {value!r}, wanted a number")
-        numbers[str(key)] = float(value)
-    return numbers
+_KEYS = {
+    "home_mm": Key(Vector(3), "tool point at home", None),
+    "closure_mm": Key(Vector(4), "weights of the closure", None),
+    "errors": Key(Numbers(), "known errors, µm and arcsec", None),
+}
