@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.data.table import Table
+from trunnion.files.table import Table
 
 READERS: dict[str, Callable[[Path], Table]] = {
     "points": tn.read_points,
@@ -36,24 +36,24 @@ GOOD = {
 
 BAD = {
     "points without y": ("points", "nominal_x_mm,nominal_y_mm,x_mm\n1,2,3\n", ":1:1: y_mm: no such column"),
-    "points with half a z": ("points", f"{POINTS},z_mm\n1,2,3,4,5\n", ":1:37: z_mm: got the column without nominal_z_mm, wanted all or none"),
-    "points not a number": ("points", f"{POINTS}\n1,2,3,four\n", ":2:7: y_mm (row 0): got 'four', wanted a finite number"),
-    "group without name": ("points", f"{POINTS},group\n1,2,3,4,\n", ":2:9: group (row 0): got an empty field, wanted a name or a whole number"),
+    "points with half a z": ("points", f"{POINTS},z_mm\n1,2,3,4,5\n", ":1:37: z_mm: got the column without nominal_z_mm, expected all or none"),
+    "points not a number": ("points", f"{POINTS}\n1,2,3,four\n", ":2:7: y_mm (row 0): got 'four', expected a finite number"),
+    "group without name": ("points", f"{POINTS},group\n1,2,3,4,\n", ":2:9: group (row 0): got an empty field, expected a name or a whole number"),
     "sweep without target": ("sweep", "angle_deg,x_mm,y_mm,z_mm\n0,1,2,3\n", ":1:1: target: no such column"),
     "sweep infinite": ("sweep", "angle_deg,target,x_mm,y_mm,z_mm\n0,1,1,2,inf\n", ":2:9: z_mm (row 0): got 'inf'"),
-    "feed sign": ("diameters", "z_mm,error_um,feed_sign\n0,1,0\n", ":2:5: feed_sign (row 0): got '0', wanted one of -1, 1"),
-    "depth": ("diameters", "z_mm,error_um,depth_mm\n0,1,-0.5\n", ":2:5: depth_mm (row 0): got '-0.5', wanted a finite number, 0 or above"),
-    "diameter": ("diameters", "z_mm,error_um,diameter_mm\n0,1,0\n", ":2:5: diameter_mm (row 0): got '0', wanted a finite number above 0"),
-    "log without an axis": ("axis_log", "time_s\n0\n", ":1:1: time_s: got no axis among the columns time_s, wanted x_cmd_mm and x_act_mm"),
+    "feed sign": ("diameters", "z_mm,error_um,feed_sign\n0,1,0\n", ":2:5: feed_sign (row 0): got '0', expected one of -1, 1"),
+    "depth": ("diameters", "z_mm,error_um,depth_mm\n0,1,-0.5\n", ":2:5: depth_mm (row 0): got '-0.5', expected a finite number, 0 or above"),
+    "diameter": ("diameters", "z_mm,error_um,diameter_mm\n0,1,0\n", ":2:5: diameter_mm (row 0): got '0', expected a finite number above 0"),
+    "log without an axis": ("axis_log", "time_s\n0\n", ":1:1: time_s: got no axis among the columns time_s, expected x_cmd_mm and x_act_mm"),
     "log with half an axis": ("axis_log", f"{LOG},y_cmd_mm\n0,1,1,1\n", ":1:26: y_cmd_mm: got the column without y_act_mm"),
-    "log back in time": ("axis_log", f"{LOG}\n0,1,1\n1,1,1\n0.5,1,1\n", ":4:1: time_s (row 2): got 0.5 after 1, wanted a later time in each row of a run"),
+    "log back in time": ("axis_log", f"{LOG}\n0,1,1\n1,1,1\n0.5,1,1\n", ":4:1: time_s (row 2): got 0.5 after 1, expected a later time in each row of a run"),
     "log at one time": ("axis_log", f"{LOG},run\n0,1,1,a\n0,1,1,b\n0,1,1,b\n", ":4:1: time_s (row 2): got 0 after 0"),
     "bar without position": ("ballbar", "setup,length_mm\n1,150\n", ":1:1: setup: got no commanded position among the columns setup, length_mm"),
     "bar with half the joints": ("ballbar", "setup,l1_mm,l2_mm,length_mm\n1,700,700,150\n", ":1:7: l1_mm: got the column without l3_mm, q4_deg, q5_deg"),
     "bar with x only": ("ballbar", "setup,x_mm,length_mm\n1,0,150\n", ":1:7: x_mm: got the column without y_mm"),
     "bar with z only": ("ballbar", f"setup,z_mm,{JOINTS},length_mm\n1,0,7,7,7,0,0,150\n", ":1:7: z_mm: got no column x_mm"),
-    "bar of no length": ("ballbar", "setup,x_mm,y_mm,length_mm\n1,0,0,0\n", ":2:7: length_mm (row 0): got '0', wanted a finite number above 0"),
-    "bar's sense": ("ballbar", "setup,x_mm,y_mm,length_mm,sense\n1,0,0,150,0\n", ":2:11: sense (row 0): got '0', wanted one of -1, 1"),
+    "bar of no length": ("ballbar", "setup,x_mm,y_mm,length_mm\n1,0,0,0\n", ":2:7: length_mm (row 0): got '0', expected a finite number above 0"),
+    "bar's sense": ("ballbar", "setup,x_mm,y_mm,length_mm,sense\n1,0,0,150,0\n", ":2:11: sense (row 0): got '0', expected one of -1, 1"),
 }  # fmt: skip
 
 

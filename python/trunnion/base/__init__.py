@@ -1,1 +1,1 @@
-"""What every other package may use, and which uses none of them."""
+"""Ground floor: exceptions, checks of arguments, units, reports, statistics. Knows no machine."""

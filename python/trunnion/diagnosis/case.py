@@ -1,17 +1,17 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
-from trunnion.diagnosis.fit import Fit, Flags, fit
+from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import Candidates
+from trunnion.diagnosis.selection import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 
-__all__ = ["Case", "Explanation", "kept_rows", "rms"]
+__all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
 
 EXACT = 1e-12  # of the largest reading: rounding
 
@@ -26,18 +26,20 @@ class Case:
         The model, the readings that are used, and the map of all readings to white noise.
     plain:
         Fit without effects.
-    values:
-        Of each candidate, the parameter values of its variants.
-    columns:
-        Of each candidate, whitened, all readings: (v, n, k).
+    linearised:
+        The candidates there.
     """
 
     model: Model
     rows: IntArray
-    whiten: Callable[[Array], Array]
+    whiten: Whiten
     plain: Fit
-    values: list[list[Values]]
-    columns: list[Array]
+    linearised: "Linearised"
+
+    @property
+    def values(self) -> list[list[Values]]:
+        """Of each candidate, the parameter values of its variants."""
+        return self.linearised.values
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -52,8 +54,10 @@ class Case:
     @cached_property
     def candidates(self) -> Candidates:
         """The candidates beside the plain fit."""
-        taken = self.columns if self.complete else [x[:, self.rows] for x in self.columns]
-        return Candidates(taken, self.plain.basis)
+        rows = slice(None) if self.complete else self.rows
+        pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
+        numbers = self.linearised.width * len(self.rows)
+        return Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
 
     @cached_property
     def dictionary(self) -> Dictionary:
@@ -70,12 +74,47 @@ class Case:
             return self
         rows = self.rows[kept_rows(len(self.rows), bad)]
         plain = fit(self.model, rows, (), self.model.start, {}, self.whiten)
-        return Case(self.model, rows, self.whiten, plain, self.values, self.columns)
+        return Case(self.model, rows, self.whiten, plain, self.linearised)
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""
         size = float(np.max(np.abs(self.model.readings.values), initial=1.0))
         return rms(f.residuals[self.rows]) < EXACT * size
+
+
+class Linearised:
+    """Columns of all candidates at one point, whitened: kept where few, made anew where many.
+
+    Attributes
+    ----------
+    values:
+        Of each candidate, the parameter values of its variants (linear parameters 0).
+    width:
+        Count of columns.
+    """
+
+    def __init__(self, model: Model, nuisance: Array, whiten: Whiten) -> None:
+        self.values = [grid_values(effect) for effect in model.effects]
+        linear = [sum(p.linear for p in effect.parameters) for effect in model.effects]
+        self.width = sum(len(v) * k for v, k in zip(self.values, linear, strict=True))
+        self._make = partial(_pieces, model, nuisance, whiten, self.values)
+        few = self.width * len(model.readings) <= MAX_DOUBLES
+        self._kept = list(self._make()) if few else None
+
+    def pieces(self) -> Iterable[tuple[int, Array]]:
+        """Give the number of a candidate and some of its variants (v, n, k), in order."""
+        return self._make() if self._kept is None else self._kept
+
+
+def _pieces(
+    model: Model, nuisance: Array, whiten: Whiten, values: list[list[Values]]
+) -> Iterator[tuple[int, Array]]:
+    n = len(model.readings)
+    for j, effect in enumerate(model.effects):
+        most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
+        for first in range(0, len(values[j]), most):
+            x = variant_columns(model, effect, nuisance, values[j][first : first + most])
+            yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
 
 
 @dataclass

@@ -28,7 +28,7 @@ def cross_validated_rms(model: Model, rows: IntArray, f: Fit, whiten: Whiten) ->
     gram = problem.white.T @ problem.white
     rhs = problem.white.T @ problem.y
     frame = _frame(gram[: problem.p, : problem.p])
-    to_basis = np.linalg.inv(problem.basis.T @ problem.white)
+    to_basis = np.asarray(np.linalg.inv(problem.basis.T @ problem.white), dtype=np.float64)
     total = 0.0
     for groups in _chunks(start):
         part = slice(start[groups[0]], start[groups[-1] + 1])

@@ -24,16 +24,16 @@ Time and memory are linear in readings. Numbers do not depend on the count of th
 
 import numpy as np
 
+from trunnion.base.errors import DataError
 from trunnion.base.threads import one_blas_thread
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, explain
-from trunnion.diagnosis.fit import Fit, fit, variants
+from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.protocol import IntArray, Model, identity
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
-from trunnion.errors import DataError
 
 __all__ = ["diagnose"]
 
@@ -77,12 +77,7 @@ def _case(model: Model) -> Case:
     whiten = model.whitener(plain.residuals)
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
-    values, columns = [], []
-    for effect in model.effects:
-        v, x = variants(model, effect, plain.nuisance)
-        values.append(v)
-        columns.append(np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2))
-    return Case(model, rows, whiten, plain, values, columns)
+    return Case(model, rows, whiten, plain, Linearised(model, plain.nuisance, whiten))
 
 
 # --- which readings to set aside

@@ -13,14 +13,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values
-from trunnion.errors import DataError, KinematicsError
 
 Flags: TypeAlias = NDArray[np.bool_]
 Whiten: TypeAlias = Callable[[Array], Array]
 
-__all__ = ["Fit", "Whiten", "fit", "variants"]
+__all__ = ["Fit", "Whiten", "fit", "grid_values", "variant_columns"]
 
 MAX_STEPS = 12
 MAX_HALVINGS = 6
@@ -81,16 +81,18 @@ class Fit:
         return int(rows - columns)
 
 
-def variants(model: Model, effect: Effect, nuisance: Array) -> tuple[list[Values], Array]:
-    """Columns of an effect's linear parameters at each grid value of its nonlinear ones.
-
-    Returns the values (linear parameters 0) and the columns, shape (v, n, k).
-    """
-    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+def grid_values(effect: Effect) -> list[Values]:
+    """Values at each point of the grid of an effect's nonlinear parameters, linear ones 0."""
     grids = [p.grid if p.grid else (0.0,) for p in effect.parameters]
-    values = [effect.values(map(float, row)) for row in itertools.product(*grids)]
-    columns = [model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values]
-    return values, np.stack(columns)
+    return [effect.values(map(float, row)) for row in itertools.product(*grids)]
+
+
+def variant_columns(
+    model: Model, effect: Effect, nuisance: Array, values: Sequence[Values]
+) -> Array:
+    """Columns of an effect's linear parameters at each of these values, shape (v, n, k)."""
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    return np.stack([model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values])
 
 
 def fit(

@@ -7,7 +7,7 @@ such noise gives.
 """
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from trunnion.diagnosis.protocol import Array, IntArray
 
@@ -23,7 +23,7 @@ MAX_ASIDE = 200  # readings that are set aside one by one: each is a pass throug
 
 # Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails as heavy as ν = 2.5.
 _NU = 1.0 / np.linspace(1e-3, 0.4, 12)
-_MAD = stats.t.ppf(0.75, _NU)  # median absolute deviation of each, per unit scale
+_MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit scale
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
@@ -95,11 +95,13 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
         ) * (dof / n)
         # For the group: without outliers k readings of the same noise lie beyond the rest, which
         # speaks for heavy tails. For each alone: the noise that the rest shows.
-        beyond = k * np.log(np.maximum(2 * stats.t.sf(rest[0] / scale, _NU), 1e-300)) * (dof / n)
-        tail = 2 * stats.t.sf(x / scale, _NU)
-        chance = _weights(bulk + beyond) @ stats.binom.sf(k - 1, n, tail)
+        beyond = (
+            k * np.log(np.maximum(2 * special.stdtr(_NU, -rest[0] / scale), 1e-300)) * (dof / n)
+        )
+        tail = 2 * special.stdtr(_NU, -x / scale)
+        chance = _weights(bulk + beyond) @ special.bdtrc(k - 1, n, tail)
         if chance < level / tried:
-            alone = 2 * stats.t.sf(size[order[:k], None] / scale, _NU) @ _weights(bulk)
+            alone = 2 * special.stdtr(_NU, -size[order[:k], None] / scale) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
 

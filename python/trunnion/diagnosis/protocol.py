@@ -24,8 +24,9 @@ from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.statistics import RANK_TOLERANCE
-from trunnion.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers, unit_of
 
 __all__ = [
     "BaseModel",
@@ -39,45 +40,24 @@ __all__ = [
     "NuisanceScope",
     "Parameter",
     "Readings",
+    "Uncertainty",
     "Values",
     "as_effect",
     "identity",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
+Array: TypeAlias = Floats
+IntArray: TypeAlias = Integers
 NuisanceScope: TypeAlias = Literal["setup", "machine"]
 EffectScope: TypeAlias = Literal["machine", "instrument", "workpiece"]
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
 
 EXACT_TOLERANCE = 1e-9
 
-UNIT_SUFFIXES = {
-    "um_h": "µm/h",
-    "mm_min": "mm/min",
-    "um": "µm",
-    "mm": "mm",
-    "arcsec": "arcsec",
-    "deg": "deg",
-    "ppm": "ppm",
-    "ms": "ms",
-    "min": "min",
-    "s": "s",
-    "h": "h",
-}
-
 
 def identity(columns: Array) -> Array:
     """Whiten noise that is white already."""
     return columns
-
-
-def unit_of(name: str) -> str:
-    """Read the unit a name ends in (``rate_um_h`` → ``µm/h``); empty if it names none."""
-    for suffix, unit in UNIT_SUFFIXES.items():
-        if name == suffix or name.endswith("_" + suffix):
-            return unit
-    return ""
 
 
 @dataclass(frozen=True)
@@ -321,6 +301,41 @@ class Covariate:
     sequence: bool = False
 
 
+@dataclass(frozen=True)
+class Uncertainty:
+    """How well a fit knows its parameters.
+
+    Attributes
+    ----------
+    names:
+        Nuisance parameters, then effects' as "id.parameter".
+    std_errors:
+        By name; inf for what the data cannot identify.
+    covariance:
+        In the order of the names, shape (k, k); of what can be identified.
+    sigma:
+        Noise of one reading, in the readings' unit.
+    degrees_of_freedom:
+        Of ``sigma``.
+    """
+
+    names: tuple[str, ...]
+    std_errors: Mapping[str, float]
+    covariance: Array
+    sigma: float
+    degrees_of_freedom: int
+
+    def fields(self) -> dict[str, Any]:
+        """As fields of an :class:`~trunnion.machine.estimate.Estimate`."""
+        return {
+            "std_errors": dict(self.std_errors),
+            "names": self.names,
+            "covariance": self.covariance,
+            "sigma_um": self.sigma,
+            "degrees_of_freedom": self.degrees_of_freedom,
+        }
+
+
 class Model(Protocol):
     """A model bound to data: everything the engine asks.
 
@@ -419,8 +434,13 @@ class Model(Protocol):
         """Return the machine's errors (µm, arcsec, by name) for before and after."""
         ...
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
-        """Return the extended model, in the form its kind of data is used with."""
+    def extended(
+        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> Any:
+        """Return the extended model, in the form its kind of data is used with.
+
+        With what the fit says of the uncertainty; None: the values are exact.
+        """
         ...
 
 
@@ -524,7 +544,12 @@ class BaseModel:
             if n.scope == "machine"
         }
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,  # noqa: ARG002
+    ) -> Any:
         """Nuisance and effects by name."""
         names = (n.name for n in self.nuisance)
         return {

@@ -8,7 +8,7 @@ from scipy import special
 from trunnion.diagnosis.case import Case, Explanation, kept_rows, rms
 from trunnion.diagnosis.cross_validation import cross_validated_rms
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model
+from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Uncertainty
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain, Verdict
 
 __all__ = ["report"]
@@ -49,7 +49,7 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
         errors_std=std,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         lost=tuple(k for k, s in std_plain.items() if np.isinf(s) and np.isfinite(std_all[k])),
-        model=model.extended(f.nuisance, f.effects),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance)),
         p_value=e.alarm,
         sigma=float(np.sqrt(variance)),
         evidence=tuple(alternatives),
@@ -90,6 +90,18 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     known = model.location_errors(f.nuisance, f.effects)
     std = f.std() * np.sqrt(variance)
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
+
+
+def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
+    names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
+    std = f.std() * np.sqrt(variance)
+    return Uncertainty(
+        names,
+        dict(zip(names, map(float, std), strict=True)),
+        f.covariance * variance,
+        float(np.sqrt(variance)),
+        f.dof,
+    )
 
 
 def _unexplained(e: Explanation) -> str | None:

@@ -188,7 +188,7 @@ class _Part:
     def _weighted(x: Array, weights: Array) -> Array:
         """Sum over readings of x (m, ..., n) times each weight (c, n): (m, c, ...)."""
         flat = x.reshape(-1, x.shape[-1]) @ weights.T
-        return np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1)
+        return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
     def products(self, r: Array) -> Array:
         """Inner products of the columns with r (n, s), shape (terms, k, s)."""

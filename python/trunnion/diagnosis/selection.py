@@ -19,7 +19,7 @@ then every cause of the best sets is tried against every other.
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -31,6 +31,7 @@ from scipy import special
 from trunnion.diagnosis.protocol import Array, IntArray
 
 Flags: TypeAlias = NDArray[np.bool_]
+Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
 
 __all__ = ["Candidates", "Found", "search", "storage"]
 
@@ -91,19 +92,44 @@ class Candidates:
         own_level: Array | None = None,
         own_price: Array | None = None,
     ) -> None:
-        self.count = len(variants)
+        numbers = sum(v.size for v in variants)
+        self._build(enumerate(variants), len(variants), numbers, basis)
+        self._complete(basis, level, own_level, own_price)
+
+    @classmethod
+    def of_pieces(
+        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Array
+    ) -> "Candidates":
+        """Candidates of which not all columns are there at a time.
+
+        ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
+        candidates; ``numbers``: of all pieces together.
+        """
+        new = object.__new__(cls)
+        new._build(pieces, count, numbers, basis)
+        new._complete(basis, NAMING_LEVEL, None, None)
+        return new
+
+    def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Array) -> None:
+        """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
+        self.count = count
         n, p = basis.shape
         self.dof = n - p
-        self.owner = np.concatenate(
-            [np.full(len(v), j, dtype=np.intp) for j, v in enumerate(variants)] or [NONE]
-        )
-        self.variant = np.concatenate(
-            [np.arange(len(v), dtype=np.intp) for v in variants] or [NONE]
-        )
-        columns, self.rank, self.start = _orthonormal_blocks(variants, basis)
-        self._parts = (columns,)
+        kind = storage(numbers)
+        parts, owner, rank, start = [], [NONE], [NONE], [NONE]
+        filled = 0
+        for batch in _batches(pieces):
+            longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for _, v in batch))
+            some = _orthonormal_blocks([v for _, v in batch], basis, ROUNDING * longest)
+            parts.append(some[0].astype(kind, copy=False))
+            owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
+            rank.append(some[1])
+            start.append(some[2] + filled)
+            filled += len(some[0])
+        self._parts: tuple[Array, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
+        self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
         self._keep(self.rank > 0)
-        self._complete(basis, level, own_level, own_price)
 
     def beside(
         self, variants: Sequence[Array], own_level: Array, own_price: Array | None = None
@@ -113,17 +139,13 @@ class Candidates:
         ``own_level``, ``own_price``: of the further ones only.
         """
         new = object.__new__(Candidates)
-        new.count = self.count + len(variants)
-        new.dof = self.dof
-        columns, rank, start = _orthonormal_blocks(variants, self._basis)
-        owner = [np.full(len(v), self.count + j, dtype=np.intp) for j, v in enumerate(variants)]
-        variant = [np.arange(len(v), dtype=np.intp) for v in variants]
-        new.owner = np.concatenate([self.owner, *owner])
-        new.variant = np.concatenate([self.variant, *variant])
-        new.rank = np.concatenate([self.rank, rank])
-        new.start = np.concatenate([self.start, start + self.width])
-        new._parts = (*self._parts, columns)
-        new._keep(new.rank > 0)
+        new._build(enumerate(variants), len(variants), 0, self._basis)
+        new.owner = np.concatenate([self.owner, new.owner + self.count])
+        new.variant = np.concatenate([self.variant, new.variant])
+        new.rank = np.concatenate([self.rank, new.rank])
+        new.start = np.concatenate([self.start, new.start + self.width])
+        new._parts = (*self._parts, *new._parts)
+        new.count += self.count
         none = np.zeros(self.count)
         price = np.zeros(len(variants)) if own_price is None else own_price
         new._complete(
@@ -179,11 +201,17 @@ class Candidates:
 
     def gram_rows(self, block: int) -> Array:
         """Inner products of a block's columns with all columns, shape (k, M)."""
-        rows = self._gram_rows.get(block)
-        if rows is None:
-            rows = self.products(self.columns(block).T).T
-            self._gram_rows[block] = rows
-        return rows
+        self.prepare([block])
+        return self._gram_rows[block]
+
+    def prepare(self, blocks: Iterable[int]) -> None:
+        """Calculate :meth:`gram_rows` of several blocks at once."""
+        missing = [b for b in dict.fromkeys(blocks) if b not in self._gram_rows]
+        if missing:
+            some = [self.columns(b) for b in missing]
+            rows = self.products(np.concatenate(some).T).T
+            ends = np.cumsum([len(x) for x in some])
+            self._gram_rows |= dict(zip(missing, np.split(rows, ends[:-1]), strict=True))
 
     def _group(self) -> None:
         """Find candidates whose columns span the same: one stands for all of them."""
@@ -259,50 +287,42 @@ class Candidates:
         return np.searchsorted(self.owner, self.leaders)
 
 
+def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
+    """Pieces, so many at a time as have not too many numbers together."""
+    batch: list[Piece] = []
+    for piece in pieces:
+        batch.append(piece)
+        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
 def _orthonormal_blocks(
-    variants: Sequence[Array], basis: Array
+    variants: Sequence[Array], basis: Array, least: float
 ) -> tuple[Array, IntArray, IntArray]:
     """Orthonormalise the columns of each block beside the basis; drop what is dependent.
 
-    Returns the columns, one a row, shape (M, n), the rank of each block and where it starts.
+    Columns no longer than ``least`` count as zero. Returns the columns, one a row, shape (M, n),
+    the rank of each block and where it starts.
     """
-    n = len(basis)
     width = np.array([v.shape[2] for v in variants for _ in v], dtype=np.intp)
-    out = np.empty((int(width.sum()), n), dtype=storage(int(width.sum()) * n))
-    longest = np.sqrt(max((float(np.max(_squares(v), initial=0.0)) for v in variants), default=0.0))
     rank = np.zeros(len(width), dtype=np.intp)
     start = np.zeros(len(width), dtype=np.intp)
+    out: list[Array] = []
     filled = 0
     for k in np.unique(width):
-        blocks = np.flatnonzero(width == k)
-        for numbers, x in _batches([v for v in variants if v.shape[2] == k], n):
-            size = np.sqrt(np.einsum("bkn,bkn->bk", x, x))
-            x /= np.where(size > ROUNDING * longest, size, np.inf)[:, :, None]
-            x -= (x @ basis) @ basis.T
-            x, some = _orthonormal(x)
-            at = blocks[numbers]
-            rank[at] = some
-            start[at] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
-            count = int(some.sum())
-            out[filled : filled + count] = x[np.arange(k) < some[:, None]]
-            filled += count
-    return out[:filled], rank, start
-
-
-def _batches(variants: Sequence[Array], n: int) -> Iterator[tuple[IntArray, Array]]:
-    """Blocks of variants (v, n, k) of one k, not too many at a time: numbers and rows (b, k, n)."""
-    done = 0
-    waiting: list[Array] = []
-    for v in variants:
-        most = max(1, BATCH_NUMBERS // max(n * v.shape[2], 1))
-        for first in range(0, len(v), most):
-            waiting.append(v[first : first + most].transpose(0, 2, 1))
-            count = sum(map(len, waiting))
-            if count >= most:
-                yield np.arange(done, done + count), np.concatenate(waiting)
-                done, waiting = done + count, []
-    if waiting:
-        yield np.arange(done, done + sum(map(len, waiting))), np.concatenate(waiting)
+        x = np.concatenate([v.transpose(0, 2, 1) for v in variants if v.shape[2] == k])
+        size = np.sqrt(np.einsum("bkn,bkn->bk", x, x))
+        x /= np.where(size > least, size, np.inf)[:, :, None]
+        x -= (x @ basis) @ basis.T
+        x, some = _orthonormal(x)
+        rank[width == k] = some
+        start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
+        out.append(x[np.arange(k) < some[:, None]])
+        filled += len(out[-1])
+    return np.concatenate(out) if out else np.zeros((0, len(basis))), rank, start
 
 
 def _orthonormal(x: Array) -> tuple[Array, IntArray]:
@@ -316,12 +336,12 @@ def _orthonormal(x: Array) -> tuple[Array, IntArray]:
     w, u = w[:, ::-1], u[:, :, ::-1]
     seen = w > DEPENDENT
     scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
-    return (u * scale[:, None, :]).transpose(0, 2, 1) @ x, seen.sum(axis=1)
+    return np.asarray((u * scale[:, None, :]).transpose(0, 2, 1) @ x), seen.sum(axis=1)
 
 
 def _squares(v: Array) -> Array:
     """Squared length of every column of variants (v, n, k)."""
-    return np.einsum("vnk,vnk->vk", v, v)
+    return np.asarray(np.einsum("vnk,vnk->vk", v, v))
 
 
 def storage(numbers: int) -> type[np.float32 | np.float64]:
@@ -481,13 +501,13 @@ def search(
         for i, s in enumerate(states):  # once in a set is enough
             low[i, [bool(s.mask >> int(j) & 1) for j in c.leaders]] = np.inf
         order = np.argsort(low, axis=None, kind="stable")
-        kept: list[_State] = []
+        chosen: list[tuple[_State, int, int]] = []
         seen: set[int] = set()
         best = min(best, float(low.flat[order[0]]))
         for flat in order:
             i, q = divmod(int(flat), len(c.leaders))
             value = float(low[i, q])
-            if not np.isfinite(value) or (len(kept) >= keep and value > best + within):
+            if not np.isfinite(value) or (len(chosen) >= keep and value > best + within):
                 break
             bit = bits[int(c.leaders[q])]
             mask = states[i].mask | bit
@@ -507,9 +527,10 @@ def search(
                     int(size[i] + rank[i, block]),
                     blocks,
                 )
-            if len(kept) < keep:
-                kept.append(_extend(c, states[i], block, bit))
-        return kept
+            if len(chosen) < keep:
+                chosen.append((states[i], block, bit))
+        c.prepare(block for _, block, _ in chosen)
+        return [_extend(c, *one) for one in chosen]
 
     def build(blocks: Sequence[int]) -> _State:
         state = empty

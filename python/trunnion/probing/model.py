@@ -1,0 +1,154 @@
+"""Touches of an artefact as the core models them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+import trunnion._core as _core
+from trunnion.base.checks import finite, instance, named
+from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
+from trunnion.setup import Setup
+
+__all__ = ["TouchModel", "catalogue"]
+
+Floats = NDArray[np.float64]
+
+
+def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
+    """Every effect that can act on touches of this artefact on this machine."""
+    return Chain(setup).catalogue()
+
+
+class TouchModel:
+    """The core's model of touches for one set-up and some built-in effects.
+
+    Parameters are the machine's location errors, the six placement parameters and the parameters
+    of the effects (``"drift_z.rate_um_h"``), in µm, arcsec, ppm, ... as their names or units say.
+
+    Parameters
+    ----------
+    setup
+        Machine, artefact, probe.
+    effects
+        Ids of the catalogue.
+    tick_um
+        Tick of the trigger; the set-up's unless given.
+    """
+
+    def __init__(
+        self, setup: Setup, effects: Sequence[str] = (), *, tick_um: float | None = None
+    ) -> None:
+        self.chain = Chain(setup)
+        self.setup = setup
+        self.core = _core.TouchModel(
+            setup.machine.preset,
+            setup.probe.length_mm,
+            *artefact_dimensions(setup),
+            setup.probe.ball_radius_mm,
+            setup.probe.tick_um if tick_um is None else tick_um,
+            list(effects),
+        )
+        self.names = tuple(name for name, _, _ in self.core.parameters)
+        self.units = tuple(unit for _, unit, _ in self.core.parameters)
+        self.kinds = tuple(kind for _, _, kind in self.core.parameters)
+        self.error_names = self.names[: self.core.error_count]
+        self.effect_ids = tuple(effects)
+
+    @property
+    def owners(self) -> dict[str, Owner]:
+        """Whose each of the effects is."""
+        return {name: self.chain.effects[name].owner for name in self.effect_ids}
+
+    def moves(self, touches: Touches, *, from_start: bool = False) -> _core.Moves:
+        """Rows of the touches in the core's units; points are recorded positions or starts."""
+        instance("touches", touches, Touches, "Touches, as read_touches or plan gives them")
+        self._check_needs(touches)
+        point = touches.start_mm if from_start else touches.position_mm
+        if point is None:
+            raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, wanted a plan")
+        return _core.Moves(
+            self.chain.to_machine(touches.rotary_deg, len(touches)),
+            point,
+            touches.direction,
+            touches.feed_mm_min,
+            touches.time_s,
+            # Missing senses are refused by the effects that need them; for all others 0 will do.
+            self.chain.turning(touches.rotary_dir, len(touches)),
+        )
+
+    def _check_needs(self, touches: Touches) -> None:
+        for effect in self.chain.catalogue() if self.effect_ids else ():
+            if effect.id not in self.effect_ids:
+                continue
+            for column in effect.needs:
+                if column not in touches.columns:
+                    raise InputError(
+                        f"effect {effect.id!r}: got data without column {column}, wanted it"
+                    )
+
+    def values(
+        self,
+        errors: Mapping[str, float] | None = None,
+        placement: Mapping[str, float] | None = None,
+        effects: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> Floats:
+        """Parameter vector from named values.
+
+        Location errors that are not given are those of the set-up file, else zero; everything
+        else that is not given is zero.
+        """
+        values = dict.fromkeys(self.names, 0.0)
+        wanted = "names with values, {'EX0C': 15.0}"
+        values.update(self.chain.named_errors(named("errors", errors, wanted)))
+        wanted = "names with values, {'dx_um': 50.0}"
+        for name, value in named("placement", placement, wanted).items():
+            if name not in PLACEMENT:
+                raise UnknownNameError(
+                    f"placement: got {name!r}, wanted one of {', '.join(PLACEMENT)}"
+                )
+            values[name] = value
+        for effect, parameters in (effects or {}).items():
+            self._take_effect(values, effect, parameters)
+        return np.array([finite(name, values[name]) for name in self.names])
+
+    def _take_effect(
+        self, values: dict[str, float], effect: str, parameters: Mapping[str, float]
+    ) -> None:
+        own = [name for name in self.names if name.startswith(f"{effect}.")]
+        if not isinstance(parameters, Mapping):
+            raise InputError(
+                f"effect {effect!r}: got {parameters!r}, wanted a dict of "
+                f"{', '.join(name.split('.', 1)[1] for name in own)}"
+            )
+        for name, value in parameters.items():
+            full = f"{effect}.{name}"
+            if full not in values:
+                wanted = ", ".join(part.split(".", 1)[1] for part in own)
+                raise UnknownNameError(
+                    f"parameter of effect {effect!r}: got {name!r}, wanted one of {wanted}"
+                )
+            values[full] = value
+        for full in own:
+            kind = self.kinds[self.names.index(full)]
+            name = full.split(".", 1)[1]
+            if kind != "linear" and name not in parameters:
+                raise InputError(f"effect {effect!r}: got no {name}, wanted one")
+            if kind == "duration" and not values[full] > 0:
+                raise InputError(
+                    f"effect {effect!r}: got {name} = {values[full]!r}, wanted a positive number"
+                )
+
+    def effects_of(self, values: Floats | Sequence[float]) -> dict[str, dict[str, float]]:
+        """Effects' part of a parameter vector: id → parameter → value."""
+        found: dict[str, dict[str, float]] = {effect: {} for effect in self.effect_ids}
+        for name, value in zip(self.names, values, strict=True):
+            if "." in name:
+                effect, parameter = name.split(".", 1)
+                found[effect][parameter] = float(value)
+        return found
