@@ -40,6 +40,7 @@ __all__ = [
     "NuisanceScope",
     "Parameter",
     "Readings",
+    "Scaling",
     "Uncertainty",
     "Values",
     "as_effect",
@@ -58,6 +59,17 @@ EXACT_TOLERANCE = 1e-9
 def identity(columns: Array) -> Array:
     """Whiten noise that is white already."""
     return columns
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Whiten readings of different noise: divide each by its own, ``scale`` (n,)."""
+
+    scale: Array
+
+    def __call__(self, columns: Array) -> Array:
+        """Divide columns (n, ...)."""
+        return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
 
 
 @dataclass(frozen=True)

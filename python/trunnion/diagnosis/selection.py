@@ -33,7 +33,7 @@ from trunnion.diagnosis.protocol import Array, IntArray
 Flags: TypeAlias = NDArray[np.bool_]
 Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
 
-__all__ = ["Candidates", "Found", "search", "storage"]
+__all__ = ["Candidates", "Found", "inner", "search", "storage"]
 
 NONE = np.zeros(0, dtype=np.intp)
 
@@ -222,7 +222,7 @@ class Candidates:
         rank = self.rank[at]
         if len(alone):
             some = np.concatenate([self.columns(int(b)) for b in at])
-            squares = np.asarray(some @ some.T, dtype=np.float64) ** 2
+            squares = inner(some, some.T) ** 2
             first = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
             overlap = np.add.reduceat(np.add.reduceat(squares, first, axis=0), first, axis=1)
             same = (np.abs(overlap - rank) < DEPENDENT) & (rank == rank[:, None])
@@ -254,7 +254,7 @@ class Candidates:
                 continue
             length = 0.0
             for a, b in itertools.pairwise(map(int, blocks)):
-                g = self.columns(a) @ self.columns(b).T
+                g = inner(self.columns(a), self.columns(b).T)
                 overlap = np.sqrt(np.sum(g * g) / max(g.shape))
                 length += float(np.arccos(min(overlap, 1.0)))
             u = special.chdtri(1, self.level[j])
@@ -263,8 +263,7 @@ class Candidates:
 
     def products(self, r: Array) -> Array:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
-        parts = [part @ r.astype(part.dtype, copy=False) for part in self._parts]
-        return np.concatenate(parts).astype(np.float64, copy=False)
+        return np.concatenate([inner(part, r) for part in self._parts])
 
     def gains(self, r: Array) -> Array:
         """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
@@ -342,6 +341,19 @@ def _orthonormal(x: Array) -> tuple[Array, IntArray]:
 def _squares(v: Array) -> Array:
     """Squared length of every column of variants (v, n, k)."""
     return np.asarray(np.einsum("vnk,vnk->vk", v, v))
+
+
+def inner(columns: Array, r: Array) -> Array:
+    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
+
+    Sums of many numbers in single precision would make columns look independent that are not.
+    """
+    if columns.dtype == np.float64:
+        return np.asarray(columns @ r)
+    r = r.astype(np.float64, copy=False)
+    most = max(1, BATCH_NUMBERS // columns.shape[1])
+    pieces = np.split(columns, range(most, len(columns), most))
+    return np.concatenate([piece.astype(np.float64) @ r for piece in pieces])
 
 
 def storage(numbers: int) -> type[np.float32 | np.float64]:

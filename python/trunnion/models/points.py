@@ -41,6 +41,7 @@ from trunnion.diagnosis.protocol import (
     Readings,
     Uncertainty,
     Values,
+    identity,
     lengths,
 )
 from trunnion.diagnosis.result import Diagnosis
@@ -187,9 +188,9 @@ class PointsModel(BaseModel):
         columns = effect.columns(self.data, values).reshape(n, d, -1)
         out = np.empty_like(columns)
         for g in range(len(self._frames)):
-            mine = self._group == g
+            mine = self._group == g if len(self._frames) > 1 else slice(None)
             turn = _turn(self._own_part(nuisance, g)[d:])[0]
-            out[mine] = np.einsum("ij,njk->nik", turn, columns[mine])
+            out[mine] = np.moveaxis(np.tensordot(columns[mine], turn, ([1], [1])), -1, 1)
         return out.reshape(n * d, -1)
 
     def _shifted(self, effects: EffectValues) -> Array:
@@ -277,7 +278,7 @@ class PointsModel(BaseModel):
         """
         feature = features_apart(residuals, self.replicates)
         if feature is None:
-            return lambda a: a
+            return identity
         label, between, within = feature
         count = np.bincount(label)
         mine = np.where(count > 1, np.sqrt(within / (within + count * between)), 1.0)

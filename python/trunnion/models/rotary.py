@@ -39,8 +39,10 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Scaling,
     Uncertainty,
     Values,
+    identity,
 )
 from trunnion.machine.estimate import CODE, Estimate
 from trunnion.models.candidates import for_compensation, own_effects
@@ -152,6 +154,7 @@ class SweepModel(BaseModel):
             ),
         )
         self._local = self._directions()
+        self._at_rest: tuple[bytes, Array] | None = None
         self._reference = self._places(np.zeros(len(self.nuisance)), self._still)[0]
         measured = (data.position_mm - self._geometry.origin) @ self._geometry.frame
         away = np.einsum("nij,nj->ni", self._local, measured - self._reference)
@@ -211,9 +214,19 @@ class SweepModel(BaseModel):
         if effect.id not in self._motions:
             return effect.columns(self.data, values)
         moved, columns = self._motion(effect.id, values)
-        by = self._places(nuisance, moved)[2]
-        out = 1e3 * np.einsum("nij,njm,nmk->nik", self._local, by, columns)
+        out = self._by_motion(nuisance, moved) @ columns
         return np.asarray(out.reshape(-1, columns.shape[2]))
+
+    def _by_motion(self, nuisance: Array, moved: Array) -> Array:
+        """Derivative of the readings by the motions, µm, (n, 3, 6); kept where nothing moves."""
+        key = None if moved.any() else nuisance.tobytes()
+        if key is None or self._at_rest is None or self._at_rest[0] != key:
+            by = self._places(nuisance, moved)[2]
+            found = 1e3 * np.einsum("nij,njm->nim", self._local, by)
+            if key is None:
+                return found
+            self._at_rest = (key, found)
+        return self._at_rest[1]
 
     def _motion(self, name: str, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Motion of one effect, mm and rad (n, 6), and its derivative by each parameter."""
@@ -321,7 +334,7 @@ class SweepModel(BaseModel):
         ]
         d = np.concatenate(second) if second else np.zeros((0, 3))
         if len(d) < 6 or not np.all(np.any(d, axis=0)):
-            return lambda a: a
+            return identity
         size = np.mean(d * d, axis=0)
         freedom = 18.0 / 35.0 * len(d)  # second differences of white noise are correlated
         radial, tangential, axial = map(float, size)
@@ -331,11 +344,7 @@ class SweepModel(BaseModel):
                 radial = axial = tangential = (2 * radial + tangential) / 3
         scale = np.tile(np.sqrt([radial, tangential, axial]), len(r))
         scale = scale / np.sqrt(np.mean(scale**2))
-
-        def whiten(a: Array) -> Array:
-            return np.asarray(a / scale.reshape(-1, *(1,) * (a.ndim - 1)))
-
-        return whiten
+        return Scaling(scale)
 
     def _in_order(self, target: int) -> IntArray:
         mine = np.flatnonzero(self._target == target)
