@@ -16,6 +16,7 @@ from scipy import special, stats
 
 import trunnion as tn
 from trunnion.diagnosis import outliers
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.protocol import (
     Covariate,
     Effect,
@@ -25,7 +26,7 @@ from trunnion.diagnosis.protocol import (
     Readings,
     as_effect,
 )
-from trunnion.diagnosis.selection import Candidates, search
+from trunnion.diagnosis.selection import search
 
 mpl.use("Agg")
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import Candidates
 
 __all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
 

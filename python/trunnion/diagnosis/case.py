@@ -6,10 +6,10 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 
 __all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
 

@@ -6,11 +6,12 @@ import numpy as np
 from scipy import special
 
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
-from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Candidates, Found, search
+from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
 
 __all__ = ["best_score", "explain"]
 

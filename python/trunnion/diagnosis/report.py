@@ -32,7 +32,7 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
         f = plain
     variance = f.rss / max(f.dof, 1)
     std, std_plain, std_all = (_errors_std(model, of, variance) for of in (f, plain, case.plain))
-    invisible = [i for i in e.candidates.invisible if i < len(model.effects)]
+    invisible = [i for i in e.candidates.not_identifiable if i < len(model.effects)]
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, f, variance, alternatives),

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.diagnosis.candidates import ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.protocol import Array, Covariate, IntArray, Model, Scaling, identity
-from trunnion.diagnosis.selection import ROUNDING, inner, storage
 
 __all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
 
@@ -206,7 +206,7 @@ class _Part:
         """Columns of one term, shape (n, k)."""
         f, c = divmod(number, len(self.components))
         columns = self.functions[f].astype(np.float64) * self.components[c]
-        return (columns * self.scale[f, c][:, None]).T
+        return np.asarray((columns * self.scale[f, c][:, None]).T)
 
 
 def _eliminated(a: Array, z: Array) -> tuple[Array, IntArray]:

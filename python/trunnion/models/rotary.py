@@ -222,7 +222,7 @@ class SweepModel(BaseModel):
         key = None if moved.any() else nuisance.tobytes()
         if key is None or self._at_rest is None or self._at_rest[0] != key:
             by = self._places(nuisance, moved)[2]
-            found = 1e3 * np.einsum("nij,njm->nim", self._local, by)
+            found = np.asarray(1e3 * np.einsum("nij,njm->nim", self._local, by))
             if key is None:
                 return found
             self._at_rest = (key, found)
