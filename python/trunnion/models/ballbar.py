@@ -77,19 +77,21 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     as_effect,
 )
-from trunnion.hybrid.ballbar import (
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS
+from trunnion.hybrid.readings import (
     check_enough,
     check_near,
     gradient_with_centres,
     setup_index,
     start_centres,
 )
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
 from trunnion.machine.effects import Motion
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
+from trunnion.setup.fields import Flag, Number, Section, Sign, Vector, key
 
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
@@ -119,10 +121,12 @@ TURNS_BACK = -0.7
 class BallbarSettings:
     """The table ``[ballbar]`` of a set-up; see the module."""
 
-    calibrated: bool = True
-    repeatability_um: float = 0.0
-    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    wrist: int = 1
+    calibrated: bool = key(True, Flag(), "the length of the ball-bar is known")
+    repeatability_um: float = key(0.0, Number(0.0), "standard deviation; 0: to be estimated")
+    direction: tuple[float, float, float] = key(
+        (0.0, 0.0, -1.0), Vector(3), "from the spindle to the tool point"
+    )
+    wrist: int = key(1, Sign(), "branch of the wrist of the hybrid machine")
 
     @classmethod
     def from_setup(cls, setup: Setup | None) -> BallbarSettings:
@@ -130,32 +134,10 @@ class BallbarSettings:
 
         Raises
         ------
-        UnknownNameError
-            A key that is none of them.
-        InputError
-            A value of the wrong kind.
+        FileFormatError, InputError
+            A key that is none of them, or a value of the wrong kind; with its place in the file.
         """
-        table = {} if setup is None else dict(setup.ballbar)
-        known = ("calibrated", "repeatability_um", "direction", "wrist")
-        for key in table:
-            if key not in known:
-                raise UnknownNameError(f"[ballbar] key {key!r}; wanted one of: {', '.join(known)}")
-        if not isinstance(table.get("calibrated", True), bool):
-            raise InputError(
-                f"[ballbar] calibrated: got {table['calibrated']!r}, wanted true, false"
-            )
-        sigma = table.get("repeatability_um", 0.0)
-        if isinstance(sigma, bool) or not isinstance(sigma, int | float) or not sigma >= 0:
-            raise InputError(f"[ballbar] repeatability_um: got {sigma!r}, wanted a number ≥ 0")
-        if table.get("wrist", 1) not in (1, -1):
-            raise InputError(f"[ballbar] wrist: got {table['wrist']!r}, wanted 1 or -1")
-        way = table.get("direction", (0.0, 0.0, -1.0))
-        if not isinstance(way, Sequence) or len(way) != 3:
-            raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
-        if any(isinstance(w, bool) or not isinstance(w, int | float) for w in way):
-            raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
-        direction = (float(way[0]), float(way[1]), float(way[2]))
-        return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
+        return Section.of("ballbar", {} if setup is None else setup.ballbar).build(cls)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -83,7 +83,7 @@ class AxisLogModel(BaseModel):
     ) -> None:
         self.data = log
         self.setup = setup
-        self.servo = Servo.from_table(setup.servo)
+        self.servo = Servo.from_setup(setup)
         self.axes = tuple(letter.upper() for letter in log.axes)
         check_servo(self.axes, self.servo)
         self.runs = runs_of(log, self.servo)
