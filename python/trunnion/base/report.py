@@ -17,6 +17,7 @@ from functools import cache
 from numbers import Real
 from os import PathLike
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
 
 import numpy as np
@@ -28,7 +29,20 @@ if TYPE_CHECKING:
     from cattrs import Converter
     from rich.table import Table as RichTable
 
-__all__ = ["Cell", "Result", "Table", "number", "plain", "same"]
+__all__ = [
+    "Cell",
+    "Result",
+    "Shown",
+    "Table",
+    "measured",
+    "number",
+    "page",
+    "plain",
+    "read_json",
+    "result_class",
+    "same",
+    "significant",
+]
 
 Cell: TypeAlias = str | float | int | bool | None
 """What stands in a cell: text, a number (formatted when shown), or nothing."""
@@ -42,6 +56,33 @@ def number(value: float | None, digits: int = 4) -> str:
         return "not identifiable"
     text = f"{value:.{digits}f}"
     return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
+
+
+class Shown(float):
+    """A number of a table that is shown as a text of its own: "4.82", "< 0.001"."""
+
+    text: str
+
+    def __new__(cls, value: float, text: str) -> Self:
+        """Return the number with its text."""
+        made = super().__new__(cls, value)
+        made.text = text
+        return made
+
+
+def significant(value: float, digits: int = 3) -> Shown:
+    """Return a number shown to so many digits."""
+    return Shown(value, f"{value:.{digits}g}".replace("-", "−"))
+
+
+def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
+    """Return a value and its standard error, shown to the two leading digits of the latter."""
+    if std is None or std <= 0:
+        return significant(value, 4), std
+    if not np.isfinite(std):
+        return Shown(value, "–"), std
+    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
+    return Shown(value, number(value, digits)), Shown(std, number(std, digits))
 
 
 @dataclass(frozen=True)
@@ -79,6 +120,8 @@ class Table:
     def _shown(self, cell: Cell) -> str:
         if isinstance(cell, str):
             return cell
+        if isinstance(cell, Shown):
+            return cell.text
         if isinstance(cell, bool | np.bool_):
             return "yes" if cell else "no"
         if isinstance(cell, int | np.integer):
@@ -131,7 +174,8 @@ class Table:
         import pandas as pd
 
         names = [column or "name" for column in self.columns]
-        return pd.DataFrame.from_records([list(row) for row in self.rows], columns=names)
+        rows = [[float(c) if isinstance(c, Shown) else c for c in row] for row in self.rows]
+        return pd.DataFrame.from_records(rows, columns=names)
 
 
 @cache
@@ -181,6 +225,27 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
+def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
+    """Return what JSON text, or a file of it, holds, and what messages call its place.
+
+    Raises
+    ------
+    FileFormatError
+        It is not JSON; the message names line and column.
+    """
+    text, where = str(source), "JSON"
+    if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
+        text, where = Path(source).read_text(encoding="utf-8"), str(source)
+    try:
+        return json.loads(text), where
+    except json.JSONDecodeError as error:
+        raise FileFormatError(
+            f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
+        ) from error
+    except RecursionError as error:
+        raise FileFormatError(f"{where}: {error}") from error
+
+
 def same(first: Any, second: Any) -> bool:
     """Whether two values are equal, arrays and nan included."""
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
@@ -197,7 +262,30 @@ def same(first: Any, second: Any) -> bool:
         )
     if isinstance(first, float) and isinstance(second, float):
         return first == second or (np.isnan(first) and np.isnan(second))
+    if is_dataclass(first) and type(first) is type(second) and not isinstance(first, Result | type):
+        return _same_fields(first, second)
     return bool(first == second)
+
+
+def _same_fields(first: Any, second: Any) -> bool:
+    """Whether two of one dataclass are equal in every field that counts."""
+    names = [field.name for field in fields(first) if field.compare]
+    return all(same(getattr(first, name), getattr(second, name)) for name in names)
+
+
+def result_class(name: str) -> type[Result] | None:
+    """Return the public class of results of this name, or one that is loaded; None: no such."""
+    public = getattr(importlib.import_module("trunnion"), name, None)
+    if isinstance(public, type) and issubclass(public, Result):
+        return public
+    left: list[type[Result]] = [Result]
+    while left:
+        known = left.pop().__subclasses__()
+        left += known
+        for kind in known:
+            if kind.__name__ == name:
+                return kind
+    return None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -228,8 +316,8 @@ class Result:
         return {}
 
     def summary(self) -> str:
-        """Return sentences and tables as text."""
-        return "\n".join([*(table.text() for table in self.tables()), *self.sentences()])
+        """Return sentences and tables as text, what is most important first."""
+        return "\n".join([*self.sentences(), *(table.text() for table in self.tables())])
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain Python values; numbers that are not finite as text ("inf")."""
@@ -275,15 +363,9 @@ class Result:
         FileFormatError
             The file or text is not JSON of this result; the message names the place.
         """
-        text, where = str(source), "JSON"
-        if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
-            text, where = Path(source).read_text(encoding="utf-8"), str(source)
+        values, where = read_json(source)
         try:
-            return cls.from_dict(json.loads(text))
-        except json.JSONDecodeError as error:
-            raise FileFormatError(
-                f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
-            ) from error
+            return cls.from_dict(values)
         except (InputError, RecursionError) as error:
             raise FileFormatError(f"{where}: {error}") from error
 
@@ -295,15 +377,26 @@ class Result:
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
+    def title(self) -> str:
+        """Return the heading of its page."""
+        return type(self).__name__
+
+    def to_html(self, path: str | PathLike[str]) -> Path:
+        """Write one self-contained page with sentences, pictures and tables; return its path."""
+        pictures = importlib.import_module("trunnion.plot").pictures(self)
+        target = Path(path)
+        target.write_text(page(self, pictures), encoding="utf-8")
+        return target
+
     def __eq__(self, other: object) -> bool:
         """Whether it is the same class with equal fields."""
         if type(other) is not type(self):
             return NotImplemented
-        return all(same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return _same_fields(self, other)
 
     def __hash__(self) -> int:
         """Hash of what is cheap to hash: class, texts and whole numbers."""
-        values = (getattr(self, field.name) for field in fields(self))
+        values = (getattr(self, field.name) for field in fields(self) if field.compare)
         return hash((type(self), *(v for v in values if isinstance(v, str | int | bool))))
 
     def headline(self) -> str:
@@ -320,4 +413,38 @@ class Result:
 
     def _repr_html_(self) -> str:
         lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return "".join(table.html() for table in self.tables()) + lines
+        return lines + "".join(table.html() for table in self.tables())
+
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>$title</title>
+<style>
+body { font-family: system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem;
+       color: #1a1a1a; line-height: 1.45; }
+h1 { font-size: 1.4rem; }
+table { border-collapse: collapse; margin-top: 2rem; }
+caption { font-weight: bold; text-align: left; padding-bottom: .3rem; }
+td, th { padding: .15rem 1.2rem .15rem 0; vertical-align: top; text-align: left; }
+tr:nth-child(even) { background: #f4f4f4; }
+figure { margin: 1.5rem 0; } svg { max-width: 100%; height: auto; }
+</style>
+</head>
+<body>
+<h1>$title</h1>
+$body
+</body>
+</html>
+"""
+
+
+def page(result: Result, pictures: Sequence[str] = ()) -> str:
+    """Return a self-contained HTML page: sentences, pictures (SVG), tables."""
+    body = [
+        *(f"<p>{html.escape(line)}</p>" for line in result.sentences()),
+        *(f"<figure>{picture}</figure>" for picture in pictures),
+        *(table.html() for table in result.tables()),
+    ]
+    return Template(_PAGE).substitute(title=html.escape(result.title()), body="\n".join(body))
