@@ -117,7 +117,7 @@ def test_rows_are_chosen_by_slice_mask_and_numbers(touches: tn.Touches) -> None:
 def test_a_column_is_found_by_name(touches: tn.Touches) -> None:
     assert touches["x_mm"] is touches.x_mm
     assert "note" in touches
-    with pytest.raises(tn.UnknownNameError, match=r"got 'x_mmm', expected .* did you mean x_mm"):
+    with pytest.raises(tn.UnknownNameError, match=r"got 'x_mmm', expected .*did you mean x_mm"):
         touches["x_mmm"]
 
 
