@@ -18,7 +18,7 @@ from numbers import Real
 from os import PathLike
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, get_args
 
 import numpy as np
 
@@ -34,15 +34,18 @@ __all__ = [
     "Result",
     "Shown",
     "Table",
+    "class_named",
     "measured",
     "number",
     "page",
     "plain",
     "read_json",
-    "result_class",
     "same",
     "significant",
+    "structured",
 ]
+
+C = TypeVar("C")
 
 Cell: TypeAlias = str | float | int | bool | None
 """What stands in a cell: text, a number (formatted when shown), or nothing."""
@@ -273,19 +276,38 @@ def _same_fields(first: Any, second: Any) -> bool:
     return all(same(getattr(first, name), getattr(second, name)) for name in names)
 
 
-def result_class(name: str) -> type[Result] | None:
-    """Return the public class of results of this name, or one that is loaded; None: no such."""
+def class_named(name: str, base: type[C]) -> type[C]:
+    """Return the public subclass of this name, or one that is loaded.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
     public = getattr(importlib.import_module("trunnion"), name, None)
-    if isinstance(public, type) and issubclass(public, Result):
+    if isinstance(public, type) and issubclass(public, base):
         return public
-    left: list[type[Result]] = [Result]
+    left = [base]
     while left:
-        known = left.pop().__subclasses__()
-        left += known
-        for kind in known:
+        for kind in left.pop().__subclasses__():
             if kind.__name__ == name:
                 return kind
-    return None
+            left.append(kind)
+    raise InputError(f"{base.__name__}: got {name!r}, expected the name of one")
+
+
+def structured(values: Any, kind: type[C]) -> C:
+    """Return plain values, as `plain` gives them, as a dataclass.
+
+    Raises
+    ------
+    InputError
+        The values are not those of this class.
+    """
+    try:
+        return _converter().structure(values, kind)
+    except Exception as error:  # cattrs raises groups of errors, one a field
+        raise InputError(f"{kind.__name__}: got values that do not fit its fields: {error}") from error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -347,12 +369,7 @@ class Result:
         kind = values.get("result", cls.__name__) if isinstance(values, Mapping) else None
         if kind != cls.__name__:
             raise InputError(f"result: got {kind!r}, expected {cls.__name__!r}")
-        try:
-            return _converter().structure(dict(values), cls)
-        except Exception as error:  # cattrs raises groups of errors, one a field
-            raise InputError(
-                f"{cls.__name__}: got values that do not fit its fields: {error}"
-            ) from error
+        return structured(dict(values), cls)
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:

@@ -32,7 +32,7 @@ from trunnion.files.csv_file import write_columns
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ColumnMapping", "Origin", "Table"]
+__all__ = ["ColumnMapping", "Origin", "Table", "places"]
 
 MAX_HTML_ROWS = 12
 
@@ -358,12 +358,12 @@ class Table:
 
     def to_json(self, path: str | PathLike[str] | None = None, *, indent: int | None = None) -> str:
         """Return kind, columns and origin as JSON text, and write it to `path` if one is given."""
-        text = json.dumps(self._described(), indent=indent, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(self.described(), indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
             Path(path).write_text(text + "\n", encoding="utf-8")
         return text
 
-    def _described(self) -> dict[str, Any]:
+    def described(self) -> dict[str, Any]:
         """Return everything, with the kind of data by name."""
         made: dict[str, Any] = {"data": type(self).__name__, "columns": self.to_dict()}
         if self._origin is not None:
@@ -371,8 +371,8 @@ class Table:
         return made
 
     @classmethod
-    def _from_description(cls, values: Any) -> Self:
-        """Return the table that `_described` described."""
+    def from_description(cls, values: Any) -> Self:
+        """Return the table that `described` described."""
         if not isinstance(values, Mapping) or values.get("data") != cls.__name__:
             got = values.get("data") if isinstance(values, Mapping) else type(values).__name__
             raise InputError(f"data: got {got!r}, expected {cls.__name__!r}")
@@ -393,7 +393,7 @@ class Table:
         """
         values, where = read_json(source)
         try:
-            return cls._from_description(values)
+            return cls.from_description(values)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise FileFormatError(f"{where}: {error}") from error
 
@@ -422,6 +422,28 @@ class Table:
             return "<td>…</td>" * (len(self._columns) + 1)
         fields = (_html_field(values[row]) for values in self._columns.values())
         return f"<th>{row}</th>" + "".join(f"<td>{field}</td>" for field in fields)
+
+
+def places(table: Any, rows: Sequence[int], most: int = 20) -> str:
+    """Say where people find rows: "lines 59 and 142 of touches.csv", or the rows, from 0."""
+    shown = list(rows[:most])
+    more = f" and {len(rows) - most} more" if len(rows) > most else ""
+    if not isinstance(table, Table) or table.origin is None:
+        return f"{_counted('row', shown)}{more}, counted from 0"
+    found: dict[str, list[int]] = {}
+    for row in shown:
+        what, _, name = table.place(row).partition(" of ")
+        found.setdefault(name, []).append(int(what.rpartition(" ")[2]))
+    parts = [
+        f"{_counted('line', numbers)} of {name}" if name else _counted("row", numbers)
+        for name, numbers in found.items()
+    ]
+    return ", ".join(parts) + more
+
+
+def _counted(what: str, numbers: Sequence[int]) -> str:
+    *most, last = map(str, numbers)
+    return f"{what}s {', '.join(most)} and {last}" if most else f"{what} {last}"
 
 
 def _restored(

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import combinations, permutations
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy import special
@@ -887,9 +887,10 @@ def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     InputError
         ``d`` is not of points, or fewer than ten features are in both.
     """
-    model, extended = d.source, d.model
-    if not isinstance(model, PointsModel) or not isinstance(extended, ExtendedPoints):
-        raise InputError("repeatable_part: got a diagnosis of other data, wanted one of points")
+    extended = d.model
+    if not isinstance(d.data, Points) or not isinstance(extended, ExtendedPoints):
+        raise InputError("repeatable_part: got a diagnosis of other data, expected one of points")
+    model = cast(PointsModel, d.rebuilt_model())
     again = model.bind(other)
     first: dict[tuple[int, ...], int] = {}
     for i, k in enumerate(map(tuple, _rounded(model.data.nominal_mm).tolist())):
