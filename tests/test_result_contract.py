@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from result_contract import check_result
 
 import trunnion as tn
+from result_contract import check_result
 from trunnion.base.report import Result
-from trunnion.diagnosis.result import Diagnosis, Residuals
+from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.models.kinds import Kind, kinds
 

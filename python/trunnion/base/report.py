@@ -256,7 +256,7 @@ def same(first: Any, second: Any) -> bool:
         numeric = a.dtype.kind in "fc" and b.dtype.kind in "fc"
         return a.dtype == b.dtype and bool(np.array_equal(a, b, equal_nan=numeric))
     if isinstance(first, Mapping) and isinstance(second, Mapping):
-        return list(first) == list(second) and all(same(first[key], second[key]) for key in first)
+        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):
         return (
             type(first) is type(second)
@@ -307,7 +307,9 @@ def structured(values: Any, kind: type[C]) -> C:
     try:
         return _converter().structure(values, kind)
     except Exception as error:  # cattrs raises groups of errors, one a field
-        raise InputError(f"{kind.__name__}: got values that do not fit its fields: {error}") from error
+        raise InputError(
+            f"{kind.__name__}: got values that do not fit its fields: {error}"
+        ) from error
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -577,7 +577,11 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
         errors_std=std,
         outliers=tuple(outlier_rows),
         not_identifiable={
-            **{k: LOST if np.isfinite(std_all[k]) else UNSEEN for k, s in std.items() if np.isinf(s)},
+            **{
+                k: LOST if np.isfinite(std_all[k]) else UNSEEN
+                for k, s in std.items()
+                if np.isinf(s)
+            },
             **{x: ABSORBED for x in ids if x in invisible},
         },
         model=model.extended(f.nuisance, f.effects),

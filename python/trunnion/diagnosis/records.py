@@ -155,9 +155,7 @@ class Gain(Result):
     def fall(self) -> str:
         """Return ``from 0.97 to 0.304 µm``, unit by unit."""
         return ", ".join(
-            with_unit(
-                f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}", g.unit
-            )
+            with_unit(f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}", g.unit)
             for g in (self, *self.others)
         )
 
@@ -206,7 +204,9 @@ class Alternative(Result):
 
     def sentences(self) -> tuple[str, ...]:
         """Say the set and its distance."""
-        return (f"{' + '.join(sorted(self.causes))}: {self.distance:.1f} above the best in -2 ln L",)
+        return (
+            f"{' + '.join(sorted(self.causes))}: {self.distance:.1f} above the best in -2 ln L",
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """The set as one row."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -160,7 +160,15 @@ class Diagnosis(Result):
         InputError
             The model of the other data lacks an error or an effect of this one.
         """
-        model = other if hasattr(other, "predict") else self.rebuilt_model().bind(other)
+        if hasattr(other, "predict"):
+            model = other
+        elif self.data is None:
+            raise InputError(
+                f"score: got {type(other).__name__} for a diagnosis that does not hold its data, "
+                "expected a model of the other data"
+            )
+        else:
+            model = self.rebuilt_model().bind(other)
         return score(model, self.nuisance_before, self.nuisance_after, self.effects)
 
     # --- JSON
@@ -193,7 +201,17 @@ class Diagnosis(Result):
             given["data"] = table.from_description(values["data"])
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
-        return super().from_dict(given)
+        made = super().from_dict(given)
+        if made.model is not None or made.data is None:
+            return made
+        return replace(made, model=made._extended())
+
+    def _extended(self) -> Any:
+        """Return `model` made anew; None where a cause is an effect that JSON does not hold."""
+        source = self.rebuilt_model()
+        if not self.named <= {effect.id for effect in source.effects}:
+            return None
+        return source.extended(np.array(list(self.nuisance_after.values())), self.effects)
 
     # --- sentences
 
@@ -214,16 +232,16 @@ class Diagnosis(Result):
         match self.verdict:
             case "consistent":
                 lines = [
-                    f"The model explains the data: the residual is noise of {self._noise()} "
+                    f"Consistent: the model explains the data, the residual is noise of {self._noise()} "
                     f"({chance(self.p_value)})."
                 ]
             case "explained" if len(said) == 1:
-                lines = [f"One cause explains the data: {said[0]}."]
+                lines = [f"Explained by one cause: {said[0]}."]
             case "explained" if said:
-                lines = [f"{len(said)} causes explain the data: {'; '.join(said)}."]
+                lines = [f"Explained by {len(said)} causes: {'; '.join(said)}."]
             case "explained":
                 count = "one outlier" if len(self.outliers) == 1 else "the outliers"
-                lines = [f"The model explains the data without {count}."]
+                lines = [f"Explained: the model fits the data without {count}."]
             case "ambiguous":
                 lines = self._ambiguous()
             case "unexplained":
@@ -231,7 +249,16 @@ class Diagnosis(Result):
                 if said:
                     lines.append(f"Named beside it: {'; '.join(said)}.")
         if said:
-            lines += [*self._bias(), f"Cross-validated rms falls {self.gain.fall()}."]
+            falls = all(
+                g.heldout_rms_after_um < g.heldout_rms_before_um
+                for g in (self.gain, *self.gain.others)
+            )
+            verb = "falls" if falls else "changes"
+            lines += [
+                *self._bias(),
+                f"Cross-validated rms {verb} {self.gain.fall()}; "
+                f"the plain model alone has {chance(self.p_value)}.",
+            ]
         return (*lines, *self._left_out())
 
     def _noise(self) -> str:
@@ -256,7 +283,7 @@ class Diagnosis(Result):
             for s in self.alternatives[1 : MAX_SETS + 1]
         ]
         more = len(self.alternatives) - 1 - len(others)
-        doubt = "; or ".join(text or "nothing else" for text in (first, *others))
+        doubt = "; or ".join(text or "no further cause" for text in (first, *others))
         return [*lines, f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}."]
 
     def _bias(self) -> list[str]:
@@ -332,10 +359,14 @@ class Diagnosis(Result):
     def _residual_table(self) -> Table:
         """Return rms before and after; in a consistent diagnosis there is one model only."""
         table = self.gain.table()
+        rows = list(table.rows)
+        if not self.gain.others:
+            noise = ("noise of one reading", None, significant(self.sigma), self.gain.unit)
+            rows.append(noise)
         if self.verdict != "consistent":
-            return table
-        rows = [(name, after, unit) for name, _, after, unit in table.rows]
-        return Table.of(table.title, ("", "model", "unit"), rows)
+            return Table.of(table.title, table.columns, rows)
+        once = [(name, after, unit) for name, _, after, unit in rows]
+        return Table.of(table.title, ("", "model", "unit"), once)
 
 
 def _shown_like(value: float, std: float | None) -> Cell:

@@ -429,13 +429,15 @@ def places(table: Any, rows: Sequence[int], most: int = 20) -> str:
     shown = list(rows[:most])
     more = f" and {len(rows) - most} more" if len(rows) > most else ""
     if not isinstance(table, Table) or table.origin is None:
-        return f"{_counted('row', shown)}{more}, counted from 0"
+        return f"{_counted('row', shown)}{more} (counted from 0)"
     found: dict[str, list[int]] = {}
     for row in shown:
         what, _, name = table.place(row).partition(" of ")
         found.setdefault(name, []).append(int(what.rpartition(" ")[2]))
     parts = [
-        f"{_counted('line', numbers)} of {name}" if name else _counted("row", numbers)
+        f"{_counted('line', numbers)} of {name}"
+        if name
+        else f"{_counted('row', numbers)} (counted from 0)"
         for name, numbers in found.items()
     ]
     return ", ".join(parts) + more

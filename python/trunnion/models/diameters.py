@@ -40,7 +40,7 @@ diameter_mm           nominal diameter, where the data have no such column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -319,7 +319,9 @@ class DiameterLaw:
 
     offset_um: Mapping[str, float]
     effects: Mapping[str, Mapping[str, float]]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]]
+    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(
+        repr=False, compare=False
+    )
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.

@@ -115,9 +115,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
     old = d.data[used]
     both = TouchDiagnosisModel(_joined(old, pool), model.setup, model.own_effects)
     is_old = np.arange(len(both.data)) < len(old)
-    sets = [
-        _hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MOST_SETS]
-    ]
+    sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
     if not sets:
         sets = [_hypothesis(model, both, d, used, {}, 0.0)]
     nuisance = both.jacobian(_values(d), {})

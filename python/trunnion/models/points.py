@@ -352,7 +352,7 @@ class ExtendedPoints:
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
-    source: PointsModel = field(repr=False)
+    source: PointsModel = field(repr=False, compare=False)
 
     def error_um(
         self,

@@ -391,7 +391,7 @@ class ExtendedSweep:
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
     effects: dict[str, dict[str, float]]
-    source: SweepModel = field(repr=False)
+    source: SweepModel = field(repr=False, compare=False)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

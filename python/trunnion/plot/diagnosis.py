@@ -59,9 +59,7 @@ def plot_residuals(
     kept = record.kept
     x, ticks = _positions(covariate)
     spread = np.ptp(x[kept]) or 1.0
-    limit = 1.15 * np.max(
-        np.abs(np.concatenate([record.before[kept], record.after[kept]]))
-    )
+    limit = 1.15 * np.max(np.abs(np.concatenate([record.before[kept], record.after[kept]])))
     limit = limit or 1.0
     few = len(np.unique(x)) < 0.5 * n
     series = [
