@@ -6,7 +6,7 @@ Records hold numbers, texts and arrays, never a model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -128,21 +128,13 @@ class Gain(Result):
         unit_index: Integers,
     ) -> Gain:
         """Return the gain from residuals, each (n,), the unit of each given by its index."""
-        gains = []
+        gains: list[Gain] = []
         for i, unit in enumerate(units):
             mine = unit_index == i
             if mine.any():
-                all_four = (before, after, heldout_before, heldout_after)
-                gains.append(cls(*(rms(r[mine]) for r in all_four), unit))
-        first, *others = gains
-        return cls(
-            first.rms_before_um,
-            first.rms_after_um,
-            first.heldout_rms_before_um,
-            first.heldout_rms_after_um,
-            first.unit,
-            tuple(others),
-        )
+                a, b, c, d = (rms(r[mine]) for r in (before, after, heldout_before, heldout_after))
+                gains.append(cls(a, b, c, d, unit))
+        return replace(gains[0], others=tuple(gains[1:]))
 
     def by_unit(self) -> dict[str, Gain]:
         """Return the gain of the readings of each unit."""

@@ -232,8 +232,8 @@ class Diagnosis(Result):
         match self.verdict:
             case "consistent":
                 lines = [
-                    f"Consistent: the model explains the data, the residual is noise of {self._noise()} "
-                    f"({chance(self.p_value)})."
+                    "Consistent: the model explains the data, the residual is noise of "
+                    f"{self._noise()} ({chance(self.p_value)})."
                 ]
             case "explained" if len(said) == 1:
                 lines = [f"Explained by one cause: {said[0]}."]

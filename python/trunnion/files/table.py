@@ -19,7 +19,7 @@ from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +34,11 @@ if TYPE_CHECKING:
 
 __all__ = ["ColumnMapping", "Origin", "Table", "places"]
 
+Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
+"""What chooses rows: a number, a slice, numbers, a mask."""
+
 MAX_HTML_ROWS = 12
+FROM_0 = " (counted from 0)"
 
 
 class ColumnMapping(Protocol):
@@ -67,14 +71,14 @@ class Origin:
         """Return the origin of some rows."""
         return Origin(self.files, self.file[index], self.line[index])
 
-    def place(self, row: int) -> str | None:
-        """Return "line 59 of touches.csv"; None for a row that was not read from a file."""
-        if self.file[row] < 0:
-            return None
-        path = self.files[self.file[row]]
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What messages call the files: without the folder where that is enough."""
         short = [Path(file).name for file in self.files]
-        name = path if short.count(Path(path).name) > 1 else Path(path).name
-        return f"line {self.line[row]} of {name}"
+        return tuple(
+            file if short.count(name) > 1 else name
+            for file, name in zip(self.files, short, strict=True)
+        )
 
     @classmethod
     def joined(cls, tables: "Sequence[Table]") -> "Origin | None":
@@ -233,8 +237,7 @@ class Table:
 
     def place(self, row: int) -> str:
         """Return where people find a row: "line 59 of touches.csv"; else "row 57" (from 0)."""
-        known = None if self._origin is None else self._origin.place(row)
-        return known or f"row {row}"
+        return places(self, [row]).removesuffix(FROM_0)
 
     # --- rows and columns
 
@@ -256,8 +259,8 @@ class Table:
     @overload
     def __getitem__(self, rows: str) -> NDArray[Any]: ...
     @overload
-    def __getitem__(self, rows: int | slice | ArrayLike) -> Self: ...
-    def __getitem__(self, rows: str | int | slice | ArrayLike) -> Self | NDArray[Any]:
+    def __getitem__(self, rows: Rows) -> Self: ...
+    def __getitem__(self, rows: str | Rows) -> Self | NDArray[Any]:
         """Return a column by name, or rows by number, slice, boolean mask or array of numbers."""
         if isinstance(rows, str):
             return self._named(rows)
@@ -426,20 +429,20 @@ class Table:
 
 def places(table: Any, rows: Sequence[int], most: int = 20) -> str:
     """Say where people find rows: "lines 59 and 142 of touches.csv", or the rows, from 0."""
-    shown = list(rows[:most])
-    more = f" and {len(rows) - most} more" if len(rows) > most else ""
-    if not isinstance(table, Table) or table.origin is None:
-        return f"{_counted('row', shown)}{more} (counted from 0)"
-    found: dict[str, list[int]] = {}
-    for row in shown:
-        what, _, name = table.place(row).partition(" of ")
-        found.setdefault(name, []).append(int(what.rpartition(" ")[2]))
+    origin = table.origin if isinstance(table, Table) else None
+    found: dict[int, list[int]] = {}
+    for row in rows[:most]:
+        file = -1 if origin is None else int(origin.file[row])
+        found.setdefault(file, []).append(
+            row if origin is None or file < 0 else int(origin.line[row])
+        )
     parts = [
-        f"{_counted('line', numbers)} of {name}"
-        if name
-        else f"{_counted('row', numbers)} (counted from 0)"
-        for name, numbers in found.items()
+        f"{_counted('row', numbers)}{FROM_0}"
+        if origin is None or file < 0
+        else f"{_counted('line', numbers)} of {origin.names[file]}"
+        for file, numbers in found.items()
     ]
+    more = f" and {len(rows) - most} more" if len(rows) > most else ""
     return ", ".join(parts) + more
 
 
