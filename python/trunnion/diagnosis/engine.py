@@ -506,8 +506,8 @@ def _rest(case: _Case, f: Fit) -> tuple[str | None, float]:
                 if p < REPEAT_LEVEL:
                     note = (
                         f"repeats agree to {np.sqrt(pure / dof_pure):.3g}, but the model misses "
-                        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; on no recorded "
-                        "quantity that was looked at does it depend"
+                        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
+                        "quantity explains it"
                     )
     sigma = case.model.readings.sigma
     if sigma is not None and note is None:
@@ -517,8 +517,8 @@ def _rest(case: _Case, f: Fit) -> tuple[str | None, float]:
         worst = min(worst, p / SCATTER_LEVEL)
         if p < SCATTER_LEVEL:
             note = (
-                f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise and depends on "
-                "no recorded quantity that was looked at"
+                f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise; no "
+                "recorded quantity explains it"
             )
     return note, worst
 
@@ -610,9 +610,9 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
 def _unexplained(e: _Explanation) -> str | None:
     if e.terms:
         (first, share), *others = e.terms
-        text = f"the rest depends on {first}: {100 * share:.0f} % of its variance"
+        text = f"the residual depends on {first}: {100 * share:.0f} % of its variance"
         if others:
-            text += "; as well explained by " + " or ".join(s for s, _ in others)
+            text += "; equally consistent with " + " or ".join(s for s, _ in others)
         return text
     return e.note
 
