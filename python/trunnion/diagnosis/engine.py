@@ -22,7 +22,15 @@ from scipy import special
 from trunnion.base.errors import DataError
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
+from trunnion.diagnosis.protocol import (
+    Array,
+    Effect,
+    IntArray,
+    Model,
+    Uncertainty,
+    Values,
+    lengths,
+)
 from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, units_of
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
@@ -563,7 +571,10 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     std, std_all = (_errors_std(model, of, variance) for of in (f, case.plain))
     names = [x.name for x in model.nuisance]
     gain = _gain(model, rows, plain, f, case.whiten)
-    one_unit = isinstance(model.readings.unit, str)
+    sigma = float(np.sqrt(variance))
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
     invisible = {ids[i] for i in e.candidates.invisible if i < len(ids)}
     said = invisible.union(f.effects, *(a.causes for a in alternatives))
     return Diagnosis(
@@ -584,12 +595,9 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
             },
             **{x: ABSORBED for x in ids if x in invisible},
         },
-        model=model.extended(f.nuisance, f.effects),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
         p_value=e.alarm,
-        # Where units are mixed the fit is in units of the noise of each reading.
-        sigma=float(np.sqrt(variance))
-        if one_unit
-        else gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1))),
+        sigma=sigma,
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
@@ -605,6 +613,18 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     known = model.location_errors(f.nuisance, f.effects)
     std = f.std() * np.sqrt(variance)
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
+
+
+def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
+    names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
+    std = f.std() * np.sqrt(variance)
+    return Uncertainty(
+        names,
+        dict(zip(names, map(float, std), strict=True)),
+        f.covariance * variance,
+        sigma,
+        f.dof,
+    )
 
 
 def _unexplained(e: _Explanation) -> str | None:

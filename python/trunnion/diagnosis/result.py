@@ -18,6 +18,7 @@ from trunnion.base.report import (
     class_named,
     measured,
     number,
+    plain,
     significant,
     structured,
 )
@@ -38,10 +39,12 @@ from trunnion.diagnosis.records import (
 from trunnion.diagnosis.score import score
 from trunnion.files.table import Table as DataTable
 from trunnion.files.table import places
+from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
 __all__ = ["Alternative", "Cause", "Diagnosis", "Gain", "Residuals", "Verdict"]
 
+UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
 MAX_SETS = 6  # in a sentence
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
@@ -182,7 +185,7 @@ class Diagnosis(Result):
         data, model = self.data, self.model
         return {
             **super().to_dict(),
-            "model": model.to_dict() if isinstance(model, Result) else None,
+            "model": plain(model),
             "data": data.described() if isinstance(data, DataTable) else None,
             "candidates": [getattr(c, "id", c) for c in self.candidates],
         }
@@ -193,25 +196,31 @@ class Diagnosis(Result):
         if not isinstance(values, Mapping):
             return super().from_dict(values)
         given = {**values, "candidates": ()}
-        if isinstance(values.get("model"), Mapping):
-            kind = class_named(str(values["model"].get("result")), Result)
-            given["model"] = kind.from_dict(values["model"])
         if isinstance(values.get("data"), Mapping):
             table = class_named(str(values["data"].get("data")), DataTable)
             given["data"] = table.from_description(values["data"])
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
         made = super().from_dict(given)
-        if made.model is not None or made.data is None:
-            return made
-        return replace(made, model=made._extended())
+        return replace(made, model=made._model(values.get("model")))
 
-    def _extended(self) -> Any:
-        """Return `model` made anew; None where a cause is an effect that JSON does not hold."""
+    def _model(self, stored: Any) -> Any:
+        """Return `model` from what JSON holds of it; what it does is code, made anew of the data.
+
+        None where there are no data, or a cause is an effect of the user's own.
+        """
+        if not isinstance(stored, Mapping) or "result" not in stored:
+            return stored
+        if self.data is None:
+            return None
         source = self.rebuilt_model()
         if not self.named <= {effect.id for effect in source.effects}:
             return None
-        return source.extended(np.array(list(self.nuisance_after.values())), self.effects)
+        made = source.extended(np.array(list(self.nuisance_after.values())), self.effects)
+        if not isinstance(made, Estimate):
+            return made
+        known = Estimate.from_dict({key: stored[key] for key in UNCERTAINTY if key in stored})
+        return replace(made, **{key: getattr(known, key) for key in UNCERTAINTY})
 
     # --- sentences
 

@@ -131,8 +131,14 @@ class Table:
         more = {self._column_name(name): values for name, values in more.items()}
         for name in more:
             if name in given:
-                raise InputError(f"{name}: got the column twice, wanted it once")
+                raise InputError(f"{name}: got the column twice, expected it once")
         given |= {name: values for name, values in more.items() if values is not None}
+        try:
+            self._fill(given)
+        except ColumnError as fault:
+            raise InputError(str(fault)) from None
+
+    def _fill(self, given: Mapping[str, Any]) -> None:
         made = {name: self._column(name, values) for name, values in given.items()}
         missing = [name for name in self.required() if name not in made]
         if missing:
@@ -140,7 +146,7 @@ class Table:
                 missing[0],
                 None,
                 f"no such column among {', '.join(given) or 'none'}",
-                f"the columns {self.wanted_columns()}",
+                f"the columns {self.expected_columns()}",
             )
         lengths = {name: len(values) for name, values in made.items()}
         length = next(iter(lengths.values()), 0)
@@ -160,6 +166,13 @@ class Table:
         kind = self.kinds.get(name)
         array = raw_array(values, name)
         return natural(array, name) if kind is None else kind.convert(array)
+
+    @classmethod
+    def checked(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
+        """Make a table as the constructor does; what is wrong is a `ColumnError`, with its row."""
+        table = cls.__new__(cls)
+        table._fill(columns)
+        return table
 
     @classmethod
     def _column_name(cls, keyword: str) -> str:
@@ -193,7 +206,7 @@ class Table:
         return [name for name, kind in cls.kinds.items() if kind.required]
 
     @classmethod
-    def wanted_columns(cls) -> str:
+    def expected_columns(cls) -> str:
         """Say what columns a table of the kind needs, for messages."""
         return ", ".join(cls.required()) + (f" and {cls.choice}" if cls.choice else "")
 
