@@ -7,99 +7,33 @@ fails here until it has an example below.
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 import pytest
 
 import trunnion as tn
 from result_contract import check_result
+from result_examples import EXAMPLES, diagnosis_of, with_outliers
 from trunnion.base.report import Result
-from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
-from trunnion.models.kinds import Kind, kinds
-
-SAMPLES = {
-    "touches": ("cross/touches.csv", "cross/setup.toml"),
-    "points": ("plate/first.csv", None),
-    "sweep": ("axis/sweep.csv", None),
-    "diameters": ("turning/diameters.csv", "turning/setup.toml"),
-    "ballbar": ("ballbar/circle.csv", None),
-    "axislog": ("contour/axislog.csv", "contour/setup.toml"),
-}
-
-
-def data_of(kind: Kind) -> Any:
-    return kind.read(tn.sample_path(SAMPLES[kind.name][0]))
-
-
-@cache
-def diagnosis_of(name: str) -> Diagnosis:
-    kind = next(kind for kind in kinds() if kind.name == name)
-    data, setup = data_of(kind), SAMPLES[name][1]
-    if name == "axislog":
-        data = data[:: max(1, len(data) // 400)]
-    return tn.diagnose(data, tn.read_setup(tn.sample_path(setup)) if setup else None)
-
-
-@cache
-def with_outliers() -> Diagnosis:
-    """Ambiguous, with rows that were left out."""
-    return tn.diagnose(
-        tn.read_touches(tn.sample_path("hidden/touches.csv")),
-        tn.read_setup(tn.sample_path("hidden/setup.toml")),
-    )
-
-
-EXAMPLES: dict[str, Callable[[], Any]] = {
-    **{f"data {kind.name}": partial(data_of, kind) for kind in kinds()},
-    **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
-    "diagnosis with outliers": with_outliers,
-    "Cause": lambda: with_outliers().causes[0],
-    "Alternative": lambda: with_outliers().evidence[1],
-    "Gain": lambda: with_outliers().gain,
-    "Residuals": lambda: with_outliers().residuals,
-}
+from trunnion.models.kinds import kinds
 
 OWED = {
     # public name: who turns it into a Result
     "CncParameters": "estimate",
-    "ClosedFormResult": "estimate",
     "Comparison": "estimate",
     "ErrorMap": "estimate",
-    "IdentificationResult": "estimate",
-    "Observability": "estimate",
     "VolumetricError": "estimate",
     "compensation.PoseField": "estimate",
     "compensation.PrintedZeros": "estimate",
     "compensation.Removable": "estimate",
     "compensation.ResidualInterval": "estimate",
     "Circle": "models",
-    "DiameterLaw": "models",
-    "ExtendedPoints": "models",
-    "ExtendedServo": "models",
-    "ExtendedSweep": "models",
     "NextPass": "models",
     "Prospect": "models",
     "RepeatablePart": "models",
-    "contouring.Comparison": "studies",
-    "contouring.ContourRun": "studies",
-    "contouring.ContourSweep": "studies",
-    "contouring.Margins": "studies",
-    "hybrid.BallbarIdentification": "studies",
-    "hybrid.ClosureDependence": "studies",
-    "hybrid.Constraint": "studies",
-    "hybrid.CubeChange": "studies",
-    "hybrid.CubeStudy": "studies",
-    "hybrid.Forward": "studies",
-    "hybrid.Identifiability": "studies",
-    "hybrid.Sensitivity": "studies",
-    "turning.Correction": "studies",
-    "turning.Crossing": "studies",
-    "turning.ProbePath": "studies",
 }
 
 NOT_RESULTS = {
@@ -110,7 +44,7 @@ NOT_RESULTS = {
     *("compensation.MachineErrors", "compensation.MotionPose", "compensation.AxisCommands"),
     *("contouring.Coupling", "contouring.Feed", "contouring.LinearAxis", "contouring.Path"),
     *("contouring.RotaryAxis", "contouring.Servo", "hybrid.Mechanism", "nc.Moves", "nc.Program"),
-    *("turning.Corner", "turning.Finishing", "turning.Gauge", "turning.Interval"),
+    *("turning.Corner", "turning.Gauge"),
     *("turning.Profile", "turning.TurningProbe"),
     *("studies.Block", "studies.FunctionStudy", "studies.Output", "studies.Parameter"),
     *("studies.Seeds", "studies.Study"),

@@ -18,7 +18,8 @@ from numbers import Real
 from os import PathLike
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, get_args
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
@@ -195,7 +196,24 @@ def _converter() -> Converter:
     converter.register_structure_hook_func(
         lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
     )
+    converter.register_structure_hook_func(
+        lambda kind: sum(map(is_dataclass, _options(kind))) > 1,
+        lambda value, kind: converter.structure(value, _fitting(value, kind)),
+    )
     return converter
+
+
+def _options(kind: Any) -> tuple[Any, ...]:
+    """Return the types of a union; none for any other type."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else ()
+
+
+def _fitting(value: Any, kind: Any) -> Any:
+    """Return the dataclass of a union whose fields the values have."""
+    for option in filter(is_dataclass, _options(kind)):
+        if isinstance(value, Mapping) and set(value) == {field.name for field in fields(option)}:
+            return option
+    raise InputError(f"got {value!r:.60}, expected the fields of one of {kind}")
 
 
 def _array(value: Any, kind: Any) -> Any:
@@ -318,7 +336,8 @@ class Result:
 
     A subclass is a frozen dataclass (``@dataclass(frozen=True, eq=False, repr=False)``) of data.
     It gives `sentences` and `tables`; the rest follows. `to_dict` holds every field and, as
-    `"result"`, the name of the class; what a class derives from its fields and a reader of the
+    `"result"`, the name of the class; a field with ``compare=False`` is code (a function, a model):
+    it is neither compared nor stored. What a class derives from its fields and a reader of the
     JSON wants, it adds by overriding `derived`.
     """
 
@@ -345,7 +364,7 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain Python values; numbers that are not finite as text ("inf")."""
-        found = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
+        found = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.compare}
         return {
             "result": type(self).__name__,
             **found,

@@ -44,7 +44,7 @@ from trunnion.diagnosis.protocol import (
     lengths,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, Travel, angular, bow
 from trunnion.models.candidates import (
     effect_of_columns,
@@ -381,7 +381,7 @@ class ExtendedPoints(Estimate):
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
-    source: PointsModel = field(metadata=CODE)
+    source: PointsModel = field(compare=False, repr=False)
 
     def error_um(
         self,

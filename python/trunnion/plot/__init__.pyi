@@ -9,8 +9,8 @@ from .diagnosis import diagnosis_figures as diagnosis_figures
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
-from .hybrid import plot_ballbar_residuals as plot_ballbar_residuals
 from .dispatch import pictures as pictures
+from .hybrid import plot_ballbar_residuals as plot_ballbar_residuals
 from .hybrid import plot_ballbar_view as plot_ballbar_view
 from .hybrid import plot_cube as plot_cube
 from .hybrid import plot_cubes as plot_cubes
