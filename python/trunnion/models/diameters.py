@@ -62,7 +62,7 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     as_effect,
 )
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 from trunnion.setup.fields import Number, Part, Section, key
@@ -306,7 +306,9 @@ class DiameterLaw(Estimate):
     """
 
     offset_um: Mapping[str, float]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(metadata=CODE)
+    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(
+        compare=False, repr=False
+    )
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.

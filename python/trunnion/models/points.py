@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, permutations
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy import special
@@ -44,7 +44,7 @@ from trunnion.diagnosis.protocol import (
     lengths,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, Travel, angular, bow
 from trunnion.models.candidates import (
     effect_of_columns,
@@ -381,7 +381,7 @@ class ExtendedPoints(Estimate):
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
-    source: PointsModel = field(metadata=CODE)
+    source: PointsModel = field(compare=False, repr=False)
 
     def error_um(
         self,
@@ -907,9 +907,10 @@ def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     InputError
         ``d`` is not of points, or fewer than ten features are in both.
     """
-    model, extended = d.source, d.model
-    if not isinstance(model, PointsModel) or not isinstance(extended, ExtendedPoints):
-        raise InputError("repeatable_part: got a diagnosis of other data, wanted one of points")
+    extended = d.model
+    if not isinstance(d.data, Points) or not isinstance(extended, ExtendedPoints):
+        raise InputError("repeatable_part: got a diagnosis of other data, expected one of points")
+    model = cast(PointsModel, d.rebuilt_model())
     again = model.bind(other)
     first: dict[tuple[int, ...], int] = {}
     for i, k in enumerate(map(tuple, _rounded(model.data.nominal_mm).tolist())):

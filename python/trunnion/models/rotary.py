@@ -42,7 +42,7 @@ from trunnion.diagnosis.protocol import (
     Uncertainty,
     Values,
 )
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import for_compensation, own_effects
 
 __all__ = ["Circle", "ExtendedSweep", "SweepModel", "circles"]
@@ -398,7 +398,7 @@ class ExtendedSweep(Estimate):
     frame: Array
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    source: SweepModel = field(metadata=CODE)
+    source: SweepModel = field(compare=False, repr=False)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

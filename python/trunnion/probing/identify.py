@@ -112,7 +112,7 @@ def identify(
         covariance=found.covariance,
         residuals_um=found.residuals_um,
         sigma_um=found.sigma_um,
-        degrees_of_freedom=found.degrees_of_freedom,
+        degrees_of_freedom=float(found.degrees_of_freedom),
         converged=found.converged,
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         at_bound=_at_end_of_search(model, data, values[:built_in]),
