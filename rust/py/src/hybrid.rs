@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
+use trunnion_core::hybrid::Geometry;
 use trunnion_core::hybrid::batch::{self, Batch, FORWARD_COLUMNS, SENSITIVITY_ROWS};
 use trunnion_core::hybrid::constraint::{LOOP_EQUATIONS, LOOP_JOINTS, loop_jacobian};
-use trunnion_core::hybrid::mechanism::Geometry;
 use trunnion_core::hybrid::{ACTIVE, Closure, Constraint, ERRORS, Mechanism, Parameter};
 use trunnion_core::{Error, Result};
 

@@ -12,7 +12,8 @@ use trunnion_core::turning::correction::{
 use trunnion_core::turning::diameter::{Cause, Cut};
 use trunnion_core::turning::finishing::{FinishOptions, finishing};
 use trunnion_core::turning::geometry::{Element, Gap};
-use trunnion_core::turning::probe_path::{PathOptions, ProbePath, ProgramOptions, probe_path};
+use trunnion_core::turning::probe_path::{PathOptions, ProbePath, probe_path};
+use trunnion_core::turning::probe_program::ProgramOptions;
 use trunnion_core::turning::profile::{Corner, Follows, Profile, Vertex};
 use trunnion_core::units::{ARCSEC, DEG, MINUTE, UM};
 

@@ -6,9 +6,10 @@ use rayon::prelude::*;
 
 use super::ballbar;
 use super::closure::Closure;
-use super::inverse::ToolPose;
-use super::mechanism::{Geometry, Mechanism, Parameter};
-use super::posture::{ACTIVE, PASSIVE};
+use super::geometry::Geometry;
+use super::mechanism::Mechanism;
+use super::parameter::{ACTIVE, PASSIVE, Parameter};
+use super::posture::ToolPose;
 use super::solution::Solution;
 use crate::units::{ARCSEC, DEG, UM};
 use crate::{Error, Result};

@@ -9,7 +9,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::posture::{PASSIVE, Posture, Reach, Twist};
+use super::parameter::PASSIVE;
+use super::posture::{Posture, Reach, Twist};
 use crate::{Error, Result};
 
 /// Number of equations.

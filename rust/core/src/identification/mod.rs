@@ -2,3 +2,6 @@
 
 pub mod closed_form;
 pub mod least_squares;
+mod options;
+mod system;
+mod workspace;

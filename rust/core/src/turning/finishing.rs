@@ -1,7 +1,7 @@
 //! From a profile to the program that finishes it.
 
 use super::geometry::{Element, Gap, NOTHING_MM, Point, minus, norm};
-use super::probe_path::Writer;
+use super::probe_program::Writer;
 use super::profile::{Follows, Profile};
 use crate::nc::{Dialect, Program, Word};
 use crate::{Error, Result};

@@ -5,15 +5,15 @@
 //! artefact, which sits at T_A Rx(a) T_C Rz(c) T_S. One touch is one reading: s at contact. With
 //! F(s, θ) = distance − radius, ds/dθ = −(∂F/∂θ) / (∂F/∂s): exact, on faces, edges and corners.
 
-use nalgebra::{Matrix3, Vector3};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64;
+mod evaluator;
+mod simulation;
 
-use crate::artefact::{Artefact, Contact, Line, Search, Solid};
+pub use evaluator::Walk;
+pub use simulation::Simulation;
+
+use crate::artefact::Artefact;
 use crate::effects::{Circumstances, Effect, Kind, Need, Rate};
-use crate::machine::places::COUNT;
-use crate::machine::posture::linear;
-use crate::machine::{Component, Frames, LocationError, Machine, Place, Places, Posture, Side};
+use crate::machine::{Component, LocationError, Machine, Place, Places};
 use crate::moves::Moves;
 use crate::probe::Probe;
 use crate::units::Unit;
@@ -211,14 +211,7 @@ impl TouchModel {
     /// A walk over the rows of `moves` at these parameter values.
     #[must_use]
     pub fn walk<'a>(&'a self, moves: &Moves<'a>, values: &'a [f64]) -> Walk<'a> {
-        Walk {
-            model: self,
-            moves: *moves,
-            values,
-            constant: self.constant_places(values),
-            stand: None,
-            rates: Vec::new(),
-        }
+        Walk::new(self, moves, values)
     }
 
     /// Readings along the recorded lines: predicted minus recorded coordinate along the approach,
@@ -273,238 +266,13 @@ impl TouchModel {
     }
 }
 
-/// Goes through touches row by row and keeps what rows share while the axes stand still.
-pub struct Walk<'a> {
-    model: &'a TouchModel,
-    moves: Moves<'a>,
-    values: &'a [f64],
-    constant: Places,
-    stand: Option<Stand>,
-    rates: Vec<Rate>,
-}
-
-/// Machine and artefact at one set of axis positions and amounts at the places.
-struct Stand {
-    positions: [f64; crate::machine::MAX_ROTARY],
-    places: Places,
-    frames: Frames,
-    posture: Posture,
-    solid: Solid,
-    /// artefact_from_recorded: Rᵀ (I + Λ), and where the origin goes.
-    gain: Matrix3<f64>,
-    shift: Vector3<f64>,
-    /// Effective radius of the ball.
-    radius: f64,
-}
-
-impl Stand {
-    fn new(model: &TouchModel, positions: &[f64], places: &Places, frames: Frames) -> Self {
-        let posture = Posture::with_frames(&model.machine, positions, &frames);
-        let mut kept = [0.0; crate::machine::MAX_ROTARY];
-        kept[..positions.len()].copy_from_slice(positions);
-        let origin = posture.actual(&Vector3::zeros(), places);
-        Self {
-            positions: kept,
-            places: *places,
-            frames,
-            solid: model.artefact.solid(places),
-            gain: posture.artefact.rotation.tr_mul(&(Matrix3::identity() + linear(places))),
-            shift: posture.artefact.undo(&origin),
-            radius: model.probe.ball_radius + places.at(Place::RADIUS),
-            posture,
-        }
-    }
-
-    /// The move of the ball's true centre as the artefact sees it.
-    fn line(&self, point: &Vector3<f64>, direction: &Vector3<f64>) -> Line {
-        Line { origin: self.gain * point + self.shift, direction: self.gain * direction }
-    }
-}
-
-impl Walk<'_> {
-    /// Brings the stand to a row, computing only what changed.
-    fn stand(&mut self, row: usize, with_rates: bool) -> Option<&Stand> {
-        let model = self.model;
-        let axes = model.machine.rotary().len();
-        let positions = &self.moves.rotary[axes * row..axes * (row + 1)];
-        let places = if model.effects.is_empty() {
-            None
-        } else {
-            Some(self.act(row, positions, with_rates))
-        };
-        let stands = self.stand.as_ref().is_some_and(|stand| {
-            stand.positions[..axes] == *positions
-                && places.as_ref().is_none_or(|places| stand.places == *places)
-        });
-        if !stands {
-            let places = places.as_ref().unwrap_or(&self.constant);
-            let frames = match &self.stand {
-                Some(stand) if model.effects.is_empty() => stand.frames,
-                _ => Frames::new(places),
-            };
-            self.stand = Some(Stand::new(model, positions, places, frames));
-        }
-        self.stand.as_ref()
-    }
-
-    /// The amounts at all places in a row; their rates by the effects' parameters go to `rates`.
-    fn act(&mut self, row: usize, positions: &[f64], with_rates: bool) -> Places {
-        let axes = positions.len();
-        let none = [0.0; crate::machine::MAX_ROTARY];
-        let circumstances = Circumstances {
-            rotary: positions,
-            sense: match self.moves.sense {
-                Some(sense) => &sense[axes * row..axes * (row + 1)],
-                None => &none[..axes],
-            },
-            direction: Moves::vector(self.moves.direction, row),
-            feed: self.moves.feed.map_or(0.0, |feed| feed[row]),
-            time: self.moves.time.map_or(0.0, |time| time[row]),
-        };
-        let mut places = self.constant;
-        self.rates.clear();
-        let rates = with_rates.then_some(&mut self.rates);
-        self.model.add_effects(&circumstances, self.values, &mut places, rates);
-        places
-    }
-
-    /// First contact of a row's move, travel counted from its point, without the delay of the
-    /// trigger.
-    pub fn contact(&mut self, row: usize, search: Search) -> Option<Contact> {
-        let point = Moves::vector(self.moves.point, row);
-        let direction = Moves::vector(self.moves.direction, row);
-        let stand = self.stand(row, false)?;
-        stand.solid.first_contact(&stand.line(&point, &direction), stand.radius, search)
-    }
-
-    /// Predicted minus recorded coordinate along the approach, mm.
-    pub fn deviation(&mut self, row: usize) -> Option<f64> {
-        let contact = self.contact(row, Search::Nearest)?;
-        Some(contact.travel + self.model.probe.mean_delay())
-    }
-
-    /// The deviation of a row and its derivative with respect to every parameter.
-    pub fn gradient(&mut self, row: usize, gradient: &mut [f64]) -> Option<f64> {
-        let model = self.model;
-        let point = Moves::vector(self.moves.point, row);
-        let direction = Moves::vector(self.moves.direction, row);
-        let stand = self.stand(row, true)?;
-        let line = stand.line(&point, &direction);
-        let contact = stand.solid.first_contact(&line, stand.radius, Search::Nearest)?;
-        let recorded = point + direction * contact.travel;
-        let by_place = by_place(&model.machine, stand, &contact, &recorded, &line.direction);
-        gradient.fill(0.0);
-        for &(parameter, place, factor) in &model.constant {
-            gradient[parameter] += factor * by_place[place.index()];
-        }
-        for rate in &self.rates {
-            gradient[rate.parameter] += rate.rate * by_place[rate.place.index()];
-        }
-        Some(contact.travel + model.probe.mean_delay())
-    }
-}
-
-/// d travel / d amount, for every place: minus the rate of the distance from ball to artefact over
-/// its rate by travel. All rates are linear in the normal, so that it is scaled once.
-fn by_place(
-    machine: &Machine,
-    stand: &Stand,
-    contact: &Contact,
-    recorded: &Vector3<f64>,
-    line_direction: &Vector3<f64>,
-) -> [f64; COUNT] {
-    use crate::pose::Direction;
-    let Stand { posture, places, .. } = stand;
-    let scale = -1.0 / contact.normal.dot(line_direction);
-    let normal = posture.artefact.rotation * contact.normal * scale;
-    let centre = posture.actual(recorded, places);
-    let mut rates = [0.0; COUNT];
-    for (axis, rotary) in machine.rotary().iter().enumerate() {
-        let joint = &posture.joints[axis];
-        // The table moves the artefact, a head moves the ball.
-        let (sign, values) = match rotary.side {
-            Side::Workpiece => (-1.0, joint.rates(&centre, &normal)),
-            Side::Tool => (1.0, joint.rates(&posture.tool, &normal)),
-        };
-        for (component, value) in Component::ALL.into_iter().zip(values) {
-            rates[Place::frame(axis, component).index()] = sign * value;
-        }
-        rates[Place::turn(axis).index()] = sign * values[6];
-    }
-    let placement = posture.placement.rates(&centre, &normal);
-    for (component, value) in Component::ALL.into_iter().zip(placement) {
-        rates[Place::placement(component).index()] = -value;
-    }
-    for row in Direction::ALL {
-        for column in Direction::ALL {
-            let rate = normal[row.index()] * recorded[column.index()];
-            rates[Place::linear(row, column).index()] = rate;
-        }
-        rates[Place::offset(row).index()] = normal[row.index()];
-    }
-    rates[Place::RADIUS.index()] = -scale;
-    for (place, rate) in [Place::LENGTH, Place::WIDTH, Place::HEIGHT, Place::SQUARENESS]
-        .into_iter()
-        .zip(contact.shape_rates)
-    {
-        rates[place.index()] = rate * scale;
-    }
-    rates
-}
-
-/// How a plan is simulated.
-#[derive(Clone, Copy, Debug)]
-pub struct Simulation {
-    /// What the rows' points are: starts of moves, or touches recorded before.
-    pub search: Search,
-    /// Longest travel of a move, mm.
-    pub reach: f64,
-    /// Standard deviation of the probe's repeatability, mm.
-    pub noise: f64,
-    /// Seed; the noise of sample number `sample` does not depend on any other sample.
-    pub seed: u64,
-}
-
-impl TouchModel {
-    /// Travel at the trigger for every row: contact plus noise, then the next tick.
-    ///
-    /// `values` are the true parameters; `sample` numbers independent measurements of one seed.
-    ///
-    /// # Errors
-    /// A move that does not touch the artefact within its reach, or starts inside it.
-    pub fn simulate(
-        &self,
-        moves: &Moves,
-        values: &[f64],
-        simulation: &Simulation,
-        sample: u64,
-        travel: &mut [f64],
-    ) -> Result<()> {
-        let mut walk = self.walk(moves, values);
-        let mut random = Pcg64::new(u128::from(simulation.seed), u128::from(sample));
-        for (row, slot) in travel.iter_mut().enumerate() {
-            let contact = walk.contact(row, simulation.search);
-            let reached = contact.filter(|contact| contact.travel.abs() <= simulation.reach);
-            let contact = reached.ok_or_else(|| {
-                let problem = match contact {
-                    Some(contact) => format!("touches only after {:.3} mm", contact.travel),
-                    None => "does not touch the artefact, or starts inside it".to_owned(),
-                };
-                let wanted = format!("a touch within {} mm", simulation.reach);
-                Error::Data(format!("move in row {row} {problem}; wanted {wanted}"))
-            })?;
-            let noise: f64 =
-                if simulation.noise > 0.0 { StandardNormal.sample(&mut random) } else { 0.0 };
-            *slot = self.probe.trigger(contact.travel + simulation.noise * noise);
-        }
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
+
     use crate::effects::catalogue;
+    use crate::machine::Posture;
     use crate::units::{ARCSEC, UM};
 
     /// Central differences of the whole model against the exact gradient, every effect at once.
