@@ -10,6 +10,7 @@ use trunnion_core::contouring::{
     Axis, Case, Coupling, Feed, Feedback, Gains, Machine, Order, OrientationModel, Path, Piece,
     PositionModel, Reference, Simulation, sweep,
 };
+use trunnion_core::units::MM_PER_MIN;
 
 /// Eq. (8) of the paper with the tool along the normal of its surface.
 fn path() -> Path {
@@ -43,7 +44,13 @@ fn coupling() -> Coupling {
 fn bench(criterion: &mut Criterion) {
     let path = path();
     let machine = Machine::nominal();
-    let feed = Feed::from_face(1000.0, 0.15, false, f64::INFINITY, 0.0);
+    let feed = Feed {
+        feed: 1000.0 * MM_PER_MIN,
+        acceleration_time: 0.15,
+        decelerate: false,
+        normal_acceleration: f64::INFINITY,
+        dwell: 0.0,
+    };
     let reference = Reference::new(&path, feed, 1e-3, &machine).unwrap();
     let axes = [Axis::linear(81.0, 5.7e-3); 5];
     let simulation = Simulation {

@@ -73,7 +73,7 @@ impl Owner {
 pub struct Parameter {
     /// Name with its unit, as in the contract: `b_um`.
     pub name: &'static str,
-    /// Unit at the face.
+    /// Unit that its name counts in.
     pub unit: Unit,
     /// How an estimate of it is found.
     pub kind: Kind,

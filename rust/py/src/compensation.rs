@@ -17,6 +17,7 @@ use trunnion_core::{Error, Result};
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
+use crate::user_units::location_errors;
 
 /// A machine with location errors, placement of the work and effects of the machine.
 #[pyclass(frozen, module = "trunnion._core")]
@@ -38,12 +39,17 @@ fn model(
     let ids: Vec<String> = effects.iter().map(|(id, _)| id.clone()).collect();
     let chosen = effects::select(&catalogue, &ids)?;
     let mut model = Model::nominal(machine);
-    for (name, value) in errors {
-        model.add_error(name, *value)?;
+    for (error, amount) in location_errors(model.machine(), errors)? {
+        model.add_error(&error, amount)?;
     }
-    model.set_placement(placement)?;
+    let [x, y, z, a, b, c] = *placement;
+    model.set_placement(&[x * UM, y * UM, z * UM, a * ARCSEC, b * ARCSEC, c * ARCSEC])?;
     for (effect, (_, values)) in chosen.into_iter().zip(effects) {
-        model.add_effect(effect, values)?;
+        let factors = effect.parameters.iter().map(|p| p.unit.to_internal());
+        // Another number of values than parameters is refused below.
+        let values: Vec<f64> =
+            values.iter().zip(factors.chain(std::iter::repeat(1.0))).map(|(v, f)| v * f).collect();
+        model.add_effect(effect, &values)?;
     }
     Ok(model)
 }
@@ -128,7 +134,7 @@ impl MachineModel {
         Ok((matrix(py, fields, 12)?, array(py, directions)))
     }
 
-    /// Derivatives of the fields with respect to `parameters`, (m, 12 p), µm per face unit.
+    /// Derivatives of the fields with respect to `parameters`, (m, 12 p), µm per user unit.
     fn truth_rates<'py>(
         &self,
         py: Python<'py>,

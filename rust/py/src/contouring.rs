@@ -1,20 +1,23 @@
 //! Five-axis contouring (paper 003).
 
-use std::str::FromStr;
-
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
-use trunnion_core::contouring::face::{FIGURES, Trace, response};
 use trunnion_core::contouring::margins::{axis_margins, coupled_gain_margin, pole_radius};
 use trunnion_core::contouring::{
-    AXIS_FIELDS, Axis, Case, Coupling, Feed, Feedback, Gains, Machine, Order, OrientationModel,
-    Path, Piece, PositionModel, Reference, Simulation, sweep,
+    Axis, Case, Coupling, Feedback, Gains, Machine, Order, OrientationModel, Path, Piece,
+    PositionModel, Reference, Simulation, response, samples, sweep,
 };
+use trunnion_core::machine;
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::{IntoPy, to_py};
+use crate::names::choice;
+use crate::user_units::contouring::{
+    AXIS_FIELDS, FIGURES, axis, columns, feed, figures, position_unit,
+};
+use crate::user_units::places;
 
 /// Location errors by ISO name, µm and arcsec.
 type Errors = Vec<(String, f64)>;
@@ -102,15 +105,15 @@ impl ContourPath {
 }
 
 fn machine(errors: &Errors) -> PyResult<Machine> {
-    Machine::with_errors(errors.iter().map(|(name, value)| (name.as_str(), *value))).into_py()
+    // The length of a tool matters to a head only.
+    let chain = machine::Machine::preset("trt-ca", 1.0).into_py()?;
+    let places = places(&chain, errors).into_py()?;
+    Machine::new(&chain, &places).into_py()
 }
 
-fn feed(args: FeedArgs) -> Feed {
-    Feed::from_face(args.0, args.1, args.2, args.3, args.4)
-}
-
-fn parse<T: FromStr<Err = Error>>(name: &str) -> PyResult<T> {
-    name.parse().into_py()
+fn feedback(name: &str) -> PyResult<Feedback> {
+    let choices = [("motor", Feedback::Motor), ("load", Feedback::Load)];
+    choice("feedback", name, &choices).into_py()
 }
 
 fn gains(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[Gains; 5]> {
@@ -127,20 +130,29 @@ fn gains(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[Gains; 5]> {
 }
 
 fn coupling(args: &CouplingArgs<'_>) -> PyResult<Coupling> {
+    let positions = [("circle", PositionModel::Circle), ("tangent", PositionModel::Tangent)];
+    let orientations =
+        [("proposed", OrientationModel::Proposed), ("tangent", OrientationModel::Tangent)];
+    let orders = [
+        ("controller_last", Order::ControllerLast),
+        ("jacobian_last", Order::JacobianLast),
+        ("as_printed", Order::AsPrinted),
+    ];
+    let order = "order of controller and inverse Jacobian";
     Ok(Coupling {
-        position: parse::<PositionModel>(&args.0)?,
-        orientation: parse::<OrientationModel>(&args.1)?,
+        position: choice("contour-error model", &args.0, &positions).into_py()?,
+        orientation: choice("orientation-error model", &args.1, &orientations).into_py()?,
         gains: gains(&args.2)?,
-        order: parse::<Order>(&args.3)?,
+        order: choice(order, &args.3, &orders).into_py()?,
     })
 }
 
-/// Five axes from five rows in the face's units.
+/// Five axes from five rows.
 fn axes(values: &[f64]) -> [Axis; 5] {
     [0, 1, 2, 3, 4].map(|i| {
         let mut row = [0.0; AXIS_FIELDS];
         row.copy_from_slice(&values[AXIS_FIELDS * i..AXIS_FIELDS * (i + 1)]);
-        Axis::from_face(&row, i >= 3)
+        axis(&row, i >= 3)
     })
 }
 
@@ -169,44 +181,27 @@ pub fn contour_simulate<'py>(
     real: Errors,
 ) -> PyResult<Bound<'py, PyDict>> {
     let axes = five_axes(&axes, 1)?[0];
-    let feedback = parse::<Feedback>(feedback)?;
+    let feedback = self::feedback(feedback)?;
     let coupling = coupling_args.as_ref().map(coupling).transpose()?;
     let (believed, real) = (machine(&believed)?, machine(&real)?);
     let (path, feed) = (&path.0, feed(feed_args));
-    let (trace, diverged) = py
+    let (columns, diverged) = py
         .detach(|| {
             let reference = Reference::new(path, feed, period_s, &believed)?;
             let simulation =
                 Simulation { reference: &reference, axes, feedback, coupling, machine: &believed };
             let run = simulation.run()?;
-            let trace = Trace::new(path, &reference, &believed, &real, &run);
-            Ok((trace, run.diverged))
+            let samples = samples(path, &reference, &believed, &real, &run.axes);
+            Ok((columns(path, &reference, &run, samples), run.diverged))
         })
         .into_py()?;
     let out = PyDict::new(py);
     out.set_item("diverged", diverged)?;
-    for (name, values, columns) in [
-        ("point_mm", trace.point_mm, 3),
-        ("reference", trace.reference, 5),
-        ("commanded", trace.commanded, 5),
-        ("actual", trace.actual, 5),
-        ("tip_mm", trace.tip_mm, 3),
-        ("contour_vector_um", trace.contour_vector_um, 3),
-    ] {
-        out.set_item(name, matrix(py, values, columns)?)?;
-    }
-    for (name, values) in [
-        ("u", trace.u),
-        ("foot_u", trace.foot_u),
-        ("contour_um", trace.contour_um),
-        ("orientation_arcsec", trace.orientation_arcsec),
-        ("following_um", trace.following_um),
-        ("circle_um", trace.circle_um),
-        ("tangent_um", trace.tangent_um),
-        ("proposed_arcsec", trace.proposed_arcsec),
-        ("tangent_arcsec", trace.tangent_arcsec),
-    ] {
-        out.set_item(name, array(py, values))?;
+    for (name, width, values) in columns {
+        match width {
+            1 => out.set_item(name, array(py, values))?,
+            _ => out.set_item(name, matrix(py, values, width)?)?,
+        }
     }
     Ok(out)
 }
@@ -228,7 +223,7 @@ pub fn contour_sweep<'py>(
     real: Errors,
 ) -> PyResult<(Vec<&'static str>, Bound<'py, PyArray2<f64>>)> {
     let axes = five_axes(&axes, path_index.len())?;
-    let feedback = parse::<Feedback>(feedback)?;
+    let feedback = self::feedback(feedback)?;
     let couplings = couplings
         .iter()
         .map(|args| args.as_ref().map(coupling).transpose())
@@ -257,8 +252,8 @@ pub fn contour_sweep<'py>(
         })
         .collect::<PyResult<Vec<_>>>()?;
     let paths: Vec<Path> = paths.iter().map(|path| path.0.clone()).collect();
-    let figures = py.detach(|| sweep(&paths, &cases, &believed, &real)).into_py()?;
-    let values: Vec<f64> = figures.iter().flat_map(|f| f.row()).collect();
+    let found = py.detach(|| sweep(&paths, &cases, &believed, &real)).into_py()?;
+    let values: Vec<f64> = found.iter().flat_map(figures).collect();
     Ok((FIGURES.to_vec(), matrix(py, values, FIGURES.len())?))
 }
 
@@ -328,9 +323,11 @@ pub fn contour_axis_response<'py>(
         return Err(to_py(&Error::input("axis", values.len(), wanted)));
     }
     row.copy_from_slice(&values);
-    let axis = Axis::from_face(&row, !matches!(letter, 'X' | 'Y' | 'Z'));
-    let feedback = parse::<Feedback>(feedback)?;
-    let command = vector(&command);
-    let out = py.detach(|| response(&axis, letter, period_s, feedback, &command)).into_py()?;
+    let unit = position_unit(letter);
+    let axis = self::axis(&row, !matches!(letter, 'X' | 'Y' | 'Z'));
+    let feedback = self::feedback(feedback)?;
+    let command: Vec<f64> = vector(&command).into_iter().map(|position| position * unit).collect();
+    let mut out = py.detach(|| response(&axis, letter, period_s, feedback, &command)).into_py()?;
+    out.iter_mut().for_each(|position| *position /= unit);
     Ok(array(py, out))
 }

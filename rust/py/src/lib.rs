@@ -11,11 +11,13 @@ mod contouring;
 mod errors;
 mod hybrid;
 mod machine;
+mod names;
 mod nc;
 mod plan;
 mod threads;
 mod touch;
 mod turning;
+mod user_units;
 
 use pyo3::prelude::*;
 

@@ -12,6 +12,7 @@ use trunnion_core::{Error, Result};
 
 use crate::arrays::{matrix, rows, vector};
 use crate::errors::IntoPy;
+use crate::user_units::places;
 
 /// Poses that one thread takes at a time.
 const CHUNK: usize = 8192;
@@ -21,19 +22,6 @@ const CHUNK: usize = 8192;
 pub struct Machine {
     pub inner: machine::Machine,
     places: Places,
-}
-
-/// Named location errors, µm and arcsec, as amounts at places.
-fn places(machine: &machine::Machine, errors: &[(String, f64)]) -> Result<Places> {
-    let mut places = Places::default();
-    for (name, value) in errors {
-        let error = machine.location_error(name)?;
-        if !value.is_finite() {
-            return Err(Error::input(name.as_str(), value, "a finite number"));
-        }
-        machine.add_location_error(&mut places, &error, value * error.unit().to_internal());
-    }
-    Ok(places)
 }
 
 fn positions(row: &[f64]) -> AxisPositions {

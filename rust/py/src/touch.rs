@@ -17,7 +17,9 @@ use trunnion_core::{Error, Result};
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
+use crate::names::choice;
 use crate::threads::with_threads;
+use crate::user_units::touches::{self as user_units, ParameterUnits};
 
 /// An artefact from its kind and dimensions (mm).
 pub fn artefact(kind: &str, dimensions: &[f64]) -> Result<Artefact> {
@@ -89,7 +91,7 @@ impl Moves {
         sense: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<Self> {
         let axes = rotary_deg.as_array().ncols();
-        let inner = MoveTable::from_face(
+        let inner = user_units::moves(
             axes,
             rows("rotary positions", &rotary_deg, axes)?.into_owned(),
             rows("points", &point_mm, 3)?.into_owned(),
@@ -112,6 +114,7 @@ impl Moves {
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct TouchModel {
     inner: touch::TouchModel,
+    units: ParameterUnits,
 }
 
 impl TouchModel {
@@ -122,7 +125,7 @@ impl TouchModel {
         priors: &[(usize, f64, f64)],
         max_steps: usize,
     ) -> Result<least_squares::Options> {
-        let units = self.inner.units();
+        let units = self.units.all();
         let prior = |&(parameter, mean, sigma): &(usize, f64, f64)| {
             let unit = units.get(parameter).copied().ok_or_else(|| {
                 Error::input("prior's parameter", parameter, format!("below {}", units.len()))
@@ -144,19 +147,6 @@ impl TouchModel {
             max_steps,
         })
     }
-
-    /// Rows of a linear map from readings in mm, in the face's units per µm.
-    fn operator_to_face(&self, mut operator: Vec<f64>, readings: usize) -> Vec<f64> {
-        for (row, unit) in operator.chunks_exact_mut(readings).zip(self.inner.units()) {
-            row.iter_mut().for_each(|value| *value *= UM / unit);
-        }
-        operator
-    }
-
-    /// The fourteen parameters of the plain model in the face's units.
-    fn plain_to_face(&self, values: &[f64]) -> Vec<f64> {
-        values.iter().zip(self.inner.units()).map(|(value, unit)| value / unit).collect()
-    }
 }
 
 #[pymethods]
@@ -176,7 +166,9 @@ impl TouchModel {
         let probe = Probe::new(ball_radius_mm, tick_um * UM).into_py()?;
         let all = effects::catalogue(&machine, &artefact);
         let chosen = effects::select(&all, &effect_ids).into_py()?;
-        Ok(Self { inner: touch::TouchModel::new(machine, artefact, probe, chosen) })
+        let inner = touch::TouchModel::new(machine, artefact, probe, chosen);
+        let units = ParameterUnits::of(&inner);
+        Ok(Self { inner, units })
     }
 
     #[getter]
@@ -202,7 +194,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let residuals = py.detach(|| {
             self.inner.check(&moves)?;
@@ -221,7 +213,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let p = self.inner.parameter_count();
         let result = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
@@ -230,7 +222,7 @@ impl TouchModel {
             let (mut residuals, mut jacobian) =
                 (vec![0.0; moves.len()], vec![0.0; moves.len() * p]);
             self.inner.linearise(&moves, &values, &mut residuals, &mut jacobian);
-            let units = self.inner.units();
+            let units = self.units.all();
             residuals.iter_mut().for_each(|r| *r /= -UM);
             for row in jacobian.chunks_exact_mut(p) {
                 row.iter_mut().zip(units).for_each(|(j, unit)| *j *= unit / UM);
@@ -253,7 +245,7 @@ impl TouchModel {
         seed: u64,
         sample: u64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let simulation = simulation(from_start, reach_mm, noise_um, seed);
         let travel = py.detach(|| {
@@ -265,7 +257,7 @@ impl TouchModel {
         Ok(array(py, travel.into_py()?))
     }
 
-    /// Least squares from `start`; a dictionary of arrays in the face's units.
+    /// Least squares from `start`; a dictionary of arrays in user units.
     fn fit<'py>(
         &self,
         py: Python<'py>,
@@ -276,20 +268,20 @@ impl TouchModel {
         priors: Vec<(usize, f64, f64)>,
         max_steps: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let fit = py.detach(|| least_squares::fit(&self.inner, &moves, &start, &options));
         let fit = fit.into_py()?;
-        let face = fit.to_face(&self.inner);
+        let user = self.units.fit(&fit);
         let p = self.inner.parameter_count();
         let result = PyDict::new(py);
-        result.set_item("values", array(py, face.values))?;
-        result.set_item("std_errors", array(py, face.std_errors))?;
-        result.set_item("covariance", matrix(py, face.covariance, p)?)?;
-        result.set_item("residuals_um", array(py, face.residuals_um))?;
-        result.set_item("sigma_um", face.sigma_um)?;
-        result.set_item("null_space", matrix(py, face.null_space, p)?)?;
+        result.set_item("values", array(py, user.values))?;
+        result.set_item("std_errors", array(py, user.std_errors))?;
+        result.set_item("covariance", matrix(py, user.covariance, p)?)?;
+        result.set_item("residuals_um", array(py, user.residuals_um))?;
+        result.set_item("sigma_um", user.sigma_um)?;
+        result.set_item("null_space", matrix(py, user.null_space, p)?)?;
         result.set_item("singular_values", array(py, fit.singular_values))?;
         result.set_item("weights", array(py, fit.weights))?;
         result.set_item("degrees_of_freedom", fit.degrees_of_freedom)?;
@@ -312,7 +304,7 @@ impl TouchModel {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)>
     {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let points = rows("points", &points, 3 * moves.len())?;
@@ -322,7 +314,7 @@ impl TouchModel {
                 least_squares::fit_many(&self.inner, &moves, &points, &start, &options)
             })
         });
-        let found = fits?.into_py()?;
+        let found = self.units.estimates(fits?.into_py()?);
         let converged = PyArray1::from_vec(py, found.converged);
         Ok((matrix(py, found.values, p)?, matrix(py, found.std_errors, p)?, converged))
     }
@@ -336,7 +328,7 @@ impl TouchModel {
         labels: Vec<i64>,
         start: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, f64, f64, Bound<'py, PyArray2<f64>>)> {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let moves = moves.inner.view();
         let result = py.detach(|| {
             self.inner.check(&moves)?;
@@ -347,8 +339,8 @@ impl TouchModel {
             Ok((found, closed_form::separating_operator(&rows, moves.len())?))
         });
         let (found, operator) = result.into_py()?;
-        let values = array(py, self.plain_to_face(&found.values));
-        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        let values = array(py, self.units.to_user(&found.values));
+        let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((values, found.kappa / UM, found.zeta / UM, operator))
     }
 
@@ -388,8 +380,8 @@ impl TouchModel {
         let tilted =
             found.tilted.iter().flat_map(|t| [t.angle / DEG, t.eb_a / ARCSEC, t.ey_a / UM]);
         let (turned, tilted) = (turned.collect(), tilted.collect());
-        let errors = array(py, self.plain_to_face(&found.errors));
-        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        let errors = array(py, self.units.to_user(&found.errors));
+        let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((errors, matrix(py, turned, 7)?, matrix(py, tilted, 3)?, operator))
     }
 
@@ -412,13 +404,16 @@ impl TouchModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
         let moves = moves.inner.view();
         let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
+        let truths = self.units.to_core(&truths);
         let simulation = simulation(true, reach_mm, noise_um, seed);
         let measurement = self.measurement(&moves, &labels, simulation, first_sample);
         let options = identify.then(least_squares::Options::default);
         let result = py.detach(|| {
             with_threads(threads, || studies::calibrations(&measurement, &truths, options.as_ref()))
         });
-        samples(py, result?.into_py()?)
+        let (all, errors) = (closed_form::COUNT, closed_form::ERRORS);
+        let runs = if identify { vec![all, errors, all, all] } else { vec![all, errors] };
+        samples(py, self.units.calibrations(result?.into_py()?, &runs))
     }
 
     /// What compensation leaves after virtual calibrations: for every row of `truths` (m, 14) the
@@ -444,15 +439,15 @@ impl TouchModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
         let moves = moves.inner.view();
         let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
+        let truths = self.units.to_core(&truths);
         let simulation = simulation(true, reach_mm, noise_um, seed);
         let measurement = self.measurement(&moves, &labels, simulation, first_sample);
-        let method = match method {
-            "separating" => Ok(Method::Separating),
-            "printed" => Ok(Method::Printed),
-            "identified" => Ok(Method::Identified),
-            _ => Err(Error::unknown("method", method, ["separating", "printed", "identified"])),
-        };
-        let method = method.into_py()?;
+        let methods = [
+            ("separating", Method::Separating),
+            ("printed", Method::Printed),
+            ("identified", Method::Identified),
+        ];
+        let method = choice("method", method, &methods).into_py()?;
         let volume = Volume::new([&grid[0], &grid[1], &grid[2]]);
         let rotary: Vec<f64> = rotary_deg.iter().map(|angle| angle * DEG).collect();
         let result = py.detach(|| {
@@ -460,7 +455,9 @@ impl TouchModel {
                 studies::compensations(&measurement, &truths, method, &volume, &rotary)
             })
         });
-        samples(py, result?.into_py()?)
+        let mut found = result?.into_py()?;
+        found.rows.iter_mut().for_each(|value| *value /= UM);
+        samples(py, found)
     }
 }
 

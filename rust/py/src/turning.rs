@@ -367,7 +367,7 @@ pub fn turning_change<'py>(
     Ok((array(py, change_um), covered))
 }
 
-/// Error of the diameter and its derivatives, in the units of the face: µm, arcsec, s, mm, µm/min.
+/// Error of the diameter and its derivatives, in µm, arcsec, s, mm, µm/min.
 ///
 /// `cuts`: z, length cut, time, force, diameter, one row a reading.
 #[pyfunction]

@@ -416,7 +416,8 @@ mod tests {
     fn model(errors: &[(&str, f64)]) -> Model {
         let mut model = Model::nominal(Machine::preset("trt-ca", 150.0).unwrap());
         for (name, value) in errors {
-            model.add_error(name, *value).unwrap();
+            let error = model.machine().location_error(name).unwrap();
+            model.add_error(&error, value * error.unit().to_internal()).unwrap();
         }
         model
     }

@@ -63,9 +63,6 @@ pub struct Axis {
     pub limit: f64,
 }
 
-/// Number of parameters in a row that describes an axis, in the order of the fields of [`Axis`].
-pub const AXIS_FIELDS: usize = 13;
-
 impl Axis {
     /// A linear axis: gain and time constant.
     #[must_use]
@@ -82,25 +79,6 @@ impl Axis {
             resonance: 0.0,
             damping: 0.0,
             limit: f64::INFINITY,
-        }
-    }
-
-    /// From numbers in the order of the fields: gain, time constant, coulomb, breakaway, stribeck,
-    /// backlash, cyclic, pitch, phase, delay, resonance, damping, limit.
-    #[must_use]
-    pub const fn from_row(row: &[f64; AXIS_FIELDS]) -> Self {
-        Self {
-            gain: row[0],
-            time_constant: row[1],
-            friction: Friction { coulomb: row[2], breakaway: row[3], stribeck: row[4] },
-            backlash: row[5],
-            cyclic: row[6],
-            pitch: row[7],
-            phase: row[8],
-            delay: row[9],
-            resonance: row[10],
-            damping: row[11],
-            limit: row[12],
         }
     }
 
@@ -375,4 +353,31 @@ impl Drive {
             hold = Hold::new(tau, hold.dt - until.dt);
         }
     }
+}
+
+/// Load positions (mm or rad) of an axis that follows commanded positions on its own, one a control
+/// period, from rest at the first.
+///
+/// # Errors
+/// Parameters out of range, a command that is not finite.
+pub fn response(
+    axis: &Axis,
+    letter: char,
+    period: f64,
+    feedback: Feedback,
+    command: &[f64],
+) -> Result<Vec<f64>> {
+    if let Some(row) = command.iter().position(|v| !v.is_finite()) {
+        return Err(Error::input(format!("command, row {row}"), command[row], "a finite number"));
+    }
+    let start = command.first().copied().unwrap_or(0.0);
+    let mut drive = Drive::new(axis, letter, period, feedback, start)?;
+    Ok(command
+        .iter()
+        .map(|position| {
+            let here = drive.load();
+            drive.step(drive.gain() * (position - drive.measured()));
+            here
+        })
+        .collect())
 }

@@ -21,7 +21,6 @@
 //! | [`simulation`] | the loop |
 //! | [`margins`] | how far from instability the coupled loop is |
 //! | [`batch`] | many simulations |
-//! | [`face`] | the same in the units of files and plots |
 //!
 //! # Slips of the paper
 //!
@@ -41,7 +40,6 @@
 pub mod axis;
 pub mod batch;
 pub mod contour_error;
-pub mod face;
 pub mod foot;
 pub mod interpolator;
 pub mod kinematics;
@@ -51,7 +49,7 @@ pub mod path;
 pub mod pid;
 pub mod simulation;
 
-pub use axis::{AXIS_FIELDS, Axis, Feedback, Friction};
+pub use axis::{Axis, Feedback, Friction, response};
 pub use batch::{Case, Figures, sweep};
 pub use contour_error::PositionModel;
 pub use interpolator::{Feed, Reference};
@@ -59,4 +57,4 @@ pub use kinematics::Machine;
 pub use orientation_error::OrientationModel;
 pub use path::{Path, Piece};
 pub use pid::Gains;
-pub use simulation::{Coupling, Order, Simulation};
+pub use simulation::{Coupling, Order, Sample, Simulation, samples};

@@ -354,12 +354,44 @@ pub fn estimates<'a>(
 }
 
 /// Error of the models: distance of the foot point from the true one (mm) and angle between the
-/// tool axis and the true one (rad) at sample k; zero at the first two samples.
+/// tool axis and the true one (rad).
 #[must_use]
 pub fn model_error(path: &Path, machine: &Machine, target: &Target, truth: &TrueError) -> [f64; 2] {
     let frame = path.frame(truth.u);
     let axis = machine.table(target.rotary[0], target.rotary[1]).tool();
     [(target.point - frame.r).norm(), angle_between(&axis, &frame.tool())]
+}
+
+/// True errors of one sample and what the error models miss of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// True errors.
+    pub truth: TrueError,
+    /// [`model_error`] of circle and proposed orientation model; zero at the first two samples.
+    pub proposed: [f64; 2],
+    /// Likewise of the tangent line.
+    pub tangent: [f64; 2],
+}
+
+/// The samples of a run: `machine` is the controller's, `real` the machine as it is.
+pub fn samples<'a>(
+    path: &'a Path,
+    reference: &'a Reference,
+    machine: &'a Machine,
+    real: &'a Machine,
+    axes: &'a [[f64; 5]],
+) -> impl Iterator<Item = Sample> + 'a {
+    let models = |position, orientation| estimates(reference, machine, axes, position, orientation);
+    let new = models(PositionModel::Circle, OrientationModel::Proposed);
+    let old = models(PositionModel::Tangent, OrientationModel::Tangent);
+    let truths = true_errors(path, reference, real, axes);
+    truths.zip(new).zip(old).enumerate().map(move |(k, ((truth, new), old))| {
+        let error = |target| match k {
+            0 | 1 => [0.0; 2],
+            _ => model_error(path, machine, target, &truth),
+        };
+        Sample { truth, proposed: error(&new), tangent: error(&old) }
+    })
 }
 
 #[cfg(test)]

@@ -166,7 +166,8 @@ impl Residual {
         }
     }
 
-    fn rows(&self) -> [f64; 5] {
+    /// Gap (3), y_P·z, y_P·x.
+    pub(super) fn rows(&self) -> [f64; 5] {
         [self.gap[0], self.gap[1], self.gap[2], self.along, self.about]
     }
 }

@@ -22,7 +22,7 @@
 //! | `constraint` | the 12 × 13 Jacobian: rank, self-stress; residual strain |
 //! | `mechanism` | dimensions and home: the three above for one machine |
 //! | `ballbar` | length to an unknown centre and its gradient |
-//! | `batch` | all of it over many poses, in the units of the face, on many cores |
+//! | `batch` | all of it over many poses, on many cores |
 
 pub mod ballbar;
 pub mod batch;

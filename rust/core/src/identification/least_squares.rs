@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-pub use super::options::{FaceFit, Fit, Loss, Options, Prior, Row};
+pub use super::options::{Fit, Loss, Options, Prior, Row};
 pub use super::system::RANK_TOLERANCE;
 pub use super::workspace::Workspace;
 use crate::moves::Moves;
@@ -25,7 +25,7 @@ pub fn fit(model: &TouchModel, moves: &Moves, start: &[f64], options: &Options) 
     Ok(workspace.report(descent, options))
 }
 
-/// Estimates from many measurements in the face's units, one row each.
+/// Estimates from many measurements, mm, rad, s, one row each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimates {
     /// Estimates, m × p.

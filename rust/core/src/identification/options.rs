@@ -1,8 +1,5 @@
 //! What a fit is asked for and what it answers.
 
-use crate::touch::TouchModel;
-use crate::units::UM;
-
 /// How residuals count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loss {
@@ -70,63 +67,22 @@ pub struct Fit {
     pub steps: usize,
 }
 
+impl Fit {
+    /// Standard errors, mm, rad, s; infinite for what cannot be seen.
+    #[must_use]
+    pub fn std_errors(&self) -> Vec<f64> {
+        let p = self.values.len();
+        let finite = |i: usize| self.sigma * self.cofactor[i * p + i].sqrt();
+        (0..p).map(|i| if self.unseen[i] { f64::INFINITY } else { finite(i) }).collect()
+    }
+}
+
 /// Where [`super::workspace::Workspace::estimate`] writes one measurement's estimates.
 pub struct Row<'a> {
-    /// Estimates, face units.
+    /// Estimates, mm, rad, s.
     pub values: &'a mut [f64],
-    /// Standard errors, face units.
+    /// Standard errors, mm, rad, s; infinite for what cannot be seen.
     pub std_errors: &'a mut [f64],
     /// Whether the fit converged.
     pub converged: &'a mut bool,
-}
-
-/// A fit in the face's units: µm, arcsec, ppm, ...
-#[derive(Clone, Debug, PartialEq)]
-pub struct FaceFit {
-    /// Estimates.
-    pub values: Vec<f64>,
-    /// Standard errors; infinite for what cannot be seen.
-    pub std_errors: Vec<f64>,
-    /// Covariance of what can be seen, p × p row-major.
-    pub covariance: Vec<f64>,
-    /// Residuals in µm.
-    pub residuals_um: Vec<f64>,
-    /// Standard deviation of one reading in µm.
-    pub sigma_um: f64,
-    /// Combinations that cannot be seen, in the parameters' own units, one row of p each, largest
-    /// component 1.
-    pub null_space: Vec<f64>,
-}
-
-impl Fit {
-    /// The fit in the units of the model's parameters.
-    #[must_use]
-    pub fn to_face(&self, model: &TouchModel) -> FaceFit {
-        let units = model.units();
-        let p = units.len();
-        let variance = self.sigma * self.sigma;
-        let mut covariance = self.cofactor.clone();
-        for i in 0..p {
-            for j in 0..p {
-                covariance[i * p + j] *= variance / (units[i] * units[j]);
-            }
-        }
-        let std_errors = (0..p)
-            .map(|i| if self.unseen[i] { f64::INFINITY } else { covariance[i * p + i].sqrt() })
-            .collect();
-        let scale = |row: &[f64]| {
-            let row: Vec<f64> = row.iter().zip(units).map(|(v, unit)| v / unit).collect();
-            let largest =
-                row.iter().fold(0.0_f64, |most, v| if v.abs() > most.abs() { *v } else { most });
-            row.into_iter().map(move |v| v / largest)
-        };
-        FaceFit {
-            values: self.values.iter().zip(units).map(|(value, unit)| value / unit).collect(),
-            std_errors,
-            covariance,
-            residuals_um: self.residuals.iter().map(|r| r / UM).collect(),
-            sigma_um: self.sigma / UM,
-            null_space: self.null_space.chunks_exact(p).flat_map(scale).collect(),
-        }
-    }
 }

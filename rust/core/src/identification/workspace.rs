@@ -86,19 +86,15 @@ impl Workspace {
             return Err(Error::input(what, moves.point[bad], "a finite number"));
         }
         let descent = self.run(model, moves, start, options)?;
-        let units = model.units();
-        for ((slot, value), unit) in row.values.iter_mut().zip(&descent.values).zip(units) {
-            *slot = value / unit;
-        }
+        row.values.copy_from_slice(&descent.values);
         *row.converged = descent.converged;
         if let Some(variances) = &descent.variances {
             let sigma = self.sigma(self.p, options);
-            for (k, slot) in row.std_errors.iter_mut().enumerate() {
-                *slot = sigma * variances[k].sqrt() / units[k];
+            for (slot, variance) in row.std_errors.iter_mut().zip(variances) {
+                *slot = sigma * variance.sqrt();
             }
         } else {
-            let face = self.report(descent, options).to_face(model);
-            row.std_errors.copy_from_slice(&face.std_errors);
+            row.std_errors.copy_from_slice(&self.report(descent, options).std_errors());
         }
         Ok(())
     }

@@ -27,7 +27,7 @@ pub const OFF_SURFACE_MM: f64 = 5.0;
 pub struct ParameterName {
     /// `EX0C`, `dx_um`, `drift_z.rate_um_h`.
     pub name: String,
-    /// Unit at the face.
+    /// Unit that its name counts in.
     pub unit: Unit,
     /// How an estimate of it is found.
     pub kind: Kind,
@@ -44,8 +44,7 @@ pub struct TouchModel {
     effects: Vec<Effect>,
     /// Where the location errors and the placement act: parameter, place, factor.
     constant: Vec<(usize, Place, f64)>,
-    /// What one of the face's units is in mm, rad, s.
-    units: Vec<f64>,
+    parameters: usize,
 }
 
 /// Names of the placement parameters: offsets in µm, tilts in arcsec.
@@ -63,11 +62,9 @@ impl TouchModel {
             .enumerate()
             .flat_map(|(k, targets)| targets.into_iter().map(move |(place, f)| (k, place, f)))
             .collect();
-        let mut model =
-            Self { machine, artefact, probe, errors, effects, constant, units: Vec::new() };
-        let names = model.parameter_names();
-        model.units = names.iter().map(|name| name.unit.to_internal()).collect();
-        model
+        let of_effects: usize = effects.iter().map(|effect| effect.parameters.len()).sum();
+        let parameters = errors.len() + Component::ALL.len() + of_effects;
+        Self { machine, artefact, probe, errors, effects, constant, parameters }
     }
 
     /// The machine.
@@ -109,7 +106,7 @@ impl TouchModel {
     /// Number of parameters.
     #[must_use]
     pub const fn parameter_count(&self) -> usize {
-        self.units.len()
+        self.parameters
     }
 
     /// Names and units of all parameters, in order.
@@ -130,26 +127,20 @@ impl TouchModel {
         names
     }
 
-    /// What one of the face's units is in mm, rad, s, for every parameter.
-    #[must_use]
-    pub fn units(&self) -> &[f64] {
-        &self.units
-    }
-
-    /// Parameter values from the face's units.
+    /// Checks parameter values, mm, rad, s.
     ///
     /// # Errors
     /// Another number of values than parameters, or one that is not finite.
-    pub fn from_face(&self, values: &[f64]) -> Result<Vec<f64>> {
-        if values.len() != self.units.len() {
-            let wanted = format!("{} of them", self.units.len());
+    pub fn check_values(&self, values: &[f64]) -> Result<()> {
+        if values.len() != self.parameters {
+            let wanted = format!("{} of them", self.parameters);
             return Err(Error::input("parameter values", values.len(), wanted));
         }
         if let Some(bad) = values.iter().position(|value| !value.is_finite()) {
             let name = self.parameter_names().swap_remove(bad).name;
             return Err(Error::input(name, values[bad], "a finite number"));
         }
-        Ok(values.iter().zip(&self.units).map(|(value, unit)| value * unit).collect())
+        Ok(())
     }
 
     /// Checks that the moves carry what the machine and the effects need.
