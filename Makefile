@@ -51,16 +51,16 @@ power-axis-logs: build  ## the same for logs of axis positions, half an hour, in
 lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --quiet -- -D warnings
-	$(BIN)/ruff check python tests docs
-	$(BIN)/ruff format --check python tests docs
+	$(BIN)/ruff check python tests docs tools
+	$(BIN)/ruff format --check python tests docs tools
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest trunnion._core
 
 .PHONY: format
-format: .venv/.installed  ## let rustfmt and ruff have their way
+format: .venv/.installed  ## format with rustfmt and ruff
 	cargo fmt --all
-	$(BIN)/ruff check --fix python tests docs
-	$(BIN)/ruff format python tests docs
+	$(BIN)/ruff check --fix python tests docs tools
+	$(BIN)/ruff format python tests docs tools
 
 .PHONY: lock
 lock: .venv/.installed  ## renew requirements.lock from pyproject.toml

@@ -9,8 +9,8 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 import trunnion as tn
-from trunnion.plotting.touches import plot_artefact, plot_estimates
-from trunnion.samples.make_samples import TABLE_2
+from trunnion.plot.touches import plot_artefact, plot_estimates
+from trunnion.samples.truth import TABLE_2
 
 FIGURES = Path(__file__).parent / "figures"
 

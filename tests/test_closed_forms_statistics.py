@@ -3,7 +3,7 @@
 import numpy as np
 
 import trunnion as tn
-from trunnion.touch_model import TouchModel
+from trunnion.probing.model import TouchModel
 
 # Bounds of the plain model for 1 µm of noise, derived independently of the package.
 BOUNDS = {

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import from_twin
-from trunnion.comparison import compare_methods
+from trunnion.reference.comparison import compare_methods
 from twin import forward, generator
 from twin.forward import Truth
 

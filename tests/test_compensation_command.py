@@ -13,7 +13,7 @@ import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
 from trunnion.cli.compensate import read_estimate
-from trunnion.plotting.volumetric import plot_over_poses, plot_share, plot_volumetric
+from trunnion.plot.volumetric import plot_over_poses, plot_share, plot_volumetric
 
 mpl.use("Agg")
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+import trunnion._core as _core
 from reference_trt_ca import NAMES, TABLE_2, displaced_um, table_pose, turn
-from trunnion import _core
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 A, C = tuple(range(-90, 91, 30)), tuple(range(0, 360, 30))

@@ -6,11 +6,11 @@ from scipy import stats
 
 import trunnion as tn
 from reference_trt_ca import NAMES, TABLE_2
-from trunnion.closed_forms import closed_form
-from trunnion.identification import identify
-from trunnion.planning import plan
-from trunnion.simulation import simulate
-from trunnion.touch_model import Effect
+from trunnion.probing.closed_form import closed_form
+from trunnion.probing.identify import identify
+from trunnion.probing.model import Effect
+from trunnion.probing.plan import plan
+from trunnion.probing.simulate import simulate
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 TICKS = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(tick_um=0.1))

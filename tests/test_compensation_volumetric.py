@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+import trunnion._core as _core
 from reference_trt_ca import (
     NAMES,
     TABLE_2,
@@ -15,7 +16,6 @@ from reference_trt_ca import (
     displaced_um,
     table_pose,
 )
-from trunnion import _core
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 

@@ -19,10 +19,11 @@ import axis_log_twin as twin
 import trunnion as tn
 from trunnion import contouring as ct
 from trunnion._core import contour_axis_response
-from trunnion.diagnosis import Diagnosis, diagnose
-from trunnion.errors import DataError, FileFormatError, InputError, UnknownNameError
+from trunnion.base.errors import DataError, FileFormatError, InputError, UnknownNameError
+from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.axis_log import AxisLogModel, _levinson, _Noise, _noise, _partial
-from trunnion.samples.make_contour import HIDDEN_BACKLASH_UM
+from trunnion.models.kinds import diagnose
+from trunnion.samples.truth import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, Setup
 
 SERVO = ct.Servo.paper()

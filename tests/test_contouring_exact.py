@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from trunnion import contouring as ct
-from trunnion.errors import InputError, UnknownNameError
+from trunnion.base.errors import InputError, UnknownNameError
 
 Array = NDArray[np.float64]
 PAPER = ct.Servo.paper()

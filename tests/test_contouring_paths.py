@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from trunnion import contouring as ct
-from trunnion.errors import ProgramError
+from trunnion.base.errors import ProgramError
 
 
 def test_arc_length_is_that_of_quadrature() -> None:

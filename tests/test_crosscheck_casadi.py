@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import from_twin
-from trunnion.casadi_baseline import identify
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.touches import Touches
-from trunnion.errors import DataError, InputError, UnknownNameError
+from trunnion.reference.casadi_baseline import identify
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from twin import forward, generator
 from twin.forward import EFFECTS, Truth

@@ -10,9 +10,9 @@ import pytest
 
 import from_twin
 from trunnion import casadi_baseline
-from trunnion.identification import identify
+from trunnion.probing.identify import identify
+from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Artefact, Machine, Probe, Setup
-from trunnion.touch_model import TouchModel, catalogue
 from twin import forward, generator
 from twin.forward import EFFECTS, Truth
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trunnion import _core
-from trunnion.errors import UnknownNameError
-from trunnion.pinocchio_model import pinocchio_model
+import trunnion._core as _core
+from trunnion.base.errors import UnknownNameError
+from trunnion.reference.pinocchio_model import pinocchio_model
 from trunnion.setup import Artefact, Machine, Setup
 from twin import forward, generator
 from twin.forward import Floats

@@ -9,7 +9,7 @@ import pytest
 
 import from_twin
 from trunnion.data.touches import Touches
-from trunnion.simulation import simulate
+from trunnion.probing.simulate import simulate
 from twin import contact, forward, generator
 from twin.forward import Floats, Truth
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import from_twin
-from trunnion.touch_model import TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue
 from twin import forward, generator
 from twin.contact import Ball, Box, Solid, solids, way_to_contact
 from twin.forward import EFFECTS, PLACEMENT, Lines, Truth

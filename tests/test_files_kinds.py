@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.data.table import Table
+from trunnion.files.table import Table
 
 READERS: dict[str, Callable[[Path], Table]] = {
     "points": tn.read_points,

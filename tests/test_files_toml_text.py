@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import trunnion as tn
-from trunnion.data.toml_text import TomlText
+from trunnion.files.toml import TomlText
 
 TRICKY = (
     r'''# a comment with [brackets] and "quotes"

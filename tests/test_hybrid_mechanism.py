@@ -163,7 +163,7 @@ def test_rigid_part_and_remainder_make_up_the_displacement() -> None:
 def test_pictures_are_drawn_on_the_axes_given() -> None:
     from matplotlib.figure import Figure
 
-    from trunnion.plotting.hybrid import plot_ballbar_view, plot_cube
+    from trunnion.plot.hybrid import plot_ballbar_view, plot_cube
 
     change = transformed_cube(Mechanism(), "e14")
     solid = Figure().add_subplot(projection="3d")

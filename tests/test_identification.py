@@ -123,7 +123,7 @@ def test_what_cannot_be_seen_is_named_and_given_no_number(effect: str, partner: 
     assert result.std_errors[partner] == np.inf
     assert result.effects[effect] == {name.split(".")[1]: 0.0}
     assert any(partner in line and name in line for line in result.unseen)
-    assert "not seen" in result.summary()
+    assert "not identifiable" in result.summary()
     assert result.to_dict()["std_errors"][name] == "inf"
     others = [n for n in NAMES if not any(n in line for line in result.unseen)]
     plain = tn.identify(data, CROSS)

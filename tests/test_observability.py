@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.plotting.touches import plot_observability
+from trunnion.plot.touches import plot_observability
 
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion import _core
+import trunnion._core as _core
 from trunnion.nc import follow
-from trunnion.probing_program import probing_program
+from trunnion.probing.program import probing_program
 
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.base.smooth import Modes, SmoothField
 from trunnion.models.points import ExtendedPoints, PointsModel
-from trunnion.models.smooth import Modes, SmoothField
 
 RNG = np.random.default_rng(7)
 Q = np.round(RNG.uniform(-200, 200, (120, 3)), 3)

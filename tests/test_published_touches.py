@@ -6,29 +6,10 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.touch_model import TouchModel
+from trunnion.probing.model import TouchModel
+from trunnion.samples.truth import OTHER_ERRORS as OTHER
+from trunnion.samples.truth import TABLE_2
 
-TABLE_2 = {
-    "EA0A": 21.6,
-    "EB0A": 18.0,
-    "EC0A": 10.8,
-    "EY0A": 17.0,
-    "EZ0A": 12.0,
-    "EB0C": 25.2,
-    "EX0C": 15.0,
-    "EY0C": 21.0,
-}
-# A set without Table 2's coincidence EC0A + EB0C - EB0A = EB0A.
-OTHER = {
-    "EA0A": -31.0,
-    "EB0A": 24.0,
-    "EC0A": 17.0,
-    "EY0A": -9.0,
-    "EZ0A": 22.0,
-    "EB0C": -13.0,
-    "EX0C": 27.0,
-    "EY0C": -16.0,
-}
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 
 

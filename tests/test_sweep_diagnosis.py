@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.models.sweep import ExtendedSweep, SweepModel
+from trunnion.models.rotary import ExtendedSweep, SweepModel
 
 ARC = np.pi / 180 / 3600
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.sweeps import FunctionStudy, Seeds
+from trunnion.studies import FunctionStudy, Seeds
 
 GRID = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 120.0]}
 
@@ -112,8 +112,8 @@ def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_numbers(tmp_path: P
 
 
 def test_the_journal_holds_each_block_once(tmp_path: Path) -> None:
-    from trunnion.sweeps.store import Journal
-    from trunnion.sweeps.study import Block
+    from trunnion.studies.store import Journal
+    from trunnion.studies.study import Block
 
     journal = Journal(tmp_path / "j.part")
     journal.start({"seed": 1})

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 import trunnion as tn
 from trunnion.cli import app
-from trunnion.sweeps import Seeds
-from trunnion.touch_model import TouchModel
+from trunnion.probing.model import TouchModel
+from trunnion.studies import Seeds
 
 
 def test_equation_21_gives_the_papers_case() -> None:
@@ -65,7 +65,7 @@ def test_compensation_leaves_less_with_less_noise() -> None:
 
 @pytest.mark.parametrize("method", ["identified", "separating", "printed"])
 def test_compensation_is_that_of_single_calls(method: str) -> None:
-    from trunnion.sweeps.calibration import CALIBRATION_PARAMETERS, bench_of
+    from trunnion.studies.calibration import CALIBRATION_PARAMETERS, bench_of
 
     fixed = {"noise_um": 0.3, "tick_um": 0.1}
     pose: dict[str, Any] = {"a_deg": 35.0, "c_deg": -120.0}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from trunnion.touch_model import TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # X to Y, Y to -X
 CENTRE = np.array([20.0, -10.0, 60.0])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from samples.make_turning import make_turning
 from trunnion import Diameters, sample_path
 from trunnion.cli import app
 from trunnion.nc import Program, follow
-from trunnion.samples.make_turning import make_turning
 
 PROGRAM = """G7 G18 G21 G90
 G95 F0.1

@@ -9,7 +9,8 @@ import pytest
 
 from trunnion import DataError, InputError, ProgramError
 from trunnion.nc import Program, follow
-from trunnion.turning import Corner, Correction, Profile, change_um, correct, plot_correction
+from trunnion.plot import plot_correction
+from trunnion.turning import Corner, Correction, Profile, change_um, correct
 from trunnion.turning.correction import Rule
 from turning_shapes import random_points
 

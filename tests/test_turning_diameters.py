@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from trunnion import Artefact, DataError, Diameters, InputError, Setup, UnknownNameError
-from trunnion.diagnosis.registry import diagnose
 from trunnion.models.diameters import CAUSES, Conditions, build
+from trunnion.models.kinds import diagnose
 from trunnion.models.next_passes import next_passes
 from turning_blind import measured
 

@@ -5,7 +5,8 @@ import pytest
 
 from trunnion import InputError
 from trunnion.nc import follow
-from trunnion.turning import Corner, Profile, TurningProbe, plot_probe_path, probe_path
+from trunnion.plot import plot_probe_path
+from trunnion.turning import Corner, Profile, TurningProbe, probe_path
 from turning_shapes import outline, random_points
 
 SAMPLE_MM = 0.5

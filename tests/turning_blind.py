@@ -125,10 +125,8 @@ def measured(
 
 def outcome(seed: int, hidden: tuple[str, ...], passes: int, *, warm: bool = False) -> str:
     """Diagnose: found, alternative, missed (less was named), wrong."""
-    import trunnion.models.diameters  # registers
-    from trunnion.diagnosis.registry import diagnose
+    from trunnion.models.kinds import diagnose
 
-    del trunnion
     got = diagnose(*measured(seed, hidden, passes, warm=warm))
     truth = frozenset(hidden)
     if not hidden:

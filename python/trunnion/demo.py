@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from trunnion.closed_forms import closed_form
+from trunnion.base.report import Table, number
 from trunnion.data.touches import read_touches
-from trunnion.diagnosis import diagnose
-from trunnion.identification import identify
-from trunnion.planning import plan
-from trunnion.results import IdentificationResult
+from trunnion.models.kinds import diagnose
+from trunnion.probing.closed_form import closed_form
+from trunnion.probing.identify import identify
+from trunnion.probing.plan import plan
+from trunnion.probing.result import IdentificationResult
+from trunnion.probing.simulate import simulate
 from trunnion.samples import sample_path
-from trunnion.samples.make_samples import TABLE_2
+from trunnion.samples.truth import OTHER_ERRORS, TABLE_2
 from trunnion.setup import Artefact, Probe, Setup, read_setup
-from trunnion.simulation import simulate
-from trunnion.tables import Table, number
 
-__all__ = ["OTHER_ERRORS", "PAPER_ESTIMATES", "sections", "table_2"]
+__all__ = ["PAPER_ESTIMATES", "sections", "table_2"]
 
 PAPER_ESTIMATES = {
     "EA0A": 21.5784,
@@ -29,18 +29,6 @@ PAPER_ESTIMATES = {
     "EY0C−EY0A": 4.0666,
 }
 """Estimates that the paper prints in Table 2, µm and arcsec."""
-
-OTHER_ERRORS = {
-    "EA0A": -31.0,
-    "EB0A": 24.0,
-    "EC0A": 17.0,
-    "EY0A": -9.0,
-    "EZ0A": 22.0,
-    "EB0C": -13.0,
-    "EX0C": 27.0,
-    "EY0C": -16.0,
-}
-"""Errors without the coincidence of Table 2, EC0A + (EB0C − EB0A) = EB0A."""
 
 UNITS = dict.fromkeys(("EA0A", "EB0A", "EC0A", "EB0C−EB0A"), "arcsec")
 

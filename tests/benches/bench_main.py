@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import trunnion as tn
-from trunnion.touch_model import TouchModel
+from trunnion.probing.model import TouchModel
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(tick_um=0.1))
 PLAN = tn.plan(SETUP)

@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import trunnion.models.touches  # noqa: F401  registers the model
 from power.study import Case, Tally, part, run, visible
 
 Measure = Callable[[Tally], float]

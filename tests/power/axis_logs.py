@@ -20,7 +20,8 @@ from scipy.stats import binomtest
 
 import axis_log_twin as twin
 from trunnion import contouring as ct
-from trunnion.diagnosis import Diagnosis, diagnose
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.kinds import diagnose
 from trunnion.setup import Artefact, Setup
 
 BATCH = 20

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trunnion as tn
-from trunnion.diagnosis import Diagnosis, diagnose
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.kinds import diagnose
 from twin.forward import EFFECTS, Setup, Truth
 from twin.generator import (
     Measurement,

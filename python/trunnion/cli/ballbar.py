@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from trunnion.base.errors import InputError
 from trunnion.cli import diagnose as diagnosis
 from trunnion.cli.common import clean_errors, show_json
 from trunnion.cli.hybrid import mechanism_of
 from trunnion.data.ballbar import read_ballbar
-from trunnion.errors import InputError
 from trunnion.hybrid import identifiability, identify_ballbar
 from trunnion.setup import read_setup
 

@@ -8,18 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
+from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.cli.common import clean_errors, named_values, numbers, say, show_json
-from trunnion.closed_forms import closed_form
 from trunnion.data.linuxcnc_log import read_probe_log
 from trunnion.data.touches import Touches, read_touches
-from trunnion.errors import InputError, TrunnionError, UnknownNameError
-from trunnion.identification import identify
-from trunnion.observability import observability
-from trunnion.planning import plan as make_plan
-from trunnion.probing_program import probing_program
-from trunnion.results import IdentificationResult
+from trunnion.probing.closed_form import closed_form
+from trunnion.probing.identify import identify
+from trunnion.probing.observability import observability
+from trunnion.probing.plan import plan as make_plan
+from trunnion.probing.program import probing_program
+from trunnion.probing.result import IdentificationResult
+from trunnion.probing.simulate import simulate as simulate_plan
 from trunnion.setup import Setup, read_setup
-from trunnion.simulation import simulate as simulate_plan
 
 __all__ = ["register"]
 

@@ -12,9 +12,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from trunnion.diagnosis import Diagnosis
+from trunnion.base.errors import InputError, TrunnionError
+from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.words import opening, table
-from trunnion.errors import InputError, TrunnionError
 
 __all__ = ["clean_errors", "named_values", "numbers", "say", "show_diagnosis", "show_json"]
 

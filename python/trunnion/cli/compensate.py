@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 import typer
 from rich.console import Console
 
+from trunnion.base.errors import FileFormatError
+from trunnion.base.report import Table
 from trunnion.compensation import (
     CncParameters,
     Compensation,
@@ -26,10 +27,9 @@ from trunnion.compensation import (
     volumetric_error,
 )
 from trunnion.compensation.machine import chain_letters
-from trunnion.errors import FileFormatError
-from trunnion.plotting.volumetric import plot_over_poses, plot_volumetric
+from trunnion.plot.axes import new_figure
+from trunnion.plot.volumetric import plot_over_poses, plot_volumetric
 from trunnion.setup import Setup, read_setup
-from trunnion.tables import Table
 
 __all__ = ["compensate"]
 
@@ -239,7 +239,7 @@ def _picture(
     shown = {"nothing compensated": None, "error map": table, "CNC parameters": parameters}
     top = max(value.max_um for value in over.values())
     scale = (0.01, top) if top > 0.01 else None
-    figure = plt.figure(figsize=(13, 7), layout="constrained")
+    figure = new_figure(13.0, 7.0)
     panels = figure.subplots(2, 3)
     for column, (name, kind) in enumerate(shown.items()):
         section = volumetric_error(setup, known, compensation=kind)
@@ -254,4 +254,3 @@ def _picture(
     image = panels[0, 0].collections[0]
     figure.colorbar(image, ax=panels, label="error (µm)", shrink=0.7)
     figure.savefig(path, dpi=120)
-    plt.close(figure)

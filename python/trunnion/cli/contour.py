@@ -10,11 +10,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from trunnion import contouring, nc
+import trunnion.contouring as contouring
+import trunnion.nc as nc
+from trunnion.base.errors import InputError
 from trunnion.cli.common import clean_errors, named_values, say, show_diagnosis, show_json
 from trunnion.data.axis_log import read_axis_log
-from trunnion.diagnosis import diagnose as diagnose_data
-from trunnion.errors import InputError
+from trunnion.models.kinds import diagnose as diagnose_data
 from trunnion.setup import read_setup
 
 __all__ = ["register"]

@@ -1,52 +1,36 @@
 """``trunnion diagnose``: whether a measurement fits its model, and if not, why."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
-import trunnion.models.touches  # noqa: F401  the kinds of data announce themselves
+from trunnion.base.errors import InputError
 from trunnion.cli.common import clean_errors, show_diagnosis
-from trunnion.data.axis_log import read_axis_log
-from trunnion.data.ballbar import read_ballbar
-from trunnion.data.diameters import read_diameters
-from trunnion.data.points import read_points
-from trunnion.data.sweep import read_sweep
-from trunnion.data.text import decode
-from trunnion.data.touches import read_touches
-from trunnion.diagnosis import diagnose as diagnose_data
-from trunnion.errors import InputError
+from trunnion.files.text import decode
+from trunnion.models.kinds import Kind, kind_of_columns, kinds
+from trunnion.models.kinds import diagnose as diagnose_data
 from trunnion.models.next_touches import prospect
 from trunnion.setup import read_setup
 
 __all__ = ["register"]
 
-KINDS: dict[str, tuple[Callable[[Path], Any], tuple[str, ...]]] = {
-    "touches": (read_touches, ("dir_x", "dir_y", "dir_z")),
-    "points": (read_points, ("nominal_x_mm", "nominal_y_mm")),
-    "sweep": (read_sweep, ("angle_deg", "target")),
-    "diameters": (read_diameters, ("z_mm", "error_um")),
-    "ballbar": (read_ballbar, ("setup", "length_mm")),
-    "axislog": (read_axis_log, ("time_s",)),
-}
-"""Kind of data: its reader, and the columns by which a file is known (looked for in this order)."""
+NAMES = ", ".join(kind.name for kind in kinds())
 
 
-def kind_of(path: Path) -> str:
-    """Tell the kind of data from the header line."""
+def kind_of(path: Path) -> Kind:
+    """Return the kind of data, from the header line."""
     try:
         with path.open(encoding="utf-8-sig") as lines:
             header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
     except UnicodeDecodeError:
         decode(str(path), path.read_bytes())
         raise
-    names = {name.strip() for name in header.split(",")}
-    for kind, (_, wanted) in KINDS.items():
-        if names.issuperset(wanted):
-            return kind
-    raise InputError(f"{path}: got columns {header.strip()!r}, wanted those of {', '.join(KINDS)}")
+    kind = kind_of_columns({name.strip() for name in header.split(",")})
+    if kind is None:
+        raise InputError(f"{path}: got columns {header.strip()!r}, expected those of {NAMES}")
+    return kind
 
 
 def register(app: typer.Typer) -> None:
@@ -59,7 +43,7 @@ def diagnose(
         list[Path],
         typer.Argument(help="measured data (CSV), and the set-up (TOML) where it needs one"),
     ],
-    kind: Annotated[str, typer.Option(help=f"{', '.join(KINDS)}; told by the columns")] = "",
+    kind: Annotated[str, typer.Option(help=f"{NAMES}; by default detected from the columns")] = "",
     html: Annotated[Path | None, typer.Option(help="write a page with pictures here")] = None,
     next_touches: Annotated[
         int, typer.Option("--next", help="plan this many touches that part the alternatives")
@@ -79,11 +63,10 @@ def diagnose(
             f"files: got {len(data)} of data and {len(setups)} set-ups, wanted one of data and at "
             "most one set-up (.toml)"
         )
-    chosen = kind or kind_of(data[0])
-    if chosen not in KINDS:
-        raise InputError(f"kind: got {chosen!r}, wanted one of {', '.join(KINDS)}")
-    read = KINDS[chosen][0](data[0])
-    d = diagnose_data(read, read_setup(setups[0]) if setups else None)
+    if kind and kind not in {known.name for known in kinds()}:
+        raise InputError(f"kind: got {kind!r}, expected one of {NAMES}")
+    chosen = next((k for k in kinds() if k.name == kind), None) or kind_of(data[0])
+    d = diagnose_data(chosen.read(data[0]), read_setup(setups[0]) if setups else None)
     show_diagnosis(d, html=html, json_output=json_output)
     if next_touches:
         found = prospect(d, next_touches)

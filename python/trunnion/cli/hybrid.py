@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from trunnion.base.errors import InputError
 from trunnion.cli.common import clean_errors, numbers, show_json
-from trunnion.errors import InputError
 from trunnion.hybrid import PAPER_ERRORS, Mechanism, cube_study
 from trunnion.setup import read_setup
 

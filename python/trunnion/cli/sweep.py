@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from trunnion.base.errors import FileFormatError, InputError
 from trunnion.cli.common import say
-from trunnion.errors import FileFormatError, InputError
-from trunnion.sweeps import STUDIES, sweep
-from trunnion.sweeps.study import study_of
+from trunnion.studies import STUDIES, sweep
+from trunnion.studies.study import study_of
 
 __all__ = ["sweep_command"]
 

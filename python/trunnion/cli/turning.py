@@ -9,18 +9,13 @@ from typing import Annotated, cast
 
 import typer
 
-from trunnion import read_diameters, read_setup
+from trunnion.base.errors import InputError, ProgramError
 from trunnion.cli.common import clean_errors, say, show_json
-from trunnion.errors import InputError, ProgramError
+from trunnion.data.diameters import read_diameters
 from trunnion.nc import DIALECTS, Program
-from trunnion.turning import (
-    Profile,
-    TurningProbe,
-    correct,
-    plot_correction,
-    plot_probe_path,
-    probe_path,
-)
+from trunnion.plot import plot_correction, plot_probe_path
+from trunnion.setup import read_setup
+from trunnion.turning import Profile, TurningProbe, correct, probe_path
 from trunnion.turning.correction import Rule
 from trunnion.turning.profile import Follows
 
@@ -183,7 +178,7 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Name the cause of a diameter error, or what to turn next to tell causes apart."""
-    from trunnion.diagnosis.registry import diagnose as run
+    from trunnion.models.kinds import diagnose as run
     from trunnion.models.next_passes import next_passes
 
     told = read_setup(setup)

@@ -16,9 +16,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import InputError
 from trunnion.compensation.machine import NOMINAL, Floats, MachineErrors, chain_letters
-from trunnion.errors import InputError
 from trunnion.setup import Setup
 
 __all__ = [

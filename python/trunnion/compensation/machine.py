@@ -10,12 +10,12 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion import _core
-from trunnion.arguments import instance
-from trunnion.errors import DataError, InputError, UnknownNameError
-from trunnion.names import canonical_error_name
+import trunnion._core as _core
+from trunnion.base.checks import instance
+from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.probing.model import PLACEMENT, Effect, UserEffect, split_effects
 from trunnion.setup import Setup
-from trunnion.touch_model import PLACEMENT, Effect, UserEffect, split_effects
+from trunnion.setup.names import canonical_error_name
 
 __all__ = ["Floats", "MachineErrors", "MotionPose", "axis_nodes", "chain_letters", "rotary_nodes"]
 

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from trunnion.base.errors import FileFormatError, InputError
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -35,11 +36,10 @@ from trunnion.compensation.machine import (
     pose_grid,
     rotary_nodes,
 )
-from trunnion.data.columns import ColumnError, Number, OptionalNumber
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
-from trunnion.data.text import decode
-from trunnion.errors import FileFormatError, InputError
+from trunnion.files.columns import ColumnError, Number, OptionalNumber
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
+from trunnion.files.text import decode
 from trunnion.setup import Setup
 
 __all__ = ["ErrorMap", "error_map", "read_error_map"]

@@ -3,8 +3,8 @@
 The control shows and takes positions of the machine that it pretends to be, the nominal one. For a
 touch it sends the rotary axes to their commanded positions (with its zeros), moves the linear axes
 along the compensated line, and, when the probe triggers, shows the position that it would have
-commanded to get there. :func:`remeasure` does exactly that on top of :func:`trunnion.simulation.
-simulate`, so that a second identification sees what is left.
+commanded to get there. :func:`remeasure` does exactly that on top of :func:`trunnion.simulate`, so
+that a second identification sees what is left.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.errors import DataError, InputError
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
 from trunnion.compensation.machine import NOMINAL, Floats, MachineErrors, chain_letters
 from trunnion.data.touches import Touches
-from trunnion.errors import DataError, InputError
+from trunnion.probing.model import Effect
+from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
-from trunnion.simulation import simulate
-from trunnion.touch_model import Effect
 
 __all__ = ["remeasure"]
 

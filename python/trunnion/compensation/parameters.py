@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -32,7 +33,6 @@ from trunnion.compensation.machine import (
     pose_grid,
     rotary_nodes,
 )
-from trunnion.errors import InputError, UnknownNameError
 from trunnion.setup import Setup
 
 __all__ = ["CncParameters", "PrintedZeros", "Removable", "cnc_parameters", "printed_zeros"]

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.errors import InputError
+from trunnion.base.report import Table
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import (
     MachineErrors,
@@ -23,9 +25,7 @@ from trunnion.compensation.machine import (
     pose_grid,
     rotary_nodes,
 )
-from trunnion.errors import InputError
 from trunnion.setup import Setup
-from trunnion.tables import Table
 
 __all__ = ["ResidualInterval", "residual_interval"]
 

@@ -15,7 +15,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import InputError
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -26,7 +27,6 @@ from trunnion.compensation.machine import (
     pose_grid,
     rotary_nodes,
 )
-from trunnion.errors import InputError
 from trunnion.setup import Setup
 
 __all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]

@@ -26,14 +26,6 @@ Slips of the paper, and what is done here:
 
 from trunnion.contouring.margins import Margins, margins
 from trunnion.contouring.paths import Path
-from trunnion.contouring.plots import (
-    plot_contour_error,
-    plot_contour_sweep,
-    plot_margins,
-    plot_model_error,
-    plot_orientation_error,
-    plot_path,
-)
 from trunnion.contouring.reproduction import Comparison, compare, offsets, order_of_controller
 from trunnion.contouring.servo import (
     Controller,
@@ -61,12 +53,6 @@ __all__ = [
     "margins",
     "offsets",
     "order_of_controller",
-    "plot_contour_error",
-    "plot_contour_sweep",
-    "plot_margins",
-    "plot_model_error",
-    "plot_orientation_error",
-    "plot_path",
     "read_servo",
     "simulate",
     "sweep",

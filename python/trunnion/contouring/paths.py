@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import make_interp_spline
 
-from trunnion import nc
+import trunnion.nc as nc
 from trunnion._core import ContourPath
-from trunnion.errors import InputError, ProgramError
+from trunnion.base.errors import InputError, ProgramError
 
 __all__ = ["Path"]
 

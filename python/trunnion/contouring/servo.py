@@ -24,8 +24,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.data.toml_text import TomlText
-from trunnion.errors import InputError, UnknownNameError
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.files.toml import TomlText
 
 __all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo", "read_servo"]
 

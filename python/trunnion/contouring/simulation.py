@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import InputError
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of, number
 from trunnion.data.axis_log import AxisLog
-from trunnion.errors import InputError
-from trunnion.names import canonical_error_name
+from trunnion.setup.names import canonical_error_name
 
 __all__ = ["ContourRun", "ContourSweep", "Feed", "simulate", "sweep"]
 

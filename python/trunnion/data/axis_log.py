@@ -7,9 +7,9 @@ from os import PathLike
 
 import numpy as np
 
-from trunnion.data.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
+from trunnion.files.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
 
 __all__ = ["AxisLog", "read_axis_log"]
 

@@ -2,7 +2,7 @@
 
 from os import PathLike
 
-from trunnion.data.columns import (
+from trunnion.files.columns import (
     ColumnError,
     Float,
     Label,
@@ -11,8 +11,8 @@ from trunnion.data.columns import (
     OptionalNumber,
     stack,
 )
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
 
 __all__ = ["Ballbar", "read_ballbar"]
 

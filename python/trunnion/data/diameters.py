@@ -2,9 +2,9 @@
 
 from os import PathLike
 
-from trunnion.data.columns import Number, OptionalInteger, OptionalLabel, OptionalNumber
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
+from trunnion.files.columns import Number, OptionalInteger, OptionalLabel, OptionalNumber
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
 
 __all__ = ["Diameters", "read_diameters"]
 

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from trunnion.data.columns import Float, parse_number
-from trunnion.data.text import decode
+from trunnion.base.errors import FileFormatError
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.errors import FileFormatError
+from trunnion.files.columns import Float, parse_number
+from trunnion.files.text import decode
 
 __all__ = ["read_probe_log"]
 

@@ -2,9 +2,9 @@
 
 from os import PathLike
 
-from trunnion.data.columns import Float, Number, OptionalLabel, OptionalNumber, stack
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
+from trunnion.files.columns import Float, Number, OptionalLabel, OptionalNumber, stack
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
 
 __all__ = ["Points", "read_points"]
 

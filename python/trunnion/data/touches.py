@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.data.columns import (
+from trunnion.files.columns import (
     ColumnError,
     Float,
     Int,
@@ -18,8 +18,8 @@ from trunnion.data.columns import (
     OptionalNumber,
     stack,
 )
-from trunnion.data.csv_file import read_table
-from trunnion.data.table import Table
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
 
 __all__ = ["Touches", "read_touches"]
 

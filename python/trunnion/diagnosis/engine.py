@@ -19,13 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.base.errors import DataError
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.diagnosis.selection import MOST_CAUSES, WITHIN, Candidates, Found, search
-from trunnion.errors import DataError
 
 __all__ = ["diagnose"]
 

@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.errors import DataError, KinematicsError
 from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
-from trunnion.errors import DataError, KinematicsError
 
 Flags: TypeAlias = NDArray[np.bool_]
 

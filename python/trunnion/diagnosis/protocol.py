@@ -24,7 +24,8 @@ from typing import Any, Literal, Protocol, TypeAlias, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.errors import DataError, InputError
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers, unit_of
 
 __all__ = [
     "BaseModel",
@@ -42,33 +43,11 @@ __all__ = [
     "as_effect",
 ]
 
-Array: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.intp]
+Array: TypeAlias = Floats
+IntArray: TypeAlias = Integers
 NuisanceScope: TypeAlias = Literal["setup", "machine"]
 EffectScope: TypeAlias = Literal["machine", "instrument", "workpiece"]
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
-
-UNIT_SUFFIXES = {
-    "um_h": "µm/h",
-    "mm_min": "mm/min",
-    "um": "µm",
-    "mm": "mm",
-    "arcsec": "arcsec",
-    "deg": "deg",
-    "ppm": "ppm",
-    "ms": "ms",
-    "min": "min",
-    "s": "s",
-    "h": "h",
-}
-
-
-def unit_of(name: str) -> str:
-    """Read the unit a name ends in (``rate_um_h`` → ``µm/h``); empty if it names none."""
-    for suffix, unit in UNIT_SUFFIXES.items():
-        if name == suffix or name.endswith("_" + suffix):
-            return unit
-    return ""
 
 
 @dataclass(frozen=True)

@@ -156,13 +156,13 @@ class Diagnosis:
 
     def plot(self, *, ax: "Axes | None" = None) -> "Axes":
         """Residuals before and after, against what the strongest cause depends on."""
-        from trunnion.plotting.diagnosis import plot_diagnosis
+        from trunnion.plot.diagnosis import plot_diagnosis
 
         return plot_diagnosis(self, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one self-contained page with words, tables and pictures; return its path."""
-        from trunnion.plotting.diagnosis import page
+        from trunnion.plot.diagnosis import page
 
         target = Path(path)
         target.write_text(page(self), encoding="utf-8")

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.errors import InputError
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.fit import orthonormal
 from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
 from trunnion.diagnosis.result import Diagnosis, Gain
-from trunnion.errors import InputError
 
 __all__ = ["score"]
 

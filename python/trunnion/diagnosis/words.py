@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from trunnion.diagnosis.protocol import Parameter, unit_of
+from trunnion.base.units import unit_of
+from trunnion.diagnosis.protocol import Parameter
 from trunnion.diagnosis.result import Cause, Diagnosis
 
 __all__ = ["cause_sentence", "number", "summary"]

@@ -1,7 +1,7 @@
 """The hybrid parallel machine of paper 004: two outer UPR legs, a central SPR leg, two-axis wrist.
 
 Kinematics and sensitivities are the core's; here are names, files, results, the study of the
-paper's section 3 and the use of a ball-bar. Pictures are in :mod:`trunnion.plotting.hybrid`.
+paper's section 3 and the use of a ball-bar. Pictures are in :mod:`trunnion.plot.hybrid`.
 """
 
 from trunnion.hybrid.ballbar import (

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import optimize
 
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.report import Table, number
 from trunnion.data.ballbar import Ballbar
-from trunnion.errors import DataError, InputError
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
-from trunnion.tables import Table, number
 
 __all__ = [
     "BallbarIdentification",

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.errors import InputError
+from trunnion.base.errors import InputError
+from trunnion.base.report import Table, number
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
-from trunnion.tables import Table, number
 
 __all__ = [
     "CubeChange",

@@ -45,10 +45,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion import _core
-from trunnion.errors import InputError, UnknownNameError
+import trunnion._core as _core
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.report import Table, number
 from trunnion.setup import Setup
-from trunnion.tables import Table, number
 
 __all__ = [
     "OUTSIDE_ERRORS",

@@ -1,4 +1,1 @@
-"""One file a kind of data: the model that the diagnosis engine asks.
-
-Importing a file registers its model; see :func:`trunnion.diagnosis.register`.
-"""
+"""The models of each kind of data on the diagnosis engine; :mod:`.kinds` lists them."""

@@ -36,7 +36,8 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, minimize, minimize_scalar
 from scipy.special import chdtri
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.contouring.servo import ROTARY, Axis, Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.engine import NAMELESS
@@ -51,9 +52,7 @@ from trunnion.diagnosis.protocol import (
     Readings,
     as_effect,
 )
-from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
-from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo"]
@@ -1174,6 +1173,3 @@ def build(
             f"setup: got {type(setup).__name__}, wanted the Setup with [servo] of this log"
         )
     return AxisLogModel(data, setup, effects)
-
-
-register(AxisLog, build)

@@ -60,6 +60,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.ballbar import Ballbar
 from trunnion.diagnosis.protocol import (
     Array,
@@ -75,8 +76,6 @@ from trunnion.diagnosis.protocol import (
     Readings,
     as_effect,
 )
-from trunnion.diagnosis.registry import register
-from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.hybrid.ballbar import (
     check_enough,
     check_near,
@@ -923,8 +922,6 @@ def _linear(
     return Effect(name, parameters, change, jacobian, scope=scope, words=words)
 
 
-def _build(data: Ballbar, setup: Setup | None, effects: Sequence[EffectLike | str]) -> BallbarModel:
+def build(data: Ballbar, setup: Setup | None, effects: Sequence[EffectLike | str]) -> BallbarModel:
+    """Build the model of a ball-bar test; a hybrid machine needs a set-up."""
     return BallbarModel(data, setup, effects)
-
-
-register(Ballbar, _build)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.protocol import Array, Effect, EffectLike, EffectScope, Parameter, as_effect
-from trunnion.errors import InputError, UnknownNameError
 
 __all__ = ["effect_of_columns", "own_effects", "periodic_effect"]
 

@@ -48,6 +48,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.protocol import (
     Covariate,
@@ -60,8 +61,6 @@ from trunnion.diagnosis.protocol import (
     Readings,
     as_effect,
 )
-from trunnion.diagnosis.registry import register
-from trunnion.errors import DataError, InputError, UnknownNameError
 from trunnion.setup import Setup
 
 __all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions"]
@@ -444,6 +443,3 @@ def _bound(
     reference: _Reference,
 ) -> Model:
     return build(data, setup, effects, reference=reference)
-
-
-register(Diameters, build)

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from trunnion.base.errors import InputError
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.protocol import Effect, Model, Values
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.errors import InputError
 
 __all__ = ["NextPass", "next_passes"]
 

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.arguments import instance
+from trunnion.base.checks import instance
+from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.fit import Flags, fit
 from trunnion.diagnosis.parting import Hypothesis, Parting
 from trunnion.diagnosis.protocol import Array, Effect, EffectValues, IntArray, Values
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.errors import InputError
 from trunnion.models.touches import TouchDiagnosisModel
-from trunnion.planning import plan
+from trunnion.probing.plan import plan
 
 __all__ = ["Prospect", "next_touches", "prospect"]
 

@@ -25,6 +25,8 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.smooth import Modes, SmoothField
 from trunnion.data.points import Points
 from trunnion.diagnosis.protocol import (
     Array,
@@ -40,11 +42,8 @@ from trunnion.diagnosis.protocol import (
     Values,
     lengths,
 )
-from trunnion.diagnosis.registry import register
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.errors import DataError, InputError
 from trunnion.models.candidates import effect_of_columns, own_effects, periodic_effect
-from trunnion.models.smooth import Modes, SmoothField
 
 __all__ = ["ExtendedPoints", "FeatureScatter", "PointsModel", "RepeatablePart", "repeatable_part"]
 
@@ -797,9 +796,6 @@ def build(
 ) -> PointsModel:
     """Build the model of points; no set-up is needed."""
     return PointsModel(data, effects)
-
-
-register(Points, build)
 
 
 # --- what is in the part, and what in the measurement

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion import _core
+import trunnion._core as _core
+from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.protocol import (
     Array,
@@ -31,12 +32,10 @@ from trunnion.diagnosis.protocol import (
     Readings,
     Values,
 )
-from trunnion.diagnosis.registry import register
-from trunnion.errors import DataError, InputError
-from trunnion.identification import known_sigma_um
 from trunnion.models.candidates import own_effects
+from trunnion.probing.identify import known_sigma_um
+from trunnion.probing.model import EffectInfo, TouchModel, catalogue
 from trunnion.setup import Setup
-from trunnion.touch_model import EffectInfo, TouchModel, catalogue
 
 __all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
 
@@ -75,7 +74,7 @@ class ExtendedTouchModel:
 
     def simulate(self, plan: Touches, **more: Any) -> Touches:
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
-        from trunnion.simulation import simulate
+        from trunnion.probing.simulate import simulate
 
         return simulate(plan, self.setup, self.errors, self.placement, self.effects, **more)
 
@@ -369,6 +368,3 @@ def build(
     if not isinstance(setup, Setup):
         raise InputError(f"setup: got {type(setup).__name__}, wanted the Setup of these touches")
     return TouchDiagnosisModel(data, setup, effects)
-
-
-register(Touches, build)

@@ -13,7 +13,6 @@ the part is too thin.
 from trunnion.turning.correction import Correction, change_um, correct
 from trunnion.turning.gauge import Gauge
 from trunnion.turning.listing import Crossing, crossings
-from trunnion.turning.plots import plot_correction, plot_probe_path, plot_profile
 from trunnion.turning.probing import Interval, ProbePath, TurningProbe, probe_path
 from trunnion.turning.profile import Corner, Finishing, Profile
 
@@ -30,8 +29,5 @@ __all__ = [
     "change_um",
     "correct",
     "crossings",
-    "plot_correction",
-    "plot_probe_path",
-    "plot_profile",
     "probe_path",
 ]

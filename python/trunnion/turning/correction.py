@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
+from trunnion.base.errors import InputError
 from trunnion.data.diameters import Diameters
-from trunnion.errors import InputError
 from trunnion.turning.profile import Follows
 
 __all__ = ["Correction", "Rule", "change_um", "correct"]

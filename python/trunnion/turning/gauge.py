@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from trunnion.errors import DataError, InputError
+from trunnion.base.errors import DataError, InputError
 
 __all__ = ["Gauge"]
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program
-from trunnion.errors import DataError
+from trunnion.base.errors import DataError
 from trunnion.nc import follow
 
 __all__ = ["Crossing", "crossings"]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath
-from trunnion.errors import InputError
+from trunnion.base.errors import InputError
 from trunnion.turning.profile import Blocks, Profile
 
 __all__ = ["Interval", "ProbePath", "TurningProbe", "probe_path"]

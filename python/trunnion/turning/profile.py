@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProfile
-from trunnion.errors import InputError
+from trunnion.base.errors import InputError
 
 __all__ = ["Blocks", "Corner", "Finishing", "Follows", "Kind", "Profile"]
 

@@ -4,7 +4,7 @@ use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use trunnion_core::Error;
 
-/// The exception class of `trunnion.errors` for each variant.
+/// The exception class of `trunnion.base.errors` for each variant.
 fn class(error: &Error) -> &'static str {
     match error {
         Error::Input { .. } => "InputError",
@@ -19,7 +19,7 @@ fn class(error: &Error) -> &'static str {
 pub fn to_py(error: &Error) -> PyErr {
     Python::attach(|py| {
         let build = || -> PyResult<PyErr> {
-            let exception = py.import("trunnion.errors")?.getattr(class(error))?;
+            let exception = py.import("trunnion.base.errors")?.getattr(class(error))?;
             Ok(PyErr::from_value(exception.call1((error.to_string(),))?))
         };
         build().unwrap_or_else(|import| PyRuntimeError::new_err(format!("{error} ({import})")))

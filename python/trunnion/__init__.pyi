@@ -1,0 +1,113 @@
+# The public names in pipeline order; read at run time, too (lazy_loader), so each stands once.
+
+# --- errors
+# --- the other machines, part programs, pictures, samples
+from . import contouring as contouring
+from . import hybrid as hybrid
+from . import nc as nc
+from . import plot as plot
+from . import turning as turning
+from ._core import __version__ as __version__
+from .base.errors import DataError as DataError
+from .base.errors import FileFormatError as FileFormatError
+from .base.errors import InputError as InputError
+from .base.errors import KinematicsError as KinematicsError
+from .base.errors import ProgramError as ProgramError
+from .base.errors import TrunnionError as TrunnionError
+from .base.errors import UnknownNameError as UnknownNameError
+
+# --- compensation
+from .compensation import CncParameters as CncParameters
+from .compensation import ErrorMap as ErrorMap
+from .compensation import InverseCompensation as InverseCompensation
+from .compensation import ModelCompensation as ModelCompensation
+from .compensation import VolumetricError as VolumetricError
+from .compensation import cnc_parameters as cnc_parameters
+from .compensation import error_fields as error_fields
+from .compensation import error_map as error_map
+from .compensation import inverse_compensation as inverse_compensation
+from .compensation import printed_zeros as printed_zeros
+from .compensation import read_error_map as read_error_map
+from .compensation import remeasure as remeasure
+from .compensation import residual_interval as residual_interval
+from .compensation import volumetric_error as volumetric_error
+
+# --- measured data
+from .data.axis_log import AxisLog as AxisLog
+from .data.axis_log import read_axis_log as read_axis_log
+from .data.ballbar import Ballbar as Ballbar
+from .data.ballbar import read_ballbar as read_ballbar
+from .data.diameters import Diameters as Diameters
+from .data.diameters import read_diameters as read_diameters
+from .data.linuxcnc_log import read_probe_log as read_probe_log
+from .data.points import Points as Points
+from .data.points import read_points as read_points
+from .data.sweep import Sweep as Sweep
+from .data.sweep import read_sweep as read_sweep
+from .data.touches import Touches as Touches
+from .data.touches import read_touches as read_touches
+from .diagnosis.result import Alternative as Alternative
+from .diagnosis.result import Cause as Cause
+from .diagnosis.result import Diagnosis as Diagnosis
+from .diagnosis.result import Gain as Gain
+
+# --- the machine's kinematics
+from .machine.kinematics import forward_kinematics as forward_kinematics
+from .machine.kinematics import inverse_kinematics as inverse_kinematics
+from .machine.kinematics import kinematic_jacobian as kinematic_jacobian
+from .models.axis_log import AxisLogModel as AxisLogModel
+from .models.axis_log import ExtendedServo as ExtendedServo
+from .models.ballbar import BallbarModel as BallbarModel
+from .models.diameters import DiameterLaw as DiameterLaw
+
+# --- diagnosis of any kind of data
+from .models.kinds import diagnose as diagnose
+from .models.next_passes import NextPass as NextPass
+from .models.next_passes import next_passes as next_passes
+from .models.next_touches import Prospect as Prospect
+from .models.next_touches import next_touches as next_touches
+from .models.next_touches import prospect as prospect
+from .models.points import ExtendedPoints as ExtendedPoints
+from .models.points import RepeatablePart as RepeatablePart
+from .models.points import repeatable_part as repeatable_part
+from .models.rotary import Circle as Circle
+from .models.rotary import ExtendedSweep as ExtendedSweep
+from .models.rotary import circles as circles
+
+# --- probing an artefact: plan, simulate, identify
+from .probing.closed_form import closed_form as closed_form
+from .probing.identify import identify as identify
+from .probing.identify import identify_many as identify_many
+from .probing.length import smallest_length_mm as smallest_length_mm
+from .probing.model import EffectInfo as EffectInfo
+from .probing.model import UserEffect as UserEffect
+from .probing.model import catalogue as catalogue
+from .probing.observability import Observability as Observability
+from .probing.observability import observability as observability
+from .probing.plan import plan as plan
+from .probing.result import ClosedFormResult as ClosedFormResult
+from .probing.result import IdentificationResult as IdentificationResult
+from .probing.simulate import simulate as simulate
+
+# --- outside checks
+from .reference import casadi_baseline as casadi_baseline
+from .reference.comparison import Comparison as Comparison
+from .reference.comparison import compare_methods as compare_methods
+from .reference.pinocchio_model import pinocchio_model as pinocchio_model
+from .samples import sample_path as sample_path
+
+# --- the set-up: machine, artefact, probe
+from .setup import Artefact as Artefact
+from .setup import AxisSetup as AxisSetup
+from .setup import Machine as Machine
+from .setup import PlanSetup as PlanSetup
+from .setup import Probe as Probe
+from .setup import Resolution as Resolution
+from .setup import Setup as Setup
+from .setup import TableSetup as TableSetup
+from .setup import read_setup as read_setup
+from .setup.names import canonical_error_name as canonical_error_name
+
+# --- parameter studies
+from .studies import open_sweep as open_sweep
+from .studies import sweep as sweep

@@ -1,0 +1,1 @@
+"""Ground floor: exceptions, checks of arguments, units, reports, statistics. Knows no machine."""

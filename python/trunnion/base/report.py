@@ -1,0 +1,323 @@
+"""Reports: tables of numbers, and the base class of every public result.
+
+A result holds data (numbers, texts, arrays, mappings, other results), never a model. A class says
+what it has to say in `sentences` and `tables`; text, HTML, JSON, data frames, comparison and
+pickling follow from the fields and are written here, once.
+"""
+
+from __future__ import annotations
+
+import html
+import importlib
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from numbers import Real
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
+
+import numpy as np
+
+from trunnion.base.errors import FileFormatError, InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from cattrs import Converter
+    from rich.table import Table as RichTable
+
+__all__ = ["Cell", "Result", "Table", "number", "plain", "same"]
+
+Cell: TypeAlias = str | float | int | bool | None
+"""What stands in a cell: text, a number (formatted when shown), or nothing."""
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Return a number as text: fixed decimals, "–" for nothing, infinity as "not identifiable"."""
+    if value is None:
+        return "–"
+    if value == float("inf"):
+        return "not identifiable"
+    text = f"{value:.{digits}f}"
+    return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table; the first column is text, the others are numbers or text.
+
+    Attributes
+    ----------
+    title
+        What it shows, with units where all columns share them.
+    columns
+        Headings.
+    rows
+        Cells, one row each; numbers stay numbers until they are shown.
+    digits
+        Decimals of numbers.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    digits: int = 4
+
+    @classmethod
+    def of(
+        cls, title: str, columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, digits: int = 4
+    ) -> Table:
+        """Return a table from any sequences."""
+        return cls(title, tuple(columns), tuple(tuple(row) for row in rows), digits)
+
+    def cells(self) -> tuple[tuple[str, ...], ...]:
+        """Return every cell as text."""
+        return tuple(tuple(self._shown(cell) for cell in row) for row in self.rows)
+
+    def _shown(self, cell: Cell) -> str:
+        if isinstance(cell, str):
+            return cell
+        if isinstance(cell, bool | np.bool_):
+            return "yes" if cell else "no"
+        if isinstance(cell, int | np.integer):
+            return str(cell).replace("-", "−")
+        return number(None if cell is None else float(cell), self.digits)
+
+    def to_rich(self) -> RichTable:
+        """Return it for a rich console."""
+        from rich import box
+        from rich.table import Table as RichTable
+
+        table = RichTable(
+            title=self.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD
+        )
+        cells = self.cells()
+        for index, column in enumerate(self.columns):
+            # Names stay whole on a narrow terminal: the numbers beside them wrap.
+            width = max(len(row[0]) for row in cells) if index == 0 and cells else None
+            table.add_column(column, justify="left" if index == 0 else "right", min_width=width)
+        for row in cells:
+            table.add_row(*row)
+        return table
+
+    def text(self, width: int = 110) -> str:
+        """Return it as plain text."""
+        from rich.console import Console
+
+        buffer = io.StringIO()
+        Console(file=buffer, width=width, color_system=None, highlight=False).print(self.to_rich())
+        return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines())
+
+    def html(self) -> str:
+        """Return it as an HTML table."""
+
+        def cells(tag: str, row: Sequence[str]) -> str:
+            style = ' style="text-align:right"'
+            return "".join(
+                f"<{tag}{style if index else ''}>{html.escape(cell)}</{tag}>"
+                for index, cell in enumerate(row)
+            )
+
+        body = "".join(f"<tr>{cells('td', row)}</tr>" for row in self.cells())
+        return (
+            f"<table><caption>{html.escape(self.title)}</caption>"
+            f"<thead><tr>{cells('th', self.columns)}</tr></thead><tbody>{body}</tbody></table>"
+        )
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return it as a pandas DataFrame, numbers as numbers; pandas is imported here."""
+        import pandas as pd
+
+        names = [column or "name" for column in self.columns]
+        return pd.DataFrame.from_records([list(row) for row in self.rows], columns=names)
+
+
+@cache
+def _converter() -> Converter:
+    """Return what turns results into plain values and back, "inf" and "nan" as text."""
+    from cattrs import Converter
+
+    converter = Converter()
+    converter.register_unstructure_hook(float, plain)
+    converter.register_unstructure_hook_func(
+        lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
+    )
+    converter.register_structure_hook(float, lambda value, _: float(value))
+    converter.register_structure_hook_func(
+        lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
+    )
+    return converter
+
+
+def _array(value: Any, kind: Any) -> Any:
+    """Return nested lists as an array of the annotated type of number."""
+    scalar = next(iter(get_args(get_args(kind)[-1])), None) if get_args(kind) else None
+    dtype = scalar if isinstance(scalar, type) and issubclass(scalar, np.generic) else None
+    return np.asarray(value, dtype=None if dtype is np.generic else dtype)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, numbers not finite as text."""
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, int):
+        return value
+    if isinstance(value, Real):
+        return float(value) if np.isfinite(float(value)) else str(float(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, set | frozenset):
+        return sorted(plain(entry) for entry in value)
+    if isinstance(value, Result):
+        return value.to_dict()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    return str(value)
+
+
+def same(first: Any, second: Any) -> bool:
+    """Whether two values are equal, arrays and nan included."""
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        a, b = np.asarray(first), np.asarray(second)
+        numeric = a.dtype.kind in "fc" and b.dtype.kind in "fc"
+        return a.dtype == b.dtype and bool(np.array_equal(a, b, equal_nan=numeric))
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return list(first) == list(second) and all(same(first[key], second[key]) for key in first)
+    if isinstance(first, list | tuple) and isinstance(second, list | tuple):
+        return (
+            type(first) is type(second)
+            and len(first) == len(second)
+            and all(same(a, b) for a, b in zip(first, second, strict=True))
+        )
+    if isinstance(first, float) and isinstance(second, float):
+        return first == second or (np.isnan(first) and np.isnan(second))
+    return bool(first == second)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """Base of every public result.
+
+    A subclass is a frozen dataclass (``@dataclass(frozen=True, eq=False, repr=False)``) of data.
+    It gives `sentences` and `tables`; the rest follows. `to_dict` holds every field and, as
+    `"result"`, the name of the class; what a class derives from its fields and a reader of the
+    JSON wants, it adds by overriding `derived`.
+    """
+
+    def sentences(self) -> Sequence[str]:
+        """Return what is worth saying, most important first."""
+        return ()
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the tables, most important first."""
+        return ()
+
+    def table(self) -> Table:
+        """Return the first table."""
+        tables = self.tables()
+        return tables[0] if tables else Table(type(self).__name__, ("",), ())
+
+    def derived(self) -> Mapping[str, Any]:
+        """Return what `to_dict` holds beside the fields; ignored by `from_dict`."""
+        return {}
+
+    def summary(self) -> str:
+        """Return sentences and tables as text."""
+        return "\n".join([*(table.text() for table in self.tables()), *self.sentences()])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain Python values; numbers that are not finite as text ("inf")."""
+        found = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
+        return {
+            "result": type(self).__name__,
+            **found,
+            **{key: plain(value) for key, value in self.derived().items()},
+        }
+
+    def to_json(self, path: str | PathLike[str] | None = None, *, indent: int | None = None) -> str:
+        """Return `to_dict` as JSON text, and write it to `path` where one is given."""
+        text = json.dumps(self.to_dict(), indent=indent, ensure_ascii=False, allow_nan=False)
+        if path is not None:
+            Path(path).write_text(text + "\n", encoding="utf-8")
+        return text
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the result that `to_dict` described.
+
+        Raises
+        ------
+        InputError
+            The values are not those of this class.
+        """
+        kind = values.get("result", cls.__name__) if isinstance(values, Mapping) else None
+        if kind != cls.__name__:
+            raise InputError(f"result: got {kind!r}, expected {cls.__name__!r}")
+        try:
+            return _converter().structure(dict(values), cls)
+        except Exception as error:  # cattrs raises groups of errors, one a field
+            raise InputError(
+                f"{cls.__name__}: got values that do not fit its fields: {error}"
+            ) from error
+
+    @classmethod
+    def from_json(cls, source: str | PathLike[str]) -> Self:
+        """Return the result written by `to_json`: from JSON text, or from a file.
+
+        Raises
+        ------
+        FileFormatError
+            The file or text is not JSON of this result; the message names the place.
+        """
+        text, where = str(source), "JSON"
+        if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
+            text, where = Path(source).read_text(encoding="utf-8"), str(source)
+        try:
+            return cls.from_dict(json.loads(text))
+        except json.JSONDecodeError as error:
+            raise FileFormatError(
+                f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
+            ) from error
+        except (InputError, RecursionError) as error:
+            raise FileFormatError(f"{where}: {error}") from error
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the first table as a pandas DataFrame, numbers as numbers."""
+        return self.table().to_dataframe()
+
+    def plot(self, **options: Any) -> Any:
+        """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
+        return importlib.import_module("trunnion.plot").draw(self, **options)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same class with equal fields."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+
+    def __hash__(self) -> int:
+        """Hash of what is cheap to hash: class, texts and whole numbers."""
+        values = (getattr(self, field.name) for field in fields(self))
+        return hash((type(self), *(v for v in values if isinstance(v, str | int | bool))))
+
+    def headline(self) -> str:
+        """Return the one thing to know; shown by ``repr``."""
+        return next(iter(self.sentences()), "")
+
+    def __repr__(self) -> str:
+        """Class and headline."""
+        return f"<{type(self).__name__}: {self.headline()}>"
+
+    def __str__(self) -> str:
+        """Return the summary."""
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
+        return "".join(table.html() for table in self.tables()) + lines

@@ -1,0 +1,48 @@
+"""Units of parameters, read from their names, and the array types of the package."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ARCSEC", "Floats", "Integers", "unit_of"]
+
+Floats: TypeAlias = NDArray[np.float64]
+Integers: TypeAlias = NDArray[np.intp]
+
+ARCSEC = float(np.pi / 648_000)
+"""One second of arc, rad."""
+
+# Longest first: "rate_um_h" ends in both.
+_SUFFIXES = {
+    "um_h": "µm/h",
+    "mm_min": "mm/min",
+    "um_m": "µm/m",
+    "per_s": "1/s",
+    "arcsec": "arcsec",
+    "deg": "deg",
+    "ppm": "ppm",
+    "min": "min",
+    "um": "µm",
+    "mm": "mm",
+    "ms": "ms",
+    "hz": "Hz",
+    "s": "s",
+    "h": "h",
+}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that a name stands for or ends in; empty if it names none.
+
+    ``EX0C`` → µm, ``EA0A`` → arcsec, ``drift_z.rate_um_h`` → µm/h, ``tau_min`` → min.
+    """
+    last = name.rsplit(".", 1)[-1]
+    if last[:1] == "E" and last[2:3] == "0":
+        return "µm" if last[1] in "XYZ" else "arcsec"
+    for suffix, unit in _SUFFIXES.items():
+        if last == suffix or last.endswith("_" + suffix):
+            return unit
+    return ""

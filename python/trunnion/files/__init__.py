@@ -1,0 +1,1 @@
+"""File formats: CSV with typed columns, TOML with positions; errors name file, line and column."""

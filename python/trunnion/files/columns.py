@@ -1,0 +1,284 @@
+"""Columns of a table: what each kind holds, how it is checked, in which words it is refused.
+
+A column is a descriptor: declared in the class of a kind of data, it gives the column's array as an
+attribute of its tables.
+"""
+
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Never, Self, TypeVar, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion.base.errors import InputError
+
+if TYPE_CHECKING:
+    from trunnion.files.table import Table
+
+__all__ = [
+    "Column",
+    "ColumnError",
+    "Float",
+    "Int",
+    "Integer",
+    "Label",
+    "Labels",
+    "Number",
+    "OptionalInteger",
+    "OptionalLabel",
+    "OptionalNumber",
+    "has_break",
+    "natural",
+    "parse_number",
+    "raw_array",
+    "shown",
+    "stack",
+]
+
+Float = NDArray[np.float64]
+Int = NDArray[np.int64]
+Labels = NDArray[np.int64] | NDArray[np.str_]
+T = TypeVar("T", bound=NDArray[Any] | None)
+
+# A whole number that is written as Python writes it; 007 is a name.
+_WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
+# Digits that a number would not keep: leading zeros, or more than a float has.
+_DIGITS = re.compile(r"[+-]?(?:0[0-9].*|[0-9]{16,})")
+_DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_BREAK = re.compile(r"[\n\r\0]")
+
+
+class ColumnError(InputError):
+    """A value that its column does not take, with its row (from 0; None: the whole column)."""
+
+    def __init__(self, column: str, row: int | None, got: str, wanted: str) -> None:
+        where = column if row is None else f"{column} (row {row})"
+        super().__init__(f"{where}: got {got}, wanted {wanted}")
+        self.column, self.row, self.got, self.wanted = column, row, got, wanted
+
+    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:
+        return type(self), (self.column, self.row, self.got, self.wanted)
+
+
+# --- columns
+
+
+class Column(Generic[T]):
+    """A column of a kind of data: name, meaning, check. T is what the attribute returns."""
+
+    required: ClassVar[bool] = True
+    name: str
+
+    def __init__(self, meaning: str) -> None:
+        self.meaning = meaning
+        self.__doc__ = meaning
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name.rstrip("_")  # pass_, as pass is a word of Python
+
+    @overload
+    def __get__(self, table: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, table: "Table", owner: type) -> T: ...
+    def __get__(self, table: "Table | None", owner: type) -> Any:
+        return self if table is None else table.columns.get(self.name)
+
+    def __set__(self, table: "Table", value: Never) -> None:
+        raise AttributeError(f"{type(table).__name__}.{self.name} is read-only")
+
+    def convert(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return the values in the column's type, or raise `ColumnError`."""
+        raise NotImplementedError
+
+    def refuse(self, values: NDArray[Any], bad: NDArray[np.bool_], wanted: str) -> None:
+        """Raise `ColumnError` at the first bad row, if there is one."""
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise ColumnError(self.name, row, shown(values[row]), wanted)
+
+
+class _Numeric(Column[T]):
+    """Finite numbers, optionally restricted: above 0, from a minimum on, or to some values."""
+
+    wanted_type: ClassVar[str] = "a finite number"
+
+    def __init__(
+        self,
+        meaning: str,
+        *,
+        positive: bool = False,
+        minimum: float | None = None,
+        among: Sequence[float] | None = None,
+    ) -> None:
+        super().__init__(meaning)
+        self.positive = positive
+        self.minimum = minimum
+        self.among = among
+        self.wanted = self.wanted_type
+        if positive:
+            self.wanted += " above 0"
+        if minimum is not None:
+            self.wanted += f", {minimum:g} or above"
+        if among is not None:
+            self.wanted = "one of " + ", ".join(f"{value:g}" for value in among)
+
+    def convert(self, values: NDArray[Any]) -> NDArray[Any]:
+        numbers = _floats(values)
+        if numbers is None:
+            bad = np.array([parse_number(value) is None for value in values], dtype=bool)
+            self.refuse(values, bad, self.wanted)
+            numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
+        bad = ~np.isfinite(numbers)
+        if self.positive:
+            bad |= ~(numbers > 0.0)
+        if self.minimum is not None:
+            bad |= ~(numbers >= self.minimum)
+        if self.among is not None:
+            bad |= ~np.isin(numbers, self.among)
+        self.refuse(values, bad, self.wanted)
+        return numbers
+
+
+class Number(_Numeric[Float]):
+    """A required column of finite numbers."""
+
+
+class OptionalNumber(_Numeric[Float | None]):
+    """A column of finite numbers that may be missing (None)."""
+
+    required = False
+
+
+class _Whole(_Numeric[T]):
+    wanted_type = "a whole number"
+
+    def convert(self, values: NDArray[Any]) -> NDArray[Any]:
+        numbers = super().convert(values)
+        # Beyond 2**53 neighbouring whole numbers are the same float.
+        bad = (numbers != np.round(numbers)) | (np.abs(numbers) > 2.0**53)
+        self.refuse(values, bad, self.wanted)
+        return numbers.astype(np.int64)
+
+
+class Integer(_Whole[Int]):
+    """A required column of whole numbers."""
+
+
+class OptionalInteger(_Whole[Int | None]):
+    """A column of whole numbers that may be missing (None)."""
+
+    required = False
+
+
+class _Name(Column[T]):
+    """Names of classes: whole numbers if all of them are, text otherwise."""
+
+    def convert(self, values: NDArray[Any]) -> NDArray[Any]:
+        if values.dtype.kind in "fO":
+            missing = [value is None or value != value for value in values.tolist()]
+            self.refuse(values, np.array(missing, dtype=bool), "a name or a whole number")
+        if values.dtype.kind == "f" and np.all(np.abs(values) < 2.0**53):
+            whole = values.astype(np.int64)
+            values = whole if np.array_equal(whole, values) else values
+        labels = natural(values, self.name, decimals=False)
+        if labels.dtype.kind == "U":
+            self.refuse(values, np.char.str_len(labels) == 0, "a name or a whole number")
+        return labels
+
+
+class Label(_Name[Labels]):
+    """A required column of names."""
+
+
+class OptionalLabel(_Name[Labels | None]):
+    """A column of names that may be missing (None)."""
+
+    required = False
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it."""
+    value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(value, str) and not value.strip():
+        return "an empty field"
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def parse_number(value: object) -> float | None:
+    """Return the number that a value is; None for what is none, 1_000 and nan among it."""
+    if isinstance(value, str):
+        return float(value) if _DECIMAL.fullmatch(value.strip()) else None
+    if isinstance(value, bool | np.bool_) or value is None:
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def _floats(values: NDArray[Any]) -> Float | None:
+    """Convert all values at once; None if one of them may not be a number."""
+    if values.dtype.kind in "fiu":
+        return values.astype(np.float64)
+    if values.dtype.kind == "b":
+        return None
+    fields = values.tolist()
+    try:
+        # float() alone would take 1_000 and digits of other scripts, which are no CSV numbers.
+        text = ",".join(fields)
+        if "_" in text or not text.isascii():
+            return None
+        return np.fromiter(map(float, fields), dtype=np.float64, count=len(fields))
+    except (TypeError, ValueError):
+        return None
+
+
+def natural(values: NDArray[Any], name: str, *, decimals: bool = True) -> NDArray[Any]:
+    """Return whole numbers, finite numbers (`decimals`) or text: the first that loses nothing.
+
+    `name` is the column's, for the `ColumnError` that text with a line break raises.
+    """
+    if values.dtype.kind == "i":
+        return values.astype(np.int64)
+    if decimals and values.dtype.kind == "f" and np.all(np.isfinite(values)):
+        return values.astype(np.float64)
+    texts = [value if isinstance(value, str) else str(value) for value in values.tolist()]
+    if all(map(_WHOLE.fullmatch, texts)):
+        with suppress(OverflowError):  # nineteen digits may be more than 64 bits
+            return np.array(list(map(int, texts)), dtype=np.int64)
+    if decimals and not any(map(_DIGITS.fullmatch, texts)):
+        numbers = [parse_number(text) for text in texts]
+        if None not in numbers and np.all(np.isfinite(floats := np.array(numbers, np.float64))):
+            return floats
+    for row, text in enumerate(texts):
+        if has_break(text):
+            raise ColumnError(name, row, shown(text), "text on one line")
+    return np.array(texts, dtype=np.str_)
+
+
+def has_break(text: str) -> bool:
+    """Tell whether a text has what a field of a line cannot hold."""
+    return _BREAK.search(text) is not None
+
+
+def raw_array(values: ArrayLike, name: str) -> NDArray[Any]:
+    """Return a copy as an array of numbers or, if it has anything else in it, of objects."""
+    try:
+        array = np.array(values)
+        if array.dtype.kind not in "fiub":  # numpy would turn mixed values into text
+            array = np.array(values, dtype=object)
+    except ValueError:
+        raise ColumnError(name, None, "rows of different lengths", "one value a row") from None
+    if array.ndim != 1:
+        raise ColumnError(name, None, f"an array of shape {array.shape}", "one value a row")
+    return array
+
+
+def stack(*columns: Float | None) -> Float:
+    """Put columns side by side, (n, number of columns), read-only; absent ones are left out."""
+    stacked = np.stack([column for column in columns if column is not None], axis=1)
+    stacked.flags.writeable = False
+    return stacked

@@ -1,0 +1,1 @@
+"""The machine: its chain of axes, kinematics, and what a measurement says of it."""

@@ -1,0 +1,163 @@
+"""Forward and inverse kinematics of the machine, nominal or with its location errors.
+
+The tool pose is the tool point in mm and the direction of the tool, a unit vector from its point to
+the spindle, both in the workpiece's frame. Axis positions are X, Y, Z in mm and the rotary
+positions in degrees in the order of the machine's preset (A, C; B, C), with the contract's signs
+(`sense` of the set-up file is not applied).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import trunnion._core as _core
+from trunnion.base.checks import instance
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.setup import Setup
+from trunnion.setup.names import canonical_error_name
+
+__all__ = ["AxisSolution", "forward_kinematics", "inverse_kinematics", "kinematic_jacobian"]
+
+Floats = NDArray[np.float64]
+
+
+class AxisSolution(NamedTuple):
+    """Axis positions for tool poses.
+
+    Attributes
+    ----------
+    axes
+        (n, 5): X, Y, Z in mm, rotary positions in degrees.
+    singular
+        (n,): the tool is parallel to the second rotary axis (A = 0 on a `trt-ca`), whose position
+        is then free and was left at the reference.
+    """
+
+    axes: Floats
+    singular: NDArray[np.bool_]
+
+
+def core_machine(setup: Setup, errors: Mapping[str, float] | None = None) -> _core.Machine:
+    """The core's machine with given location errors (µm, arcsec); those of the set-up if None."""
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+    given = setup.machine.errors if errors is None else errors
+    named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
+    return _core.Machine(setup.machine.preset, setup.probe.length_mm, named)
+
+
+def forward_kinematics(
+    setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
+) -> tuple[Floats, Floats]:
+    """Tool point and direction in the workpiece's frame.
+
+    Parameters
+    ----------
+    axes
+        (n, 5) or (5,): X, Y, Z in mm and the rotary positions in degrees.
+    errors
+        Location errors, µm and arcsec; {} for the nominal machine, None for the set-up's.
+
+    Returns
+    -------
+    point_mm, direction
+        (n, 3) each.
+    """
+    machine = core_machine(setup, errors)
+    tools = machine.forward(_rows("axes", axes, 3 + len(machine.letters)))
+    return tools[:, :3], tools[:, 3:]
+
+
+def kinematic_jacobian(
+    setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
+) -> Floats:
+    """Exact derivative of the tool pose.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 6, 5): rows are the tool point (mm) and direction, columns X, Y, Z (per mm) and the
+        rotary axes (per degree).
+    """
+    machine = core_machine(setup, errors)
+    width = 3 + len(machine.letters)
+    return machine.jacobian(_rows("axes", axes, width)).reshape(-1, 6, width)
+
+
+def inverse_kinematics(
+    setup: Setup,
+    point_mm: ArrayLike,
+    direction: ArrayLike,
+    *,
+    branch: Literal["positive", "negative", "nearest"] = "positive",
+    reference_deg: ArrayLike | None = None,
+    errors: Mapping[str, float] | None = None,
+) -> AxisSolution:
+    """Axis positions that reach tool poses.
+
+    Parameters
+    ----------
+    point_mm, direction
+        (n, 3) each: tool point and unit direction in the workpiece's frame.
+    branch
+        Of the two solutions the one with the tilting axis on its positive or negative side, or
+        the one whose rotary positions are nearest to `reference_deg`.
+    reference_deg
+        Rotary positions to stay near to and to keep where a pose is singular; zeros unless given.
+    errors
+        Location errors of the machine; {} for the nominal one, None for the set-up's. With errors
+        the axes are those of the erroneous machine, found from the nominal branch.
+
+    Raises
+    ------
+    KinematicsError
+        A direction the machine cannot take, for instance inside the cone around the second rotary
+        axis that a squareness error makes unreachable.
+    """
+    machine = core_machine(setup, errors)
+    axes_count = len(machine.letters)
+    points = _rows("point_mm", point_mm, 3)
+    directions = _rows("direction", direction, 3)
+    if len(points) != len(directions):
+        raise InputError(
+            f"direction: got {len(directions)} rows, wanted {len(points)}, one a tool point"
+        )
+    reference = np.zeros(axes_count)
+    if reference_deg is not None:
+        reference = np.asarray(reference_deg, dtype=float).reshape(-1)
+        if reference.shape != (axes_count,) or not np.all(np.isfinite(reference)):
+            raise InputError(
+                f"reference_deg: got {reference_deg!r}, wanted {axes_count} finite numbers"
+            )
+    tools = np.hstack([points, directions])
+    both, singular = machine.inverse(tools, reference)
+    both = both.reshape(-1, 2, 3 + axes_count)
+    if branch == "positive":
+        chosen = both[:, 0]
+    elif branch == "negative":
+        chosen = both[:, 1]
+    elif branch == "nearest":
+        turns = (both[:, :, 3:] - reference + 180.0) % 360.0 - 180.0
+        nearest = np.argmin(np.abs(turns).sum(axis=2), axis=1)
+        chosen = both[np.arange(len(both)), nearest]
+    else:
+        raise UnknownNameError(
+            f"branch: got {branch!r}, wanted 'positive', 'negative' or 'nearest'"
+        )
+    chosen = np.ascontiguousarray(chosen)
+    if (errors is None and setup.machine.errors) or errors:
+        chosen = machine.inverse_exact(tools, chosen)
+    return AxisSolution(chosen, singular)
+
+
+def _rows(what: str, values: ArrayLike, width: int) -> Floats:
+    array = np.atleast_2d(np.asarray(values, dtype=float))
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InputError(f"{what}: got shape {array.shape}, wanted (n, {width})")
+    if not np.isfinite(array).all():
+        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise InputError(f"{what}, row {row}: got {array[row]}, wanted finite numbers")
+    return np.ascontiguousarray(array)

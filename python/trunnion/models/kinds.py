@@ -1,0 +1,136 @@
+"""The kinds of data: which class, which reader, which model. One line a kind.
+
+A kind of one's own needs no entry here: :func:`add_kind` takes it from any package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pkgutil import resolve_name
+from typing import Any, TypeAlias, cast
+
+from trunnion.base.errors import InputError
+from trunnion.diagnosis.engine import diagnose as diagnose_model
+from trunnion.diagnosis.protocol import EffectLike, Model
+from trunnion.diagnosis.result import Diagnosis
+
+__all__ = ["Builder", "Kind", "add_kind", "diagnose", "kind_of_columns", "kinds", "model_of"]
+
+Builder: TypeAlias = Callable[[Any, Any, Sequence[EffectLike | str]], Model]
+"""``build(data, setup, effects)``: the set-up may be None; ``effects`` are further candidates."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of data. Objects are named as "module:name" and imported when data of the kind come.
+
+    Attributes
+    ----------
+    name
+        As the command line calls it.
+    data
+        Class of the data.
+    reader
+        Function that reads a file of it.
+    build
+        Function that binds a model with its whole catalogue to the data, a `Builder`.
+    columns
+        Columns by which a file is known.
+    """
+
+    name: str
+    data: str
+    reader: str
+    build: str
+    columns: tuple[str, ...]
+
+    def read(self, path: Any) -> Any:
+        """Read a file of this kind."""
+        return resolve_name(self.reader)(path)
+
+
+def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
+    """Return a kind that comes with the package."""
+    files, models = f"trunnion.data.{module}", f"trunnion.models.{model}"
+    return Kind(name, f"{files}:{data}", f"{files}:read_{module}", f"{models}:build", columns)
+
+
+_KINDS = [  # a file is looked up in this order
+    _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
+    _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
+    _kind("sweep", "Sweep", "sweep", "rotary", "angle_deg", "target"),
+    _kind("diameters", "Diameters", "diameters", "diameters", "z_mm", "error_um"),
+    _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
+    _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s"),
+]
+
+
+def kinds() -> tuple[Kind, ...]:
+    """Return every kind of data, those added by :func:`add_kind` last."""
+    return tuple(_KINDS)
+
+
+def add_kind(kind: Kind) -> None:
+    """Let :func:`diagnose` and the command line take a further kind of data.
+
+    Raises
+    ------
+    InputError
+        A kind of this name is there already, or one of its objects cannot be imported.
+    """
+    if any(kind.name == known.name for known in _KINDS):
+        raise InputError(f"kind of data: got {kind.name!r}, expected a name not yet taken")
+    for what in (kind.data, kind.reader, kind.build):
+        try:
+            resolve_name(what)
+        except (ImportError, AttributeError, ValueError) as error:
+            raise InputError(
+                f"kind of data {kind.name!r}: got {what!r}, expected module:name ({error})"
+            ) from error
+    _KINDS.append(kind)
+
+
+def kind_of_columns(names: set[str]) -> Kind | None:
+    """Return the kind whose columns a file with these columns has; None if it is of no kind."""
+    return next((kind for kind in _KINDS if names.issuperset(kind.columns)), None)
+
+
+def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] = ()) -> Model:
+    """Return the model of a measurement, with its whole catalogue of candidates."""
+    for base in type(data).__mro__:
+        for kind in _KINDS:
+            if kind.data == f"{base.__module__}:{base.__qualname__}":
+                return cast(Model, resolve_name(kind.build)(data, setup, effects))
+    if all(hasattr(data, name) for name in ("readings", "nuisance", "effects", "predict")):
+        return cast(Model, data)
+    known = ", ".join(sorted(kind.data.split(":")[1] for kind in _KINDS))
+    raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
+
+
+def diagnose(
+    data: Any, setup: Any = None, *, effects: Sequence[EffectLike | str] = ()
+) -> Diagnosis:
+    """Say whether the model of a measurement explains it, and if not, what does.
+
+    Parameters
+    ----------
+    data
+        Any kind of data that trunnion reads (touches, points, sweep, diameters, axis log, ball-bar
+        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.protocol`.
+    setup
+        The set-up, where the kind of data needs one.
+    effects
+        Further candidates, which compete with the whole catalogue on equal terms: a user's own
+        effects (``id``, ``parameters``, ``change(data, values)``), or ids.
+
+    Raises
+    ------
+    InputError
+        No model is known for the data.
+    UnknownNameError
+        An effect's id is in no catalogue.
+    DataError
+        The data cannot belong to the model: too few readings, readings off the surface.
+    """
+    return diagnose_model(model_of(data, setup, effects))

@@ -1,0 +1,23 @@
+# Every picture; read at run time, too (lazy_loader), so each name stands once.
+from .contouring import plot_contour_error as plot_contour_error
+from .contouring import plot_contour_sweep as plot_contour_sweep
+from .contouring import plot_margins as plot_margins
+from .contouring import plot_model_error as plot_model_error
+from .contouring import plot_orientation_error as plot_orientation_error
+from .contouring import plot_path as plot_path
+from .diagnosis import plot_diagnosis as plot_diagnosis
+from .diagnosis import plot_residuals as plot_residuals
+from .dispatch import draw as draw
+from .hybrid import plot_ballbar_view as plot_ballbar_view
+from .hybrid import plot_cube as plot_cube
+from .hybrid import plot_cubes as plot_cubes
+from .hybrid import plot_identifiability as plot_identifiability
+from .touches import plot_artefact as plot_artefact
+from .touches import plot_estimates as plot_estimates
+from .touches import plot_observability as plot_observability
+from .turning import plot_correction as plot_correction
+from .turning import plot_probe_path as plot_probe_path
+from .turning import plot_profile as plot_profile
+from .volumetric import plot_over_poses as plot_over_poses
+from .volumetric import plot_share as plot_share
+from .volumetric import plot_volumetric as plot_volumetric

@@ -1,0 +1,27 @@
+"""New axes and figures: the only place that imports pyplot, and only when something is drawn.
+
+pyplot chooses a backend, which a library must not do by being imported.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["axes_or_new", "new_figure"]
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return a new figure of this size in inches, laid out so that nothing is clipped."""
+    from matplotlib import pyplot as plt
+
+    return plt.figure(figsize=(width, height), layout="constrained")
+
+
+def axes_or_new(
+    ax: Any, width: float = 7.0, height: float = 3.6, projection: str | None = None
+) -> Any:
+    """Return the axes given, or those of a new figure."""
+    return new_figure(width, height).add_subplot(projection=projection) if ax is None else ax

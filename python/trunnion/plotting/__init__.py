@@ -1,1 +1,0 @@
-"""Pictures: every function takes a result and returns the axes it drew on."""

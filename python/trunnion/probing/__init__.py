@@ -1,0 +1,1 @@
+"""Probing an artefact with touches: plan, program, simulation, identification, observability."""

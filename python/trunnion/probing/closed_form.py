@@ -1,0 +1,124 @@
+"""The closed forms of paper 000: as printed, and those that separate errors from placement."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import trunnion._core as _core
+from trunnion.base.errors import DataError, UnknownNameError
+from trunnion.data.touches import Touches
+from trunnion.probing.identify import known_sigma_um
+from trunnion.probing.model import PLACEMENT, TouchModel
+from trunnion.probing.result import ClosedFormResult, PerPosition
+from trunnion.setup import Setup
+
+__all__ = ["closed_form"]
+
+Floats = NDArray[np.float64]
+
+PER_C = ("c_deg", "EA", "EB_C", "EC", "EX", "EY_C", "EZ")
+PER_A = ("a_deg", "EB_A", "EY_A")
+MAX_STEPS = 50
+
+SEES_PRINTED = (
+    "The printed forms assume a perfectly placed artefact: EC0A is found plus its yaw, EZ0A plus "
+    "its height, EX0C and EY0C are lost in the mean over C (equations (6) and (7) return the "
+    "artefact's eccentricity), and EB0A comes out too small on side faces (equation (9) takes "
+    "distances from the X axis)."
+)
+SEES_SEPARATING = (
+    "The separating forms find the eight location errors and the six placement parameters from "
+    "the same touches; they cannot see probe lobing, the artefact's height, XZ squareness or Z "
+    "backlash."
+)
+
+
+def closed_form(
+    data: Touches,
+    setup: Setup,
+    method: Literal["printed", "separating"] = "separating",
+) -> ClosedFormResult:
+    """Estimate the location errors of a `trt-ca` table from the paper's touches of the cross.
+
+    Touches are chosen by a_deg, c_deg and `point` (the paper's labels 1 to 20); `cycle` is
+    ignored, repeated touches are averaged, others left aside.
+
+    Parameters
+    ----------
+    data
+        Touches with labels.
+    setup
+        Machine, artefact and probe; half a tick of the trigger is taken off.
+    method
+        "printed": equations (3) to (20) for any steps of C and A, as printed but for the slips
+        that the result lists. "separating": closed forms derived from the same 72 touches (C = 0°,
+        90°, 180°, 270° and A = ±90°) for the eight errors and the six placement parameters,
+        applied once to the readings and once to what the exact model leaves of them.
+
+    Raises
+    ------
+    DataError
+        Touches that the forms need are missing or lie off the modelled surface; no labels.
+    UnknownNameError
+        Another method.
+
+    References
+    ----------
+    Kang, Kim, Jee (2022), equations (3) to (20); derivation of the separating forms in
+    ``docs/closed-forms.md``.
+    """
+    if method not in ("printed", "separating"):
+        raise UnknownNameError(f"method: got {method!r}, wanted 'printed' or 'separating'")
+    model = TouchModel(setup)
+    moves = model.moves(data)
+    if data.point is None:
+        raise DataError("column point: got none, wanted the paper's labels 1 to 20")
+    labels = [int(label) for label in data.point]
+    start = model.values()
+    printed, per_c, per_a, operator = model.core.printed(moves, labels)
+    per_position = PerPosition(
+        c=tuple(dict(zip(PER_C, row, strict=True)) for row in per_c.tolist()),
+        a=tuple(dict(zip(PER_A, row, strict=True)) for row in per_a.tolist()),
+    )
+    count = len(model.error_names)
+    checks: dict[str, tuple[float, float]] = {}
+    if method == "printed":
+        values = start.copy()
+        values[:count] = printed
+    else:
+        values, kappa, zeta, operator = model.core.separate(moves, labels, start)
+        # The variance of ζ is 35/48 of that of one reading.
+        checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
+    residuals = model.core.residuals(moves, values)
+    kept = count if method == "printed" else len(values)
+    used = np.any(operator != 0, axis=0)
+    freedom = int(used.sum()) - kept
+    sigma = known_sigma_um(setup)
+    if sigma == 0.0:
+        # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
+        sigma = model.core.fit(moves, start, None, 0.0, [], MAX_STEPS)["sigma_um"]
+    covariance = sigma**2 * operator @ operator.T
+    names = model.names[:kept]
+    spread = np.sqrt(np.diag(covariance))
+    return ClosedFormResult(
+        method=f"{method} closed forms",
+        errors={name: float(v) for name, v in zip(model.error_names, values, strict=False)},
+        placement=None
+        if method == "printed"
+        else {name: float(v) for name, v in zip(PLACEMENT, values[count:], strict=True)},
+        effects={},
+        std_errors={name: float(s) for name, s in zip(names, spread, strict=True)},
+        names=names,
+        covariance=covariance,
+        residuals_um=residuals,
+        sigma_um=sigma,
+        degrees_of_freedom=freedom,
+        converged=True,
+        per_position=per_position,
+        checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},
+        sees=SEES_PRINTED if method == "printed" else SEES_SEPARATING,
+        slips=tuple(_core.closed_form_slips()) if method == "printed" else (),
+    )

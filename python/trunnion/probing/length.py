@@ -1,0 +1,47 @@
+"""Equation (21) of paper 000: the smallest artefact for given resolutions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+
+__all__ = ["smallest_length_mm"]
+
+
+def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> float:
+    """Smallest length of the artefact, L > λ_LR csc λ_RR (paper 000, equation (21)).
+
+    One step of the linear axes across the length L tilts the artefact by λ_LR / L: from this length
+    on the step of the linear axes is no coarser than that of the rotary axes. It is a rule of
+    resolution alone: noise, and how many touches share it, do not enter. What the length buys with
+    noise is the Cramér-Rao bound of :func:`trunnion.observability`.
+
+    Parameters
+    ----------
+    linear_um
+        Resolution of the linear axes, λ_LR.
+    rotary_arcsec
+        Resolution of the rotary axes, λ_RR.
+
+    Returns
+    -------
+    float
+        Length in mm; 57.3 for the paper's 0.1 µm and 0.36″.
+
+    Raises
+    ------
+    InputError
+        A resolution that is not a positive number, or 90° and more.
+
+    Examples
+    --------
+    >>> round(smallest_length_mm(0.1, 0.36), 2)
+    57.3
+    """
+    for what, value in (("linear_um", linear_um), ("rotary_arcsec", rotary_arcsec)):
+        if not (np.isfinite(value) and value > 0):
+            raise InputError(f"{what}: got {value!r}, wanted a positive number")
+    if rotary_arcsec >= 90 * 3600:
+        raise InputError(f"rotary_arcsec: got {rotary_arcsec!r}, wanted less than 90°")
+    return float(linear_um * 1e-3 / np.sin(np.deg2rad(rotary_arcsec / 3600)))

@@ -1,0 +1,315 @@
+"""What a plan can tell, before anything is measured."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.base.checks import finite, instance
+from trunnion.base.errors import InputError
+from trunnion.base.report import Table, number
+from trunnion.base.units import unit_of
+from trunnion.data.touches import Touches
+from trunnion.probing.identify import combination_in_words, known_sigma_um, reduced_rows
+from trunnion.probing.model import TouchModel, catalogue, split_effects
+from trunnion.setup import Setup
+
+__all__ = ["Observability", "observability"]
+
+Floats = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-3
+"""Scaled singular values below this share of the largest count as zero, as in the core's fit."""
+EXACT = 1e-9
+"""The same for bases that only remove exact dependencies."""
+VISIBLE_SHARE = 1e-6
+"""An effect is invisible if less than this share of it is left after the plain model is fitted."""
+ALIKE_SHARE = 1e-6
+"""Effects are alike if less than this share of one is left after the others are fitted."""
+LARGEST_SET = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Observability:
+    """What a plan can tell.
+
+    Attributes
+    ----------
+    names
+        Parameters of the plain model and of the effects asked for.
+    rank
+        Of the Jacobian with respect to them.
+    condition
+        Ratio of the largest to the smallest singular value, columns scaled to unit length; inf
+        where the rank is not full.
+    singular_values
+        Of the scaled Jacobian, largest first.
+    noise_um
+        Standard deviation of one reading that `std_errors` are told for.
+    std_errors
+        Expected standard error of every parameter (Cramér-Rao bound); inf for what cannot be seen.
+    unseen
+        Sentences that name the combinations which change no reading.
+    invisible
+        Ids of effects that leave nothing once the plain model is fitted.
+    alike
+        Sets of effects of which each can take the place of the others together: pairs and larger
+        sets, smallest first; none contains another.
+    untestable
+        Id → column that the plan lacks for it.
+    share_left
+        Id → share of the effect's change of the readings that the plain model does not absorb.
+    """
+
+    names: tuple[str, ...]
+    rank: int
+    condition: float
+    singular_values: Floats
+    noise_um: float
+    std_errors: dict[str, float]
+    unseen: tuple[str, ...]
+    invisible: tuple[str, ...]
+    alike: tuple[frozenset[str], ...]
+    untestable: dict[str, str]
+    share_left: dict[str, float]
+
+    def table(self) -> Table:
+        """Expected standard errors."""
+        rows = [(name, number(error, 4), unit_of(name)) for name, error in self.std_errors.items()]
+        title = f"Expected standard errors at {self.noise_um:g} µm a reading (1 σ)"
+        return Table.of(title, ("", "std. error", "unit"), rows)
+
+    def sentences(self) -> list[str]:
+        """Rank, condition, and what cannot be told, in words."""
+        condition = "inf" if np.isinf(self.condition) else f"{self.condition:.3g}"
+        lines = [f"Rank {self.rank} of {len(self.names)}, condition {condition} (columns scaled)."]
+        lines.extend(self.unseen)
+        if self.invisible:
+            lines.append(f"Invisible once the errors are fitted: {', '.join(self.invisible)}.")
+        groups, sums = self._grouped()
+        lines.extend(f"Alike: {', '.join(group)} cannot be told apart." for group in groups)
+        lines.extend(
+            f"Dependent: each of {', '.join(members)} is a sum of the others." for members in sums
+        )
+        if sums and any(set(group) & set(members) for group in groups for members in sums):
+            lines.append("In these sums an effect stands for all that are alike with it.")
+        lines.extend(
+            f"{effect} cannot be tested: the plan has no column {column}."
+            for effect, column in self.untestable.items()
+        )
+        return lines
+
+    def _grouped(self) -> tuple[list[list[str]], list[list[str]]]:
+        """Groups of effects that are alike, and sums with one effect for each group."""
+        groups: list[set[str]] = []
+        for pair in (set(group) for group in self.alike if len(group) == 2):
+            joined = pair.union(*(group for group in groups if group & pair))
+            groups = [group for group in groups if not group & pair] + [joined]
+        first = {name: min(group) for group in groups for name in group}
+        sums = {
+            frozenset(first.get(name, name) for name in group)
+            for group in self.alike
+            if len(group) > 2
+        }
+        shown = sorted((sorted(members) for members in sums), key=lambda s: (len(s), s))
+        return sorted(sorted(group) for group in groups), shown
+
+    def summary(self) -> str:
+        """Table and sentences as text."""
+        return "\n".join([self.table().text(), *self.sentences()])
+
+    def _repr_html_(self) -> str:
+        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
+        return self.table().html() + lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values; infinities as strings "inf"."""
+
+        def plain(value: float) -> float | str:
+            return float(value) if np.isfinite(value) else "inf"
+
+        return {
+            "names": list(self.names),
+            "rank": self.rank,
+            "condition": plain(self.condition),
+            "singular_values": self.singular_values.tolist(),
+            "noise_um": self.noise_um,
+            "std_errors": {name: plain(value) for name, value in self.std_errors.items()},
+            "unseen": list(self.unseen),
+            "invisible": list(self.invisible),
+            "alike": [sorted(group) for group in self.alike],
+            "untestable": dict(self.untestable),
+            "share_left": dict(self.share_left),
+        }
+
+
+def observability(
+    plan: Touches,
+    setup: Setup,
+    effects: Sequence[str] = (),
+    *,
+    noise_um: float | None = None,
+) -> Observability:
+    """Tell what a plan can see, before anything is measured.
+
+    Parameters
+    ----------
+    plan
+        A plan, or touches.
+    setup
+        Machine, artefact and probe.
+    effects
+        Ids of effects to estimate together with the location errors and the placement. All the
+        others of the catalogue are judged as well: invisible, alike, or visible.
+    noise_um
+        Standard deviation of one reading; from the set-up unless given, 1 µm if unknown there.
+
+    Raises
+    ------
+    InputError
+        Negative noise, an effect that needs a column which the plan lacks.
+    """
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+    sigma = finite("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
+    if sigma <= 0:
+        raise InputError(f"noise_um: got {noise_um!r}, wanted a positive number")
+    ids, own = split_effects(effects)
+    if own:
+        raise InputError(
+            f"effects: got the user's own {own[0].id!r}, wanted ids of the catalogue: what a plan "
+            "sees is judged by the built-in effects"
+        )
+    if not len(plan):
+        raise InputError("plan: got no touches, wanted at least one")
+    model = TouchModel(setup, ids)
+    _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
+    linear = np.array([kind != "moment" for kind in model.kinds])
+    names = tuple(name for name, keep in zip(model.names, linear, strict=True) if keep)
+    jacobian = jacobian[:, linear]
+    scale = _lengths(jacobian)
+    _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=True)
+    singular = np.concatenate([singular, np.zeros(len(names) - len(singular))])
+    seen = singular > RANK_TOLERANCE * singular[0]
+    hidden = np.sqrt(np.sum(directions[~seen] ** 2, axis=0))
+    spread = np.linalg.norm(directions[seen].T / singular[seen], axis=1) / scale * sigma
+    errors = np.where(hidden > 1e-3, np.inf, spread)
+    null = reduced_rows(directions[~seen] / scale)
+    untestable, columns = _effect_columns(plan, setup)
+    plain = jacobian[:, : len(model.error_names) + 6]
+    shares, left = _left_after(plain, columns)
+    visible = {name: left[name] for name, share in shares.items() if share > VISIBLE_SHARE}
+    return Observability(
+        names=names,
+        rank=int(seen.sum()),
+        condition=float(singular[0] / singular[-1]) if seen.all() else float("inf"),
+        singular_values=singular,
+        noise_um=float(sigma),
+        std_errors={name: float(value) for name, value in zip(names, errors, strict=True)},
+        unseen=tuple(combination_in_words(names, row / np.abs(row).max()) for row in null),
+        invisible=tuple(name for name, share in shares.items() if share <= VISIBLE_SHARE),
+        alike=dependent_sets(visible),
+        untestable=untestable,
+        share_left=shares,
+    )
+
+
+def _lengths(matrix: Floats) -> Floats:
+    lengths: Floats = np.linalg.norm(matrix, axis=0)
+    return np.where(lengths > 0, lengths, 1.0)
+
+
+def _reference(model: TouchModel, plan: Touches) -> Floats:
+    """Where the model is linearised: known errors, and nonlinear effects at a plausible place."""
+    values = model.values()
+    span = float(plan.time_s.max(initial=0.0)) if plan.time_s is not None else 0.0
+    for index, (name, kind) in enumerate(zip(model.names, model.kinds, strict=True)):
+        if kind == "moment":
+            values[index] = 0.5 * span
+        elif kind == "duration":
+            values[index] = span / 180.0 if name.endswith("_min") else span / 3.0
+    return values
+
+
+def _effect_columns(plan: Touches, setup: Setup) -> tuple[dict[str, str], dict[str, Floats]]:
+    """Change of the readings per parameter of every effect that the plan has the columns for."""
+    has = set(plan.columns)
+    entries = catalogue(setup)
+    untestable = {
+        entry.id: next(need for need in entry.needs if need not in has)
+        for entry in entries
+        if not set(entry.needs) <= has
+    }
+    ids = [entry.id for entry in entries if entry.id not in untestable]
+    model = TouchModel(setup, ids)
+    _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
+    columns: dict[str, Floats] = {}
+    for effect in ids:
+        own = [
+            index
+            for index, (name, kind) in enumerate(zip(model.names, model.kinds, strict=True))
+            if name.startswith(f"{effect}.") and kind == "linear"
+        ]
+        columns[effect] = jacobian[:, own]
+    return untestable, columns
+
+
+def _left_after(
+    plain: Floats, columns: dict[str, Floats]
+) -> tuple[dict[str, float], dict[str, Floats]]:
+    """Share and part of each effect's columns that the plain model does not absorb."""
+    basis, singular, _ = np.linalg.svd(plain / _lengths(plain), full_matrices=False)
+    basis = basis[:, singular > EXACT * singular[0]]
+    shares, left = {}, {}
+    for effect, block in columns.items():
+        rest = block - basis @ (basis.T @ block)
+        whole = float(np.linalg.norm(block))
+        shares[effect] = float(np.linalg.norm(rest)) / whole if whole > 0 else 0.0
+        left[effect] = rest
+    return shares, left
+
+
+def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:
+    """Smallest sets of effects that depend on each other exactly, up to four together.
+
+    A set depends if its columns have a lower rank than the sum of the ranks of its members and
+    every member takes part.
+    """
+    bases: dict[str, Floats] = {}
+    for name, block in columns.items():
+        vectors, singular, _ = np.linalg.svd(block, full_matrices=False)
+        kept = singular > VISIBLE_SHARE * singular[0]
+        bases[name] = vectors[:, kept]
+    found: list[frozenset[str]] = []
+    names = list(bases)
+    if not names:
+        return ()
+    for size in range(2, LARGEST_SET + 1):
+        # Only effects whose columns lie in the span of all others can be in any further set.
+        for members in combinations(_dependent_at_all(bases, names), size):
+            group = frozenset(members)
+            if any(smaller <= group for smaller in found):
+                continue
+            matrix = np.hstack([bases[member] for member in members])
+            singular = np.linalg.svd(matrix, compute_uv=False)
+            if singular[-1] < ALIKE_SHARE:
+                found.append(group)
+    return tuple(found)
+
+
+def _dependent_at_all(bases: dict[str, Floats], names: list[str]) -> list[str]:
+    """Effects that take part in at least one exact dependency among all."""
+    matrix = np.hstack([bases[name] for name in names])
+    _, singular, directions = np.linalg.svd(matrix, full_matrices=True)
+    rank = int(np.sum(singular > ALIKE_SHARE))
+    hidden = np.linalg.norm(directions[rank:], axis=0)
+    owners = np.repeat(np.arange(len(names)), [bases[name].shape[1] for name in names])
+    return [
+        name for index, name in enumerate(names) if np.any(hidden[owners == index] > ALIKE_SHARE)
+    ]

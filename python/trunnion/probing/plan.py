@@ -1,0 +1,169 @@
+"""Plans: which touches, in which order, on which approach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import trunnion._core as _core
+from trunnion.base.checks import instance
+from trunnion.base.errors import InputError
+from trunnion.data.touches import Touches
+from trunnion.probing.model import dimensions_mm
+from trunnion.setup import Setup
+
+__all__ = ["plan"]
+
+
+MOST_DEG = 3600.0
+"""Ten turns: more is a slip of the pen."""
+MOST_STOPS = 100_000
+"""Positions of the rotary axes in a plan; each has up to twenty touches."""
+
+
+def plan(
+    setup: Setup,
+    c_deg: Sequence[float] = (0, 90, 180, 270),
+    a_deg: Sequence[float] | None = None,
+    feeds_mm_min: Sequence[float] = (600,),
+    both_senses: bool = False,
+    repeats: int = 1,
+    *,
+    b_deg: Sequence[float] | None = None,
+    positions_deg: Sequence[tuple[float, float]] = (),
+    layout: str = "side",
+    all_faces: bool = False,
+) -> Touches:
+    """Plan the touches of a measurement.
+
+    The default is the paper's: sixteen touches at A = 0 and each C, four at C = 0 and each A =
+    ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: ball
+    and stem are checked against artefact and table on the way in and out. Commands are rounded
+    to the resolution of the axes.
+
+    Parameters
+    ----------
+    setup
+        Machine, artefact, probe, resolution and the measures of ``[plan]`` and ``[table]``.
+    c_deg
+        Positions of C, in degrees, with the tilting axis at zero.
+    a_deg, b_deg
+        Positions of the tilting axis A or B, whichever the machine has, in degrees, with C at
+        zero; (90, -90) unless given.
+    feeds_mm_min
+        Feeds of the approaches; with several every touch is made at each.
+    both_senses
+        Approach every position of the axes from both senses of turning. Feeds and senses take
+        turns, so that two feeds and both senses double the plan, not quadruple it.
+    repeats
+        How often all of it is done.
+    positions_deg
+        Further pairs (A or B, C) beyond the two cycles.
+    layout
+        Of the cross at ±90°: touches 17 and 20 on the side faces that look up ("side"), or on the
+        top faces of the same arms ("top"); the paper's text allows both.
+    all_faces
+        At ±90° touch every reachable face of the cross, not only the paper's four.
+
+    Returns
+    -------
+    Touches
+        In the order of measurement: commanded positions, expected ball centre at the trigger,
+        approach direction and start, `cycle`, `point`, feed, time and senses of turning. C is
+        always approached from the same sense (of a round); a tilting axis goes the straight way
+        unless `both_senses`.
+
+    Raises
+    ------
+    InputError
+        Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks.
+    DataError
+        No face can be reached.
+    """
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+    letters = _core.Machine(setup.machine.preset, setup.probe.length_mm, []).letters
+    tilting = next((letter for letter in letters if letter != "C"), None)
+    given = {"A": a_deg, "B": b_deg}
+    for letter, angles in given.items():
+        if angles is not None and letter != tilting:
+            raise InputError(
+                f"{letter.lower()}_deg: got angles, wanted none: machine {setup.machine.preset} "
+                f"has the rotary axes {', '.join(letters)}"
+            )
+    tilt = given.get(tilting or "")
+    if tilt is None:
+        tilt = (90, -90) if tilting else ()
+    for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
+        if isinstance(feed, int | float) and not 0 < feed < float("inf"):
+            raise InputError(f"feeds_mm_min: got {feed!r}, wanted positive numbers")
+    sense = {letter: setup.sense(letter) for letter in letters}
+    tilt_sense = sense.get(tilting or "", 1)
+    stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
+    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MOST_STOPS:
+        raise InputError(
+            f"c_deg, {(tilting or 'a').lower()}_deg, feeds_mm_min, repeats: got more than "
+            f"{MOST_STOPS:,} stops of the rotary axes together, wanted fewer"
+        )
+    found = _core.plan(
+        setup.machine.preset,
+        setup.probe.length_mm,
+        *dimensions_mm(setup),
+        c_deg=_angles("c_deg", c_deg, sense.get("C", 1)),
+        tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
+        pairs_deg=[(t * tilt_sense, c * sense.get("C", 1)) for t, c in positions_deg],
+        feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
+        both_senses=both_senses,
+        repeats=_count(repeats),
+        clearance_mm=setup.plan.clearance_mm,
+        overtravel_mm=setup.plan.overtravel_mm,
+        linear_um=setup.resolution.linear_um,
+        rotary_arcsec=setup.resolution.rotary_arcsec,
+        rapid_mm_min=setup.plan.rapid_mm_min,
+        rotary_deg_min=setup.plan.rotary_deg_min,
+        ball_radius_mm=setup.probe.ball_radius_mm,
+        stem_radius_mm=setup.probe.effective_stem_radius_mm,
+        stem_length_mm=setup.probe.length_mm,
+        table_radius_mm=setup.table.radius_mm,
+        table_thickness_mm=setup.table.thickness_mm,
+        layout=layout,
+        all_faces=all_faces,
+    )
+    columns: dict[str, object] = {}
+    for index, letter in enumerate(letters):
+        # + 0.0 turns -0.0 into 0.0, which would otherwise stand in files.
+        columns[f"{letter.lower()}_deg"] = found["rotary_deg"][:, index] * sense[letter] + 0.0
+        turned = found["sense"][:, index] * sense[letter]
+        columns[f"{letter.lower()}_dir"] = turned.astype(np.int64)
+    for index, axis in enumerate("xyz"):
+        columns[f"{axis}_mm"] = found["contact_mm"][:, index]
+        columns[f"dir_{axis}"] = found["direction"][:, index] + 0.0
+        columns[f"start_{axis}_mm"] = found["start_mm"][:, index]
+    for name in ("cycle", "point", "feed_mm_min", "time_s"):
+        columns[name] = found[name]
+    return Touches(columns)
+
+
+def _length(values: Sequence[object]) -> int:
+    return len(values) if hasattr(values, "__len__") else 0
+
+
+def _numbers(what: str, values: Sequence[float], factor: int) -> list[float]:
+    try:
+        return [float(value) * factor for value in values]
+    except (TypeError, ValueError):
+        raise InputError(f"{what}: got {values!r}, wanted a sequence of numbers") from None
+
+
+def _angles(what: str, values: Sequence[float], factor: int) -> list[float]:
+    angles = _numbers(what, values, factor)
+    for angle in angles:
+        if not abs(angle) <= MOST_DEG:
+            raise InputError(f"{what}: got {angle * factor:g}, wanted angles within ±{MOST_DEG:g}°")
+    return angles
+
+
+def _count(repeats: int) -> int:
+    if not isinstance(repeats, int) or isinstance(repeats, bool) or repeats < 1:
+        raise InputError(f"repeats: got {repeats!r}, wanted a whole number from 1")
+    return repeats

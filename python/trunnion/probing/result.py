@@ -1,0 +1,346 @@
+"""Results of an estimation: what was found, how well, and what could not be seen."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from trunnion.base.report import Table, number
+from trunnion.base.units import Floats, unit_of
+
+__all__ = ["ClosedFormResult", "IdentificationResult", "LackOfFit", "PerPosition"]
+
+# The paper's Table 2 prints these differences under these names.
+DIFFERENCES = (("EB0C", "EB0A"), ("EY0C", "EY0A"), ("EX0C", "EX0B"), ("EA0C", "EA0B"))
+
+
+DOUBT = 1e-4
+"""Tail probability of the residuals below which the model is doubted."""
+NO_PROBE_UM = 5.0
+"""Residuals larger than this are not a touch probe's scatter, µm."""
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """Scatter about the model against scatter of repeated touches (pure error).
+
+    Attributes
+    ----------
+    f, p_value
+        F statistic and its tail probability: small when the model leaves more than repeats scatter.
+    pure_error_um
+        Standard deviation of a reading by the repeats alone.
+    degrees_of_freedom
+        Of lack of fit and of pure error.
+    """
+
+    f: float
+    p_value: float
+    pure_error_um: float
+    degrees_of_freedom: tuple[int, int]
+
+
+def lack_of_fit(
+    residuals_um: Floats, repeats: NDArray[np.intp], parameters: int
+) -> LackOfFit | None:
+    """Lack of fit where touches repeat; None where there are no repeats.
+
+    Parameters
+    ----------
+    residuals_um
+        Residuals, (n,).
+    repeats
+        Number of the group of equal touches of each row, (n,).
+    parameters
+        How many parameters were determined.
+    """
+    _, index = np.unique(repeats, return_inverse=True)
+    groups = int(index.max(initial=-1)) + 1
+    pure = len(residuals_um) - groups
+    lack = groups - parameters
+    if pure <= 0 or lack <= 0:
+        return None
+    counts = np.bincount(index)
+    means = np.bincount(index, weights=residuals_um) / counts
+    within = float(np.sum((residuals_um - means[index]) ** 2))
+    between = float(np.sum(counts * means**2))
+    if within == 0:
+        return None
+    f = (between / lack) / (within / pure)
+    return LackOfFit(
+        f=f,
+        p_value=float(special.fdtrc(lack, pure, f)),
+        pure_error_um=float(np.sqrt(within / pure)),
+        degrees_of_freedom=(lack, pure),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationResult:
+    """Location errors, placement and effects estimated from touches.
+
+    Attributes
+    ----------
+    method
+        How: "least squares", "separating closed forms", "casadi gauss-newton", ...
+    errors
+        Location errors by ISO name, µm and arcsec; totals that include what was known beforehand.
+    placement
+        `dx_um` ... `rc_arcsec`; None where the method does not find it.
+    effects
+        Id → parameter → value.
+    std_errors
+        Standard errors by name (an effect's as "id.parameter"); inf for what cannot be seen.
+    names
+        Order of the rows of `covariance`.
+    covariance
+        Of what can be seen, (p, p), in products of the parameters' units.
+    residuals_um
+        Recorded minus modelled coordinate along the approach, (n,).
+    sigma_um
+        Standard deviation of one reading: given by the set-up or taken from the residuals.
+    degrees_of_freedom
+        Readings and priors less parameters that could be determined.
+    converged
+        Whether the last step was within rounding.
+    unseen
+        Sentences that name the combinations the data cannot see.
+    at_bound
+        Parameters that stand at a bound or at the end of their search.
+    weights
+        Weight of each reading, below 1 where a robust loss lowered it, (n,).
+    lack_of_fit
+        Where touches repeat.
+    """
+
+    method: str
+    errors: dict[str, float]
+    placement: dict[str, float] | None
+    effects: dict[str, dict[str, float]]
+    std_errors: dict[str, float]
+    names: tuple[str, ...]
+    covariance: Floats
+    residuals_um: Floats
+    sigma_um: float
+    degrees_of_freedom: int
+    converged: bool
+    unseen: tuple[str, ...] = ()
+    at_bound: tuple[str, ...] = ()
+    weights: Floats | None = None
+    lack_of_fit: LackOfFit | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All estimates in one flat dict, by the names of `std_errors`."""
+        flat = dict(self.errors)
+        flat.update(self.placement or {})
+        for effect, parameters in self.effects.items():
+            flat.update({f"{effect}.{name}": value for name, value in parameters.items()})
+        return flat
+
+    @property
+    def rms_um(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residuals_um**2)))
+
+    @property
+    def correlations(self) -> Floats:
+        """Correlation matrix of the estimates, (p, p); zero where something cannot be seen."""
+        spread = np.sqrt(np.diag(self.covariance))
+        scale: Floats = np.where(spread > 0, 1.0 / np.where(spread > 0, spread, 1.0), 0.0)
+        correlations: Floats = self.covariance * np.outer(scale, scale)
+        return correlations
+
+    def interval(self, name: str, coverage: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of a parameter, by Student's t."""
+        half = self.std_errors[name] * float(
+            special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + coverage / 2)
+        )
+        value = self.values[name]
+        return value - half, value + half
+
+    def table(self) -> Table:
+        """Estimates with standard errors; the differences that the paper prints come last."""
+        rows = []
+        for name, value in self.values.items():
+            error = self.std_errors.get(name)
+            seen = error is None or np.isfinite(error)
+            rows.append((name, number(value) if seen else "–", number(error), unit_of(name)))
+        for first, second in DIFFERENCES:
+            if first in self.errors and second in self.errors:
+                rows.append(self._difference(first, second))
+        return Table.of(f"Estimates ({self.method})", ("", "estimate", "std. error", "unit"), rows)
+
+    def _difference(self, first: str, second: str) -> tuple[str, str, str, str]:
+        value = self.errors[first] - self.errors[second]
+        error = None
+        if first in self.names and second in self.names:
+            contrast = np.zeros(len(self.names))
+            contrast[self.names.index(first)] = 1.0
+            contrast[self.names.index(second)] = -1.0
+            error = float(np.sqrt(contrast @ self.covariance @ contrast))
+            if not (np.isfinite(self.std_errors[first]) and np.isfinite(self.std_errors[second])):
+                error = float("inf")
+        shown = "–" if error == float("inf") else number(value)
+        return (f"{first}−{second}", shown, number(error), unit_of(first))
+
+    def sentences(self) -> list[str]:
+        """What is worth saying beside the table."""
+        lines = [
+            f"{len(self.residuals_um)} touches, {self.degrees_of_freedom} degrees of freedom, "
+            f"residuals {self.rms_um:.4f} µm rms, one reading {self.sigma_um:.4f} µm (1 σ)."
+        ]
+        if not self.converged:
+            lines.append("Did NOT converge: do not use these numbers.")
+        lines.extend(self._doubts())
+        lines.extend(self.unseen)
+        lines.extend(f"{name} stands at the end of its range." for name in self.at_bound)
+        if self.lack_of_fit is not None:
+            fit = self.lack_of_fit
+            lines.append(
+                f"Lack of fit against repeated touches ({fit.pure_error_um:.4f} µm): "
+                f"F{fit.degrees_of_freedom} = {fit.f:.2f}, p = {fit.p_value:.3g}."
+            )
+        lines.extend(self.notes)
+        return lines
+
+    def _doubts(self) -> list[str]:
+        """What the size of the residuals says about the model."""
+        freedom = max(self.degrees_of_freedom, 1)
+        squares = float(np.sum(self.residuals_um**2))
+        if self.sigma_um > 0 and special.chdtrc(freedom, squares / self.sigma_um**2) < DOUBT:
+            return [
+                f"Residuals are {np.sqrt(squares / freedom) / self.sigma_um:.1f} times what the "
+                "set-up says of the probe: the model leaves something out, and the standard errors "
+                "are too small (tn.diagnose looks for the cause)."
+            ]
+        if self.rms_um > NO_PROBE_UM:
+            return [
+                f"Residuals of {self.rms_um:.1f} µm are more than a touch probe scatters: check "
+                "the signs of the axes (sense), the artefact's dimensions and the ball's radius, "
+                "or let tn.diagnose look for the cause."
+            ]
+        return []
+
+    def summary(self) -> str:
+        """Table and sentences as text."""
+        return "\n".join([self.table().text(), *self.sentences()])
+
+    def _repr_html_(self) -> str:
+        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
+        return self.table().html() + lines
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values, for JSON and sweeps; infinities as strings "inf"."""
+
+        def plain(value: float) -> float | str:
+            return float(value) if np.isfinite(value) else "inf"
+
+        found: dict[str, Any] = {
+            "method": self.method,
+            "errors": dict(self.errors),
+            "placement": None if self.placement is None else dict(self.placement),
+            "effects": {name: dict(values) for name, values in self.effects.items()},
+            "std_errors": {name: plain(value) for name, value in self.std_errors.items()},
+            "names": list(self.names),
+            "covariance": self.covariance.tolist(),
+            "residuals_um": self.residuals_um.tolist(),
+            "sigma_um": self.sigma_um,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "converged": self.converged,
+            "unseen": list(self.unseen),
+            "at_bound": list(self.at_bound),
+            "notes": [*self._doubts(), *self.notes],
+        }
+        if self.lack_of_fit is not None:
+            fit = self.lack_of_fit
+            found["lack_of_fit"] = {
+                "f": fit.f,
+                "p_value": fit.p_value,
+                "pure_error_um": fit.pure_error_um,
+                "degrees_of_freedom": list(fit.degrees_of_freedom),
+            }
+        return found
+
+
+@dataclass(frozen=True)
+class PerPosition:
+    """The paper's estimates at every position before they are averaged.
+
+    Attributes
+    ----------
+    c
+        One dict a position of C (A = 0): `c_deg` and EA, EB_C, EC (arcsec), EX, EY_C, EZ (µm) by
+        equations (3) to (8).
+    a
+        One dict a position of A (C = 0): `a_deg` and EB_A (arcsec), EY_A (µm) by (9), (10).
+    """
+
+    c: tuple[Mapping[str, float], ...]
+    a: tuple[Mapping[str, float], ...]
+
+    def tables(self) -> tuple[Table, Table]:
+        """One table for C, one for A."""
+
+        def table(title: str, rows: tuple[Mapping[str, float], ...]) -> Table:
+            columns = list(rows[0]) if rows else []
+            cells = [[number(row[column]) for column in columns] for row in rows]
+            return Table.of(title, columns, cells)
+
+        return (
+            table("Equations (3) to (8), µm and arcsec, per position of C", self.c),
+            table("Equations (9), (10), µm and arcsec, per position of A", self.a),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedFormResult(IdentificationResult):
+    """Result of a closed form.
+
+    Attributes
+    ----------
+    per_position
+        The paper's estimates at every A and C before averaging (also with the separating forms).
+    checks_um
+        The two combinations of readings that the separating forms leave over, κ and ζ, each with
+        the standard deviation it should have; empty for the printed forms.
+    sees
+        What the method can see and what it cannot, as a sentence.
+    slips
+        Corrections made to the printed equations, each with its reason; empty for the others.
+    """
+
+    per_position: PerPosition = field(default_factory=lambda: PerPosition((), ()))
+    checks_um: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    sees: str = ""
+    slips: tuple[str, ...] = ()
+
+    def sentences(self) -> list[str]:
+        """What is worth saying beside the table."""
+        lines = [self.sees]
+        for name, (value, sigma) in self.checks_um.items():
+            lines.append(
+                f"Check {name} = {value:+.4f} µm, expected 0 ± {sigma:.4f} µm."
+                if np.isfinite(sigma)
+                else f"Check {name} = {value:+.4f} µm."
+            )
+        return [*super().sentences(), *lines]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain Python values."""
+        found = super().to_dict()
+        found["per_position"] = {
+            "c": [dict(row) for row in self.per_position.c],
+            "a": [dict(row) for row in self.per_position.a],
+        }
+        found["checks_um"] = {name: list(pair) for name, pair in self.checks_um.items()}
+        found["sees"] = self.sees
+        found["slips"] = list(self.slips)
+        return found

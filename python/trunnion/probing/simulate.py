@@ -1,0 +1,113 @@
+"""Simulation of a measurement: what the probe would record on a machine with given errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.checks import finite, instance, named
+from trunnion.base.errors import InputError
+from trunnion.data.touches import Touches
+from trunnion.probing.model import TouchModel, split_effects
+from trunnion.setup import Setup
+
+__all__ = ["simulate"]
+
+OFF_SURFACE_MM = 5.0
+
+
+def simulate(
+    plan: Touches,
+    setup: Setup,
+    errors: Mapping[str, float] | None = None,
+    placement: Mapping[str, float] | None = None,
+    effects: Mapping[Any, Mapping[str, float]] | None = None,
+    noise_um: float = 0.0,
+    tick_um: float | None = None,
+    seed: int | None = None,
+    *,
+    sample: int = 0,
+) -> Touches:
+    """Simulate a plan, or repeat recorded touches, on a machine with errors.
+
+    The ball moves from the start of each approach along its direction until it touches the true
+    artefact; contact is solved, on faces, edges and corners. The probe triggers at the first tick
+    of travel at or after contact (plus noise).
+
+    Parameters
+    ----------
+    plan
+        A plan, or touches: then along the line of each recorded touch, ticks counted from the
+        recorded point.
+    setup
+        Machine, artefact and probe.
+    errors
+        True location errors, µm and arcsec, by name; those of the set-up where not given.
+    placement
+        True placement of the artefact on the table, `dx_um` ... `rc_arcsec`.
+    effects
+        True effects: id (or a user's own effect) → parameter → value.
+    noise_um
+        1 σ of the probe's repeatability.
+    tick_um
+        Travel between two looks at the probe; the set-up's unless given.
+    seed
+        Of the noise; there is no noise without one.
+    sample
+        Number of this measurement among those of one seed: measurement i is the same however
+        many are drawn.
+
+    Returns
+    -------
+    Touches
+        The plan's rows with the recorded ball centres.
+
+    Raises
+    ------
+    InputError
+        Noise without a seed, negative noise or tick, unknown names.
+    DataError
+        A move that does not meet the artefact, a column that an effect needs and the plan lacks.
+    """
+    wanted = "effect → parameter → value, {'drift_z': {'rate_um_h': 5.0}}"
+    effects = named("effects", effects, wanted)
+    if finite("noise_um", noise_um) < 0:
+        raise InputError(f"noise_um: got {noise_um!r}, wanted 0 or a positive number")
+    if noise_um > 0 and seed is None:
+        raise InputError("seed: got none, wanted a whole number: there is no noise without a seed")
+    if tick_um is not None and finite("tick_um", tick_um) < 0:
+        raise InputError(f"tick_um: got {tick_um!r}, wanted 0 or a positive number")
+    ids, own = split_effects(effects)
+    model = TouchModel(setup, ids, tick_um=tick_um)
+    built_in = {effect: values for effect, values in effects.items() if isinstance(effect, str)}
+    values = model.values(errors, placement, built_in)
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    from_start = plan.start_mm is not None
+    moves = model.moves(plan, from_start=from_start)
+    # A contact is expected at the planned distance; the true surface may lie off by 5 mm.
+    reach = OFF_SURFACE_MM
+    if plan.start_mm is not None:
+        way = np.linalg.norm(plan.position_mm - plan.start_mm, axis=1)
+        reach += float(way.max(initial=0.0))
+    travel = model.core.simulate(
+        moves,
+        values,
+        from_start,
+        reach,
+        noise_um,
+        _whole("seed", seed or 0),
+        _whole("sample", sample),
+    )
+    for effect in own:
+        travel = travel + 1e-3 * effect.change(plan, effects[effect])
+    start = plan.start_mm if plan.start_mm is not None else plan.position_mm
+    recorded = start + travel[:, None] * plan.direction
+    return plan.with_columns(x_mm=recorded[:, 0], y_mm=recorded[:, 1], z_mm=recorded[:, 2])
+
+
+def _whole(what: str, value: int) -> int:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
+        raise InputError(f"{what}: got {value!r}, wanted a whole number from 0")
+    return int(value)

@@ -1,0 +1,25 @@
+"""The set-up: machine, artefact and probe of a measurement, read from ``setup.toml`` or built."""
+
+from trunnion.setup.parts import (
+    Artefact,
+    AxisSetup,
+    Machine,
+    PlanSetup,
+    Probe,
+    Resolution,
+    Setup,
+    TableSetup,
+    read_setup,
+)
+
+__all__ = [
+    "Artefact",
+    "AxisSetup",
+    "Machine",
+    "PlanSetup",
+    "Probe",
+    "Resolution",
+    "Setup",
+    "TableSetup",
+    "read_setup",
+]

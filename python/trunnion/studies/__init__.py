@@ -1,0 +1,23 @@
+"""Parameter sweeps: a full factorial grid with random draws at each node, on any executor.
+
+A study says what one node does (:mod:`.study`, the built-in ones in one file each); the grid is
+checked before anything runs (:mod:`.grid`); blocks of samples go to this process or to an executor
+and come back in any order (:mod:`.run`) into arrays and a file (:mod:`.store`).
+"""
+
+from trunnion.probing.length import smallest_length_mm
+from trunnion.studies.run import open_sweep, sweep
+from trunnion.studies.study import STUDIES, Block, FunctionStudy, Output, Parameter, Seeds, Study
+
+__all__ = [
+    "STUDIES",
+    "Block",
+    "FunctionStudy",
+    "Output",
+    "Parameter",
+    "Seeds",
+    "Study",
+    "open_sweep",
+    "smallest_length_mm",
+    "sweep",
+]

@@ -1,0 +1,166 @@
+"""How small an effect is still found: hidden effects of a known size, then the diagnosis."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trunnion.base.errors import DataError
+from trunnion.data.touches import Touches
+from trunnion.models.kinds import diagnose
+from trunnion.probing.model import TouchModel, catalogue
+from trunnion.probing.plan import plan
+from trunnion.probing.simulate import simulate
+from trunnion.setup import Artefact, Probe, Setup
+from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value, guarded
+
+__all__ = ["DiagnosisPowerStudy"]
+
+NONE = "none"
+
+
+@functools.cache
+def effects() -> tuple[str, ...]:
+    """What can be hidden: nothing, or an effect of the catalogue."""
+    return (NONE, *(entry.id for entry in catalogue(Setup(artefact=Artefact("cross")))))
+
+
+@dataclass(frozen=True)
+class DiagnosisPowerStudy:
+    """An effect of the catalogue, hidden in a simulated measurement, and what the diagnosis says.
+
+    Its parameters are drawn at random and scaled so that `rms_um` of it is left in the readings
+    after the location errors and the placement have been fitted. Exactly one of four outputs is 1:
+    ``found`` (it is the first explanation), ``among_alternatives`` (another that explains the data
+    as well comes first), ``missed`` (nothing is found) or ``wrong`` (something else). With effect
+    "none", or `rms_um` 0, silence counts as found.
+    """
+
+    name: str = "diagnosis-power"
+    chunk: int = 4
+    processes: bool = True
+    parameters: Mapping[str, Parameter] = field(
+        default_factory=lambda: {
+            "effect": Parameter("drift_z", choices=effects()),
+            "rms_um": Parameter(0.5, "µm", low=0.0),
+            "noise_um": Parameter(0.3, "µm", low=0.0),
+            "tick_um": Parameter(0.1, "µm", low=0.0),
+            "plan": Parameter("rich", choices=("paper", "rich")),
+            "errors_um": Parameter(60.0, "µm", low=0.0),
+            "errors_arcsec": Parameter(60.0, "arcsec", low=0.0),
+            "placement_um": Parameter(100.0, "µm", low=0.0),
+            "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
+        }
+    )
+
+    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:  # noqa: ARG002
+        """Which of the four it was."""
+        return tuple(
+            Output(name, "1") for name in ("found", "among_alternatives", "missed", "wrong")
+        )
+
+    def run(
+        self,
+        values: Mapping[str, Value],
+        seeds: Seeds,
+        first: int,
+        count: int,
+        threads: int | None,  # noqa: ARG002
+    ) -> Block:
+        """One measurement and one diagnosis a sample."""
+        return guarded(count, lambda index: _one(values, seeds.generator(first + index)), 4)
+
+
+@functools.lru_cache(maxsize=8)
+def _measurement(kind: str, tick_um: float) -> tuple[Setup, Touches, Floats]:
+    """Set-up, plan, and an orthonormal basis of what the plain fit takes away."""
+    setup = Setup(artefact=Artefact("cross"), probe=Probe(tick_um=tick_um))
+    touches = (
+        plan(setup)
+        if kind == "paper"
+        else plan(
+            setup,
+            c_deg=tuple(range(0, 360, 30)),
+            a_deg=(-90, -60, -30, 30, 60, 90),
+            feeds_mm_min=(600, 200),
+            both_senses=True,
+        )
+    )
+    model = TouchModel(setup)
+    _, jacobian = model.core.linearise(model.moves(touches), model.values())
+    return setup, touches, np.linalg.qr(jacobian)[0]
+
+
+def _one(values: Mapping[str, Value], rng: np.random.Generator) -> list[float]:
+    setup, touches, plain = _measurement(str(values["plan"]), float(values["tick_um"]))
+    effect = str(values["effect"])
+    hidden: dict[str, dict[str, float]] = {}
+    if effect != NONE and float(values["rms_um"]) > 0:
+        hidden = {effect: _hidden(setup, touches, plain, effect, float(values["rms_um"]), rng)}
+    model = TouchModel(setup)
+    errors = {
+        name: rng.uniform(-1, 1)
+        * float(values["errors_um" if name[1] in "XYZ" else "errors_arcsec"])
+        for name in model.error_names
+    }
+    placement = {
+        name: rng.uniform(-1, 1)
+        * float(values["placement_um" if name.endswith("_um") else "placement_arcsec"])
+        for name in model.names[len(errors) :]
+    }
+    data = simulate(
+        touches,
+        setup,
+        errors,
+        placement,
+        dict(hidden),
+        noise_um=float(values["noise_um"]),
+        seed=int(rng.integers(2**62)),
+    )
+    diagnosis = diagnose(data, setup)
+    named = frozenset(cause.id for cause in diagnosis.causes)
+    wanted = frozenset(hidden)
+    found = named == wanted and diagnosis.verdict != "unexplained"
+    among = not found and wanted in diagnosis.alternatives
+    missed = not found and not among and diagnosis.verdict == "consistent"
+    return [float(found), float(among), float(missed), float(not (found or among or missed))]
+
+
+def _hidden(
+    setup: Setup,
+    touches: Touches,
+    plain: Floats,
+    effect: str,
+    rms_um: float,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Random parameters of an effect, scaled to what it leaves after the plain fit."""
+    model = TouchModel(setup, (effect,))
+    own = [k for k, name in enumerate(model.names) if "." in name]
+    values = model.values()
+    times = np.array([0.0]) if touches.time_s is None else touches.time_s
+    for k in own:
+        kind = model.kinds[k]
+        if kind == "moment":
+            values[k] = rng.uniform(0.1, 0.9) * times.max()
+        elif kind == "duration":
+            values[k] = rng.uniform(0.1, 0.5) * times.max() / 60
+        else:
+            values[k] = rng.normal()
+    moves = model.moves(touches)
+    linear = [k for k in own if model.kinds[k] == "linear"]
+    without = values.copy()
+    without[linear] = 0.0
+    change = model.core.residuals(moves, without) - model.core.residuals(moves, values)
+    left = change - plain @ (plain.T @ change)
+    size = float(np.sqrt(np.mean(left**2)))
+    if size < 1e-3 * max(1e-3, float(np.abs(change).max())):
+        raise DataError(
+            f"effect {effect!r}: got nothing left of it after the plain fit, wanted an "
+            "effect that the plan can see"
+        )
+    values[linear] *= rms_um / size
+    return {model.names[k].split(".", 1)[1]: float(values[k]) for k in own}

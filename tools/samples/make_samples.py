@@ -1,0 +1,75 @@
+"""Make the samples again: ``python tools/samples/make_samples.py``."""
+
+from pathlib import Path
+
+import numpy as np
+
+import trunnion as tn
+from trunnion.samples.truth import HIDDEN_EFFECTS, OTHER_ERRORS, TABLE_2
+
+__all__ = ["make_cross", "make_hidden"]
+
+SETUP = """\
+# A tilting rotary table with the cross-shaped artefact of Kang, Kim and Jee (2022).
+[machine]
+preset = "trt-ca"
+
+[artefact]
+kind = "cross"
+length_mm = 100.0
+width_mm = 25.0
+height_mm = 25.0
+
+[probe]
+ball_radius_mm = 1.0
+tick_um = 0.1
+
+[resolution]
+linear_um = 0.1
+rotary_arcsec = 0.36
+"""
+
+
+def make_cross(folder: Path) -> None:
+    """Write ``setup.toml`` and ``touches.csv`` of the cross."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "setup.toml").write_text(SETUP, encoding="utf-8")
+    setup = tn.read_setup(folder / "setup.toml")
+    touches = tn.simulate(
+        tn.plan(setup),
+        setup,
+        errors=TABLE_2,
+        placement={"dx_um": 50.0, "dy_um": -30.0, "rc_arcsec": 60.0},
+        noise_um=0.3,
+        seed=2022,
+    )
+    touches.to_csv(folder / "touches.csv")
+
+
+def make_hidden(folder: Path) -> None:
+    """Write a longer measurement that hides two effects and two bad touches."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "setup.toml").write_text(SETUP, encoding="utf-8")
+    setup = tn.read_setup(folder / "setup.toml")
+    plan = tn.plan(setup, c_deg=range(0, 360, 30), a_deg=(90, 60, 30, -30, -60, -90))
+    touches = tn.simulate(
+        plan.with_columns(time_s=8.0 * np.asarray(plan.time_s)),  # a machine that takes its time
+        setup,
+        errors=OTHER_ERRORS,
+        placement={"dx_um": -40.0, "dy_um": 25.0, "rc_arcsec": -50.0},
+        effects=HIDDEN_EFFECTS,
+        noise_um=0.3,
+        seed=5,
+    )
+    away = np.zeros((len(touches), 3))
+    away[[57, 140]] = [[0.012], [-0.03]] * touches.direction[[57, 140]]
+    recorded = touches.position_mm + away
+    touches.with_columns(x_mm=recorded[:, 0], y_mm=recorded[:, 1], z_mm=recorded[:, 2]).to_csv(
+        folder / "touches.csv"
+    )
+
+
+if __name__ == "__main__":
+    SAMPLES = Path(__file__).parents[2] / "python" / "trunnion" / "samples"
+    make_cross(SAMPLES / "cross")
+    make_hidden(SAMPLES / "hidden")
