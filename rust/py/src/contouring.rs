@@ -6,10 +6,10 @@ use pyo3::types::PyDict;
 use trunnion_core::Error;
 use trunnion_core::contouring::margins::{axis_margins, coupled_gain_margin, pole_radius};
 use trunnion_core::contouring::{
-    Axis, Case, Coupling, Feedback, Gains, Machine, Order, OrientationModel, Path, Piece,
-    PositionModel, Reference, Simulation, response, samples, sweep,
+    Axis, Case, Coupling, Feedback, Gains, Order, OrientationModel, Path, Piece, PositionModel,
+    Reference, Simulation, response, samples, sweep,
 };
-use trunnion_core::machine;
+use trunnion_core::machine::{FiveAxis, Machine};
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::{IntoPy, to_py};
@@ -104,11 +104,11 @@ impl ContourPath {
     }
 }
 
-fn machine(errors: &Errors) -> PyResult<Machine> {
+fn machine(errors: &Errors) -> PyResult<FiveAxis> {
     // The length of a tool matters to a head only.
-    let chain = machine::Machine::preset("trt-ca", 1.0).into_py()?;
+    let chain = Machine::preset("trt-ca", 1.0).into_py()?;
     let places = places(&chain, errors).into_py()?;
-    Machine::new(&chain, &places).into_py()
+    FiveAxis::new(&chain, &places).into_py()
 }
 
 fn feedback(name: &str) -> PyResult<Feedback> {

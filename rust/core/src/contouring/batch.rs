@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::interpolator::{Feed, Reference};
-use super::kinematics::Machine;
 use super::path::Path;
 use super::simulation::{Coupling, Sample, Simulation, samples};
 use super::{Axis, Feedback};
 use crate::error::Result;
+use crate::machine::FiveAxis;
 
 /// One simulation of a sweep.
 #[derive(Clone, Debug)]
@@ -73,7 +73,12 @@ impl Figures {
 ///
 /// # Errors
 /// As [`Reference::new`] and [`Simulation::run`].
-pub fn figures(paths: &[Path], case: &Case, machine: &Machine, real: &Machine) -> Result<Figures> {
+pub fn figures(
+    paths: &[Path],
+    case: &Case,
+    machine: &FiveAxis,
+    real: &FiveAxis,
+) -> Result<Figures> {
     let path = paths.get(case.path).ok_or_else(|| {
         crate::Error::input("path of a case", case.path, format!("below {}", paths.len()))
     })?;
@@ -128,8 +133,8 @@ pub fn figures(paths: &[Path], case: &Case, machine: &Machine, real: &Machine) -
 pub fn sweep(
     paths: &[Path],
     cases: &[Case],
-    machine: &Machine,
-    real: &Machine,
+    machine: &FiveAxis,
+    real: &FiveAxis,
 ) -> Result<Vec<Figures>> {
     cases.par_iter().map(|case| figures(paths, case, machine, real)).collect()
 }

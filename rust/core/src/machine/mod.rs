@@ -4,9 +4,11 @@
 //! - [`places`]: every place where an error can act, and the state of all of them;
 //! - [`posture`]: the pose of the table and the spindle for given axis positions and places;
 //! - [`kinematics`]: forward, inverse and Jacobian for programs in work coordinates;
+//! - [`five_axis`]: closed forms both ways for machines with two rotary axes;
 //! - [`batch`]: forward kinematics of many poses at once.
 
 pub mod batch;
+pub mod five_axis;
 pub mod kinematics;
 pub mod location;
 pub mod places;
@@ -16,6 +18,7 @@ use crate::pose::Direction;
 use crate::{Error, Result};
 
 pub use batch::ForwardBatch;
+pub use five_axis::FiveAxis;
 pub use location::LocationError;
 pub use places::{Component, MAX_ROTARY, Place, Places};
 pub use posture::{Frames, Posture};
