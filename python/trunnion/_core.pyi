@@ -16,6 +16,7 @@ __all__ += [
     "Machine",
     "Moves",
     "TouchModel",
+    "artefact_kinds",
     "catalogue",
     "closed_form_slips",
     "plan",
@@ -28,7 +29,12 @@ _Integers: TypeAlias = npt.NDArray[np.int64]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
-def presets() -> list[str]: ...
+def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple[str, str]]]]:
+    """Machines by name: letters of the rotary axes, side of each, location errors with units."""
+
+def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
+    """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
+
 def closed_form_slips() -> list[str]: ...
 def catalogue(
     preset: str, kind: str, dimensions: Sequence[float]
@@ -155,6 +161,7 @@ class TouchModel:
     def error_count(self) -> int: ...
     def residuals(self, moves: Moves, values: _Floats) -> _Floats: ...
     def linearise(self, moves: Moves, values: _Floats) -> tuple[_Floats, _Floats]: ...
+    def faces(self, moves: Moves) -> list[str]: ...
     def simulate(
         self,
         moves: Moves,

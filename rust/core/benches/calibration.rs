@@ -7,6 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
 use nalgebra::Vector3;
+use trunnion_core::artefact::Layout;
 use trunnion_core::artefact::{Artefact, Line, Search};
 use trunnion_core::identification::least_squares::{self, Options};
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
@@ -14,7 +15,6 @@ use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{Machine, Places};
 use trunnion_core::moves::Moves;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::targets::Layout;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
 use trunnion_core::probe::Probe;
 use trunnion_core::studies::{self, Measurement};
@@ -39,7 +39,7 @@ struct Paper {
 impl Paper {
     fn new() -> Outcome<Self> {
         let machine = Machine::preset("trt-ca", 150.0)?;
-        let artefact = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+        let artefact = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
         let options = PlanOptions {
             clearance: 5.0,
             overtravel: 5.0,

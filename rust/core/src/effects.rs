@@ -282,36 +282,20 @@ fn probe(shelf: &mut Shelf) {
 }
 
 fn dimensions(shelf: &mut Shelf, artefact: &Artefact) {
-    use Unit::{Arcsec, Ppm, S, Um};
+    use Unit::{Ppm, S, Um};
     let owner = Owner::Artefact;
-    let mut dimension = |id: &str, word: &str, name, place| {
-        shelf.put(id, format!("{word} of the artefact"), owner, &[(name, Um)], move |_, a| {
+    let dimensions = artefact.dimensions();
+    for dimension in &dimensions {
+        let place = dimension.place;
+        let parameters = [(dimension.parameter, dimension.unit)];
+        shelf.put(dimension.id, dimension.title, owner, &parameters, move |_, a| {
             a.add(0, place, 1.0);
-        });
-    };
-    let expansion: Vec<(Place, f64)> = match *artefact {
-        Artefact::Sphere { diameter, .. } => {
-            dimension("artefact_diameter", "diameter", "dd_um", Place::LENGTH);
-            vec![(Place::LENGTH, diameter)]
-        }
-        Artefact::Cross { length, width, height } | Artefact::Cuboid { length, width, height } => {
-            dimension("artefact_length", "length", "dl_um", Place::LENGTH);
-            dimension("artefact_width", "width", "dw_um", Place::WIDTH);
-            dimension("artefact_height", "height", "dh_um", Place::HEIGHT);
-            vec![(Place::LENGTH, length), (Place::WIDTH, width), (Place::HEIGHT, height)]
-        }
-    };
-    if matches!(artefact, Artefact::Cross { .. }) {
-        let gamma = [("gamma_arcsec", Arcsec)];
-        let title = "squareness of the artefact's bars";
-        shelf.put("artefact_squareness", title, owner, &gamma, |_, a| {
-            a.add(0, Place::SQUARENESS, 1.0);
         });
     }
     let title = "thermal expansion of the artefact";
     shelf.put("artefact_expansion", title, owner, &[("ppm", Ppm)], move |_, a| {
-        for &(place, size) in &expansion {
-            a.add(0, place, size);
+        for dimension in dimensions.iter().filter(|dimension| dimension.size > 0.0) {
+            a.add(0, dimension.place, dimension.size);
         }
     });
     let shift = [("dx_um", Um), ("dy_um", Um), ("dz_um", Um), ("t0_s", S)];

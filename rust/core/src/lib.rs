@@ -19,7 +19,7 @@
 //!
 //! # fn main() -> trunnion_core::Result<()> {
 //! let machine = Machine::preset("trt-ca", 150.0)?;
-//! let cross = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }.checked()?;
+//! let cross = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
 //! let model = TouchModel::new(machine, cross, Probe::new(1.0, 0.0)?, vec![]);
 //! // The end of the +X arm, recorded where the nominal artefact is: x = 50 mm + ball radius.
 //! let touches = MoveTable::new(

@@ -34,7 +34,7 @@ fn model(
 ) -> Result<Model> {
     let machine = Machine::preset(preset, tool_length_mm)?;
     // Effects of the machine do not depend on what is touched.
-    let any = Artefact::Cross { length: 2.0, width: 1.0, height: 1.0 };
+    let any = Artefact::of("cross", &[2.0, 1.0, 1.0])?;
     let catalogue = effects::catalogue(&machine, &any);
     let ids: Vec<String> = effects.iter().map(|(id, _)| id.clone()).collect();
     let chosen = effects::select(&catalogue, &ids)?;

@@ -39,7 +39,7 @@ mod _core {
     #[pymodule_export]
     use crate::plan::{plan, safe_levels};
     #[pymodule_export]
-    use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
+    use crate::touch::{Moves, TouchModel, artefact_kinds, catalogue, closed_form_slips};
 
     // --- turning (paper 001), part programs
     #[pymodule_export]

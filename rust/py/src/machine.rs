@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
@@ -208,8 +209,26 @@ impl Machine {
     }
 }
 
-/// Names of the machines that come with the project.
+/// A machine that comes with the project: letters of its rotary axes, the side of each ("table",
+/// "head"), and its location errors with units.
+type Preset = (String, Vec<&'static str>, Vec<(String, &'static str)>);
+
+/// The machines that come with the project, by name.
 #[pyfunction]
-pub fn presets() -> Vec<&'static str> {
-    machine::PRESETS.to_vec()
+pub fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for preset in machine::PRESETS {
+        let machine = machine::Machine::preset(preset.name, 1.0).into_py()?;
+        let letters = machine.rotary().iter().map(machine::Rotary::letter).collect();
+        let side = |axis: &machine::Rotary| match axis.side {
+            machine::Side::Workpiece => "table",
+            machine::Side::Tool => "head",
+        };
+        let sides = machine.rotary().iter().map(side).collect();
+        let errors = machine.location_errors();
+        let errors = errors.iter().map(|error| (error.name(), error.unit().symbol())).collect();
+        let entry: Preset = (letters, sides, errors);
+        all.set_item(preset.name, entry)?;
+    }
+    Ok(all)
 }

@@ -5,16 +5,15 @@ use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
+use trunnion_core::artefact::{Artefact, Layout};
 use trunnion_core::machine::Machine;
 use trunnion_core::plan as planning;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::targets::Layout;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch};
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, UM};
 
 use crate::arrays::{array, matrix, rows};
 use crate::errors::IntoPy;
-use crate::touch::artefact;
 
 /// How a plan is made, mm, degrees, µm, arcsec, mm/min as in the set-up file.
 #[pyfunction]
@@ -51,7 +50,7 @@ pub fn plan<'py>(
     all_faces: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let layout = match layout {
         "side" => Layout::Side,
         "top" => Layout::Top,
@@ -121,7 +120,7 @@ pub fn safe_levels<'py>(
     table_thickness_mm: f64,
 ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
     let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let axes = machine.rotary().len();
     let rotary = rows("rotary positions", &rotary_deg, axes)?;
     let around =

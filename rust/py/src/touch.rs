@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use trunnion_core::artefact::{Artefact, Search};
+use trunnion_core::artefact::{Artefact, KINDS, Search};
 use trunnion_core::compensation::volumetric::Volume;
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
@@ -21,19 +21,14 @@ use crate::names::choice;
 use crate::threads::with_threads;
 use crate::user_units::touches::{self as user_units, ParameterUnits};
 
-/// An artefact from its kind and dimensions (mm).
-pub fn artefact(kind: &str, dimensions: &[f64]) -> Result<Artefact> {
-    match (kind, dimensions) {
-        ("cross", &[length, width, height]) => Artefact::Cross { length, width, height },
-        ("cuboid", &[length, width, height]) => Artefact::Cuboid { length, width, height },
-        ("sphere", &[diameter, x, y, z]) => Artefact::Sphere { diameter, centre: [x, y, z] },
-        ("cross" | "cuboid" | "sphere", _) => {
-            let got = format!("{} numbers", dimensions.len());
-            return Err(Error::input(format!("dimensions of a {kind}"), got, "3, of a sphere 4"));
-        }
-        _ => return Err(Error::unknown("artefact", kind, ["cross", "cuboid", "sphere"])),
+/// Kinds of artefact: for each its dimensions (mm) in order, name and how many numbers.
+#[pyfunction]
+pub fn artefact_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for kind in KINDS {
+        all.set_item(kind.name, kind.dimensions.to_vec())?;
     }
-    .checked()
+    Ok(all)
 }
 
 fn kind_name(kind: Kind) -> &'static str {
@@ -62,7 +57,7 @@ fn need_name(machine: &Machine, need: Need) -> String {
 #[pyfunction]
 pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec<Entry>> {
     let machine = Machine::preset(preset, 1.0).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let entries = effects::catalogue(&machine, &artefact).into_iter().map(|effect| {
         let parameters = effect.parameters.iter();
         let parameters = parameters.map(|p| (p.name, p.unit.symbol(), kind_name(p.kind))).collect();
@@ -162,7 +157,7 @@ impl TouchModel {
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
         let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-        let artefact = artefact(kind, &dimensions).into_py()?;
+        let artefact = Artefact::of(kind, &dimensions).into_py()?;
         let probe = Probe::new(ball_radius_mm, tick_um * UM).into_py()?;
         let all = effects::catalogue(&machine, &artefact);
         let chosen = effects::select(&all, &effect_ids).into_py()?;
@@ -231,6 +226,16 @@ impl TouchModel {
         });
         let (residuals, jacobian) = result.into_py()?;
         Ok((array(py, residuals), matrix(py, jacobian, p)?))
+    }
+
+    /// Name of the face that each touch is on, on the nominal machine: `+X arm, top`.
+    fn faces(&self, py: Python<'_>, moves: &Moves) -> PyResult<Vec<String>> {
+        let moves = moves.inner.view();
+        py.detach(|| {
+            self.inner.check(&moves)?;
+            Ok(self.inner.faces(&moves))
+        })
+        .into_py()
     }
 
     /// Travel in mm from each move's point to the trigger.

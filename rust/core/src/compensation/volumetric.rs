@@ -484,8 +484,7 @@ mod tests {
     #[test]
     fn only_effects_of_the_machine_are_taken() {
         let machine = Machine::preset("trt-ca", 150.0).unwrap();
-        let artefact =
-            crate::artefact::Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+        let artefact = crate::artefact::Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let catalogue = crate::effects::catalogue(&machine, &artefact);
         let mut model = Model::nominal(machine);
         for effect in catalogue {

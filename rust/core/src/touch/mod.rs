@@ -13,7 +13,7 @@ pub use simulation::Simulation;
 
 use crate::artefact::Artefact;
 use crate::effects::{Circumstances, Effect, Kind, Need, Rate};
-use crate::machine::{Component, LocationError, Machine, Place, Places};
+use crate::machine::{Component, LocationError, Machine, Place, Places, Posture};
 use crate::moves::Moves;
 use crate::probe::Probe;
 use crate::units::Unit;
@@ -234,6 +234,20 @@ impl TouchModel {
         true
     }
 
+    /// Name of the face that each touch is on, on the nominal machine.
+    #[must_use]
+    pub fn faces(&self, moves: &Moves) -> Vec<String> {
+        let axes = self.machine.rotary().len();
+        let row = |row: usize| {
+            let positions = &moves.rotary[axes * row..axes * (row + 1)];
+            let table = Posture::new(&self.machine, positions, &Places::default()).table;
+            let direction = Moves::vector(moves.direction, row);
+            let contact = Moves::vector(moves.point, row) + direction * self.probe.ball_radius;
+            self.artefact.face(&table.undo(&contact), &-table.rotation.tr_mul(&direction))
+        };
+        (0..moves.len()).map(row).collect()
+    }
+
     /// Checks that every recorded touch lies near the modelled surface.
     ///
     /// # Errors
@@ -263,15 +277,14 @@ mod tests {
     use nalgebra::Vector3;
 
     use crate::effects::catalogue;
-    use crate::machine::Posture;
     use crate::units::{ARCSEC, UM};
 
     /// Central differences of the whole model against the exact gradient, every effect at once.
     #[test]
     fn gradients_agree_with_central_differences() {
-        for preset in crate::machine::PRESETS {
+        for preset in crate::machine::PRESETS.map(|preset| preset.name) {
             let machine = Machine::preset(preset, 150.0).unwrap();
-            let artefact = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+            let artefact = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
             let effects = catalogue(&machine, &artefact);
             let probe = Probe::new(1.0, 0.0).unwrap();
             let model = TouchModel::new(machine, artefact, probe, effects);

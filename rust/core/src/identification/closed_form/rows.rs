@@ -1,6 +1,6 @@
 //! Which rows of a measurement are which touches of the paper.
 
-use crate::artefact::Artefact;
+use crate::artefact::{Artefact, Cross};
 use crate::moves::Moves;
 use crate::touch::TouchModel;
 use crate::units::DEG;
@@ -41,7 +41,7 @@ impl PaperRows {
     /// Another artefact than the cross, another machine than `trt-ca`, or a position at which some of
     /// the labels are missing.
     pub fn find(model: &TouchModel, moves: &Moves, labels: &[i64]) -> Result<Self> {
-        let Artefact::Cross { length, height, .. } = *model.artefact() else {
+        let Artefact::Cross(Cross { length, height, .. }) = *model.artefact() else {
             return Err(Error::Data("closed forms: got another artefact, wanted the cross".into()));
         };
         let letters: String =

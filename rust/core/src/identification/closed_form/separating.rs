@@ -224,9 +224,9 @@ mod tests {
 
     use super::*;
     use crate::artefact::Artefact;
+    use crate::artefact::Layout;
     use crate::machine::Machine;
     use crate::plan::collision::Stylus;
-    use crate::plan::targets::Layout;
     use crate::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
     use crate::probe::Probe;
     use crate::units::DEG;
@@ -242,7 +242,7 @@ mod tests {
     impl Measurement {
         fn paper(length: f64, width: f64, height: f64) -> Self {
             let machine = Machine::preset("trt-ca", 150.0).unwrap();
-            let artefact = Artefact::Cross { length, width, height };
+            let artefact = Artefact::of("cross", &[length, width, height]).unwrap();
             let options = PlanOptions {
                 clearance: 5.0,
                 overtravel: 5.0,
