@@ -168,7 +168,7 @@ def test_next_touches_say_when_none_can() -> None:
     d = tn.diagnose(tn.Touches(m.columns), setup)
     said = tn.prospect(d, 8)
     assert said.chance < 0.5
-    assert "Not even" in said.summary() or "About" in said.summary()
+    assert said.enough is None or said.enough > 8
     with pytest.raises(tn.InputError, match="n:"):
         tn.next_touches(d, 0)
 

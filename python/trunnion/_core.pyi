@@ -434,6 +434,7 @@ __all__ += [
     "ContourPath",
     "contour_axis_margins",
     "contour_axis_response",
+    "contour_axis_responses",
     "contour_path_margins",
     "contour_simulate",
     "contour_sweep",
@@ -487,6 +488,14 @@ def contour_axis_response(
     period_s: float,
     feedback: str,
     command: _Floats,
+) -> _Floats: ...
+def contour_axis_responses(
+    letter: str,
+    axes: _Floats,
+    period_s: float,
+    feedback: str,
+    command: _Floats,
+    stride: int,
 ) -> _Floats: ...
 def contour_path_margins(
     path: ContourPath,

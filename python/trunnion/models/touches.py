@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.protocol import (

@@ -50,8 +50,8 @@ mod _core {
     // --- contouring (paper 003)
     #[pymodule_export]
     use crate::contouring::{
-        ContourPath, contour_axis_margins, contour_axis_response, contour_path_margins,
-        contour_simulate, contour_sweep,
+        ContourPath, contour_axis_margins, contour_axis_response, contour_axis_responses,
+        contour_path_margins, contour_simulate, contour_sweep,
     };
 
     // --- hybrid (paper 004)

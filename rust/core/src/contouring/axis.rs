@@ -11,6 +11,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 /// Longest delay in control periods.
@@ -355,29 +357,37 @@ impl Drive {
     }
 }
 
-/// Load positions (mm or rad) of an axis that follows commanded positions on its own, one a control
-/// period, from rest at the first.
+/// Load positions of drives with each of many parameters that follow the same commands, one a control
+/// period, from rest at the first; every `stride`-th of them, one drive after the other. On all cores.
 ///
 /// # Errors
-/// Parameters out of range, a command that is not finite.
-pub fn response(
-    axis: &Axis,
-    letter: char,
+/// Parameters out of range, a stride of 0.
+pub fn responses(
+    axes: &[Axis],
+    name: char,
     period: f64,
     feedback: Feedback,
-    command: &[f64],
+    commands: &[f64],
+    stride: usize,
 ) -> Result<Vec<f64>> {
-    if let Some(row) = command.iter().position(|v| !v.is_finite()) {
-        return Err(Error::input(format!("command, row {row}"), command[row], "a finite number"));
+    if stride == 0 {
+        return Err(Error::input("stride", stride, "1 or more"));
     }
-    let start = command.first().copied().unwrap_or(0.0);
-    let mut drive = Drive::new(axis, letter, period, feedback, start)?;
-    Ok(command
-        .iter()
-        .map(|position| {
-            let here = drive.load();
-            drive.step(drive.gain() * (position - drive.measured()));
-            here
-        })
-        .collect())
+    let start = commands.first().copied().unwrap_or(0.0);
+    let follow = |axis: &Axis| {
+        let mut drive = Drive::new(axis, name, period, feedback, start)?;
+        let mut out = Vec::with_capacity(commands.len().div_ceil(stride));
+        for (i, command) in commands.iter().enumerate() {
+            if i.is_multiple_of(stride) {
+                out.push(drive.load());
+            }
+            drive.step(drive.gain() * (command - drive.measured()));
+        }
+        Ok(out)
+    };
+    if let [axis] = axes {
+        return follow(axis); // no need to wake other threads
+    }
+    let each: Vec<Vec<f64>> = axes.par_iter().map(follow).collect::<Result<_>>()?;
+    Ok(each.concat())
 }

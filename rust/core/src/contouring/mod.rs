@@ -48,7 +48,7 @@ pub mod path;
 pub mod pid;
 pub mod simulation;
 
-pub use axis::{Axis, Feedback, Friction, response};
+pub use axis::{Axis, Feedback, Friction, responses};
 pub use batch::{Case, Figures, sweep};
 pub use contour_error::PositionModel;
 pub use interpolator::{Feed, Reference};
