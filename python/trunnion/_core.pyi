@@ -6,9 +6,9 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST_THREADS", "__version__"]
+__all__ = ["MAX_THREADS", "__version__"]
 
-MOST_THREADS: int
+MAX_THREADS: int
 __version__: str
 
 # --- trunnion (paper 000)

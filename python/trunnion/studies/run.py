@@ -138,7 +138,7 @@ def sweep(
     samples = _whole("samples", samples, 1)
     seed = _whole("seed", seed, 0)
     if threads is not None:
-        threads = _whole("threads", threads, 1, _core.MOST_THREADS)
+        threads = _whole("threads", threads, 1, _core.MAX_THREADS)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: got {executor!r}, wanted an object with submit")
     limit = _Limit(most_failures)

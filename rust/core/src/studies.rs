@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use crate::compensation::Model;
-use crate::compensation::volumetric::{Control, Stand, Volume};
+use crate::compensation::volumetric::{Control, ControlledPose, Volume};
 use crate::identification::closed_form::{self, COUNT, ERRORS, PaperRows, Scratch};
 use crate::identification::least_squares::{self, Options, Row, Workspace};
 use crate::machine::MAX_ROTARY;
@@ -160,7 +160,7 @@ fn samples<B>(
 ///
 /// # Errors
 /// What no sample could do with: another plan than the paper's, effects in the model. What fails in
-/// single samples is told in [`Samples::failures`].
+/// single samples is reported in [`Samples::failures`].
 pub fn calibrations(
     measurement: &Measurement,
     truths: &[f64],
@@ -193,7 +193,7 @@ pub fn calibrations(
 
 /// For every row of `truths` (m × 14, mm and rad) simulates the plan, estimates the location errors
 /// by `method`, and compares the volumetric error of the machine, with the rotary axes at `rotary`
-/// (rad), under a control that believes in the nominal machine and under one that believes in the
+/// (rad), under a control that assumes the nominal machine and under one that assumes the
 /// estimates: exact compensation by the linear axes.
 ///
 /// A row holds largest and root mean square before, largest and root mean square left, mm.
@@ -241,8 +241,8 @@ pub fn compensations(
         }
         machine.set_errors(&truth[..ERRORS])?;
         control.model.set_errors(&estimates[..ERRORS])?;
-        for (slots, believed) in row.chunks_exact_mut(2).zip([&unaware, control]) {
-            let error = Stand::new(machine, believed, rotary)?.error();
+        for (slots, assumed) in row.chunks_exact_mut(2).zip([&unaware, control]) {
+            let error = ControlledPose::new(machine, assumed, rotary)?.error();
             slots[0] = volume.largest(&error);
             slots[1] = volume.mean_square(&error).sqrt();
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use trunnion_core::artefact::Artefact;
 use trunnion_core::compensation::Model;
 use trunnion_core::compensation::inverse::Commands;
-use trunnion_core::compensation::volumetric::{self, Affine, Control, Stand, Volume};
+use trunnion_core::compensation::volumetric::{self, Affine, Control, ControlledPose, Volume};
 use trunnion_core::effects;
 use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{MAX_ROTARY, Machine};
@@ -65,20 +65,20 @@ impl MachineModel {
     }
 
     /// Does `each` with machine and control at every row of rotary positions.
-    fn at_stands<T>(
+    fn at_poses<T>(
         &self,
         control: &Self,
         zeros_arcsec: &[f64],
         rotary: &[f64],
-        each: impl Fn(&Stand) -> T,
+        each: impl Fn(&ControlledPose) -> T,
     ) -> Result<Vec<T>> {
         let mut zeros = [0.0; MAX_ROTARY];
         for (slot, zero) in zeros.iter_mut().zip(zeros_arcsec) {
             *slot = zero * ARCSEC;
         }
         let control = Control { model: control.inner.clone(), zeros };
-        let stands = rotary.chunks_exact(self.axes());
-        stands.map(|angles| Ok(each(&Stand::new(&self.inner, &control, angles)?))).collect()
+        let poses = rotary.chunks_exact(self.axes());
+        poses.map(|angles| Ok(each(&ControlledPose::new(&self.inner, &control, angles)?))).collect()
     }
 }
 
@@ -125,8 +125,8 @@ impl MachineModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let rotary = self.rotary(&rotary_deg)?;
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                (stand.error().rows(), stand.direction_error() / ARCSEC)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                (pose.error().rows(), pose.direction_error() / ARCSEC)
             })
         });
         let (fields, directions): (Vec<_>, Vec<_>) = found.into_py()?.into_iter().unzip();
@@ -146,8 +146,8 @@ impl MachineModel {
         let units: Vec<f64> =
             self.inner.parameters().iter().map(|(_, unit)| unit.to_internal() / UM).collect();
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                scaled(&stand.truth_rates(), &units)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                scaled(&pose.truth_rates(), &units)
             })
         });
         matrix(py, found.into_py()?.concat(), 12 * units.len())
@@ -167,8 +167,8 @@ impl MachineModel {
         let mut units = vec![1.0; count];
         units[..self.axes()].fill(ARCSEC / UM);
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                scaled(&stand.control_rates(), &units)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                scaled(&pose.control_rates(), &units)
             })
         });
         matrix(py, found.into_py()?.concat(), 12 * count)

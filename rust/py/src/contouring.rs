@@ -177,21 +177,21 @@ pub fn contour_simulate<'py>(
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
     coupling_args: Option<CouplingArgs<'py>>,
-    believed: Errors,
+    assumed: Errors,
     real: Errors,
 ) -> PyResult<Bound<'py, PyDict>> {
     let axes = five_axes(&axes, 1)?[0];
     let feedback = self::feedback(feedback)?;
     let coupling = coupling_args.as_ref().map(coupling).transpose()?;
-    let (believed, real) = (machine(&believed)?, machine(&real)?);
+    let (assumed, real) = (machine(&assumed)?, machine(&real)?);
     let (path, feed) = (&path.0, feed(feed_args));
     let (columns, diverged) = py
         .detach(|| {
-            let reference = Reference::new(path, feed, period_s, &believed)?;
+            let reference = Reference::new(path, feed, period_s, &assumed)?;
             let simulation =
-                Simulation { reference: &reference, axes, feedback, coupling, machine: &believed };
+                Simulation { reference: &reference, axes, feedback, coupling, machine: &assumed };
             let run = simulation.run()?;
-            let samples = samples(path, &reference, &believed, &real, &run.axes);
+            let samples = samples(path, &reference, &assumed, &real, &run.axes);
             Ok((columns(path, &reference, &run, samples), run.diverged))
         })
         .into_py()?;
@@ -219,7 +219,7 @@ pub fn contour_sweep<'py>(
     feedback: &str,
     couplings: Vec<Option<CouplingArgs<'py>>>,
     coupling_index: Vec<usize>,
-    believed: Errors,
+    assumed: Errors,
     real: Errors,
 ) -> PyResult<(Vec<&'static str>, Bound<'py, PyArray2<f64>>)> {
     let axes = five_axes(&axes, path_index.len())?;
@@ -228,7 +228,7 @@ pub fn contour_sweep<'py>(
         .iter()
         .map(|args| args.as_ref().map(coupling).transpose())
         .collect::<PyResult<Vec<_>>>()?;
-    let (believed, real) = (machine(&believed)?, machine(&real)?);
+    let (assumed, real) = (machine(&assumed)?, machine(&real)?);
     let lengths = [path_index.len(), feeds.len(), coupling_index.len()];
     if lengths.iter().any(|&length| length != lengths[0]) {
         let got = format!("lengths {lengths:?}");
@@ -252,7 +252,7 @@ pub fn contour_sweep<'py>(
         })
         .collect::<PyResult<Vec<_>>>()?;
     let paths: Vec<Path> = paths.iter().map(|path| path.0.clone()).collect();
-    let found = py.detach(|| sweep(&paths, &cases, &believed, &real)).into_py()?;
+    let found = py.detach(|| sweep(&paths, &cases, &assumed, &real)).into_py()?;
     let values: Vec<f64> = found.iter().flat_map(figures).collect();
     Ok((FIGURES.to_vec(), matrix(py, values, FIGURES.len())?))
 }
@@ -286,11 +286,11 @@ pub fn contour_path_margins<'py>(
     axes: PyReadonlyArray2<'py, f64>,
     gains_of_coupling: PyReadonlyArray2<'py, f64>,
     period_s: f64,
-    believed: Errors,
+    assumed: Errors,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
     let gains = gains(&gains_of_coupling)?;
-    let machine = machine(&believed)?;
+    let machine = machine(&assumed)?;
     let (u, path) = (vector(&u), &path.0);
     let values = py
         .detach(|| {

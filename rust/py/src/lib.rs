@@ -27,7 +27,7 @@ mod _core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("MOST_THREADS", crate::threads::MOST)?;
+        module.add("MAX_THREADS", crate::threads::MAX)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 

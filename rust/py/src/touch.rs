@@ -424,8 +424,8 @@ impl TouchModel {
     /// What compensation leaves after virtual calibrations: for every row of `truths` (m, 14) the
     /// plan is simulated, the location errors are estimated by `method` ("separating", "printed",
     /// "identified"), and the volumetric error over the grid x × y × z with the rotary axes at
-    /// `rotary_deg` is taken under a control that believes in the nominal machine and under one
-    /// that believes in the estimates. Returns one row a sample (largest and root mean square
+    /// `rotary_deg` is taken under a control that assumes the nominal machine and under one
+    /// that assumes the estimates. Returns one row a sample (largest and root mean square
     /// before, largest and root mean square left, µm) and the samples that failed.
     fn compensations<'py>(
         &self,

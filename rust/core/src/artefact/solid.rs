@@ -140,7 +140,7 @@ impl Block {
             }
             let step = (distance - radius) / approach;
             travel += step;
-            if step <= CLOSE_MM {
+            if step <= TOLERANCE_MM {
                 return Some(Entry { travel, normal });
             }
         }
@@ -183,7 +183,7 @@ struct Entry {
 }
 
 /// Newton's steps below this length end it: beyond it lies rounding only.
-const CLOSE_MM: f64 = 1e-13;
+const TOLERANCE_MM: f64 = 1e-13;
 
 const MAX_STEPS: usize = 100;
 

@@ -1,7 +1,7 @@
 //! Compensation: from errors to corrected commands, and the volumetric error before and after.
 //!
-//! The machine as it is, [`Model`], meets the machine as the control believes it to be,
-//! [`volumetric::Control`]. All compensation by the control's model is a choice of that belief: the
+//! The machine as it is, [`Model`], meets the machine as the control assumes it to be,
+//! [`volumetric::Control`]. All compensation by the control's model is a choice of what it assumes: the
 //! nominal machine (nothing compensated), axis centres and axis zeros (CNC parameters), or the
 //! whole identified machine (an exact error map, linear axes alone). [`inverse`] moves the rotary
 //! axes as well.

@@ -128,7 +128,7 @@ pub struct Simulation<'a> {
     pub feedback: Feedback,
     /// Cross-coupling, or None for independent axes.
     pub coupling: Option<Coupling>,
-    /// Kinematics that the controller believes in.
+    /// Kinematics that the controller assumes.
     pub machine: &'a FiveAxis,
 }
 

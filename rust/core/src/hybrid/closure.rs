@@ -1,4 +1,4 @@
-//! The ten closure equations of the two loops, and which of them are believed.
+//! The ten closure equations of the two loops, and which of them count.
 //!
 //! Eliminating the outer platform revolutes from the twelve equations of the loops leaves ten for
 //! the eight passive joints: at legs 1 and 3 the seat C meets the leg's end T, C − T = 0 (mm), and

@@ -16,7 +16,7 @@ const WRIST_SINGULAR: f64 = 1e-9;
 /// Lever (mm) that weighs directions against points.
 const LEVER_MM: f64 = 250.0;
 /// Newton has arrived, mm.
-const CLOSE_MM: f64 = 1e-10;
+const TOLERANCE_MM: f64 = 1e-10;
 
 /// Sign of q5.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -150,7 +150,7 @@ pub(super) fn inverse(
         let miss = miss(&solution, &pose.tip, &target);
         let size = miss.norm();
         // Converged, or resting on rounding.
-        if size < CLOSE_MM || (size < 1e-8 && size > 0.5 * last) {
+        if size < TOLERANCE_MM || (size < 1e-8 && size > 0.5 * last) {
             return Ok(solution);
         }
         last = size;

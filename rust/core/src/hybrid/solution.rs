@@ -81,16 +81,16 @@ impl Factors {
     }
 }
 
-/// Newton steps before it is given up; from home a pose of the working space takes 5 or 6.
-const STEPS: usize = 20;
+/// Newton steps before giving up; from home a pose of the working space takes 5 or 6.
+const MAX_STEPS: usize = 20;
 /// A step of this size (rad) is the last: the next one would be its square, below rounding.
-const LAST_STEP: f64 = 1e-9;
+const TOLERANCE_RAD: f64 = 1e-9;
 /// A larger step (rad) may have left the branch: the way there is then followed instead.
-const LONG_STEP: f64 = 0.7;
+const MAX_STEP_RAD: f64 = 0.7;
 /// Of the smallest to the largest diagonal element of R: below, the loops do not determine Y.
-const SINGULAR: f64 = 1e-7;
+const MIN_PIVOT_RATIO: f64 = 1e-7;
 /// Shortest fraction of the way from home that is still tried.
-const SHORTEST: f64 = 1e-4;
+const MIN_STRIDE: f64 = 1e-4;
 
 /// A posture whose loops are closed.
 #[derive(Clone, Debug)]
@@ -119,7 +119,7 @@ pub struct Sensitivity {
 }
 
 enum Failure {
-    /// Not there after [`STEPS`], or a step too long.
+    /// Not there after [`MAX_STEPS`], or a step too long.
     Lost,
     Singular,
 }
@@ -138,7 +138,7 @@ fn newton(
         let jacobian = closure.jacobian(&posture);
         let factors = Factors::new(&jacobian);
         let ratio = factors.pivot_ratio();
-        if ratio.is_nan() || ratio <= SINGULAR {
+        if ratio.is_nan() || ratio <= MIN_PIVOT_RATIO {
             return Err(Failure::Singular);
         }
         if last {
@@ -147,13 +147,13 @@ fn newton(
         }
         let change = factors.solve(&closure.equations(&posture));
         let size = change.amax();
-        if size.is_nan() || size >= LONG_STEP {
+        if size.is_nan() || size >= MAX_STEP_RAD {
             return Err(Failure::Lost);
         }
         for (angle, delta) in joints.passive.iter_mut().zip(change.iter()) {
             *angle -= delta;
         }
-        last = size < LAST_STEP;
+        last = size < TOLERANCE_RAD;
     }
     Err(Failure::Lost)
 }
@@ -202,7 +202,7 @@ impl Home {
         closure: &Closure,
     ) -> Result<Solution> {
         check_active(active)?;
-        let direct = newton(geometry, closure, &self.passive, active, STEPS);
+        let direct = newton(geometry, closure, &self.passive, active, MAX_STEPS);
         match direct {
             Ok(solution) if solution.side == self.side(closure) => Ok(solution),
             Ok(other) => self.follow(geometry, active, closure, Some(&other)),
@@ -225,13 +225,14 @@ impl Home {
             }
             way
         };
-        let mut here = newton(geometry, closure, &self.passive, &at(0.0), STEPS).map_err(|_| {
-            Error::Kinematics(
+        let mut here =
+            newton(geometry, closure, &self.passive, &at(0.0), MAX_STEPS).map_err(|_| {
+                Error::Kinematics(
                 "the loops do not close even at the home posture with these errors; wanted errors \
                  that are small beside the dimensions"
                     .to_owned(),
             )
-        })?;
+            })?;
         let mut steps = here.steps;
         let (mut done, mut stride) = (0.0, 0.25);
         let mut ratio = here.pivot_ratio();
@@ -247,7 +248,7 @@ impl Home {
                 }
                 _ => stride *= 0.5,
             }
-            if stride < SHORTEST {
+            if stride < MIN_STRIDE {
                 return Err(unreachable_legs(active, done, ratio, elsewhere));
             }
         }
@@ -301,7 +302,7 @@ fn unreachable_legs(
                 100.0 * done
             )
         }
-        None if done > 1.0 - 10.0 * SHORTEST => format!(
+        None if done > 1.0 - 10.0 * MIN_STRIDE => format!(
             "leg lengths {legs} are a singular posture: the loops no longer hold the platform \
              (pivot ratio {ratio:.1e})"
         ),

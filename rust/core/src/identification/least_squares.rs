@@ -2,8 +2,8 @@
 //!
 //! Residuals are recorded minus modelled coordinates along the approach. Columns are scaled to unit
 //! length before anything is decided about rank, so that µm and arcsec compare. A combination of
-//! parameters that the touches cannot see keeps its start value and has no standard error; which
-//! parameters it touches is told by [`Fit::unseen`].
+//! parameters that the touches do not identify keeps its start value and has no standard error; which
+//! parameters it touches is reported by [`Fit::not_identifiable`].
 
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ pub fn fit(model: &TouchModel, moves: &Moves, start: &[f64], options: &Options) 
 pub struct Estimates {
     /// Estimates, m × p.
     pub values: Vec<f64>,
-    /// Standard errors, m × p; infinite for what cannot be seen.
+    /// Standard errors, m × p; infinite for what is not identifiable.
     pub std_errors: Vec<f64>,
     /// Whether the last step was within rounding, m.
     pub converged: Vec<bool>,

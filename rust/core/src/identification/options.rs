@@ -45,11 +45,11 @@ impl Default for Options {
 pub struct Fit {
     /// Estimates, in the model's order.
     pub values: Vec<f64>,
-    /// (JᵀWJ)⁻¹ on what can be seen, p × p row-major: times σ² it is the covariance.
+    /// (JᵀWJ)⁻¹ on what is identifiable, p × p row-major: times σ² it is the covariance.
     pub cofactor: Vec<f64>,
-    /// Whether each parameter takes part in a combination that cannot be seen.
-    pub unseen: Vec<bool>,
-    /// Directions that cannot be seen, one row of p each: steps of the parameters (mm, rad).
+    /// Whether each parameter takes part in a combination that is not identifiable.
+    pub not_identifiable: Vec<bool>,
+    /// Directions that are not identifiable, one row of p each: steps of the parameters (mm, rad).
     pub null_space: Vec<f64>,
     /// Singular values of the scaled Jacobian, largest first.
     pub singular_values: Vec<f64>,
@@ -68,12 +68,12 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// Standard errors, mm, rad, s; infinite for what cannot be seen.
+    /// Standard errors, mm, rad, s; infinite for what is not identifiable.
     #[must_use]
     pub fn std_errors(&self) -> Vec<f64> {
         let p = self.values.len();
         let finite = |i: usize| self.sigma * self.cofactor[i * p + i].sqrt();
-        (0..p).map(|i| if self.unseen[i] { f64::INFINITY } else { finite(i) }).collect()
+        (0..p).map(|i| if self.not_identifiable[i] { f64::INFINITY } else { finite(i) }).collect()
     }
 }
 
@@ -81,7 +81,7 @@ impl Fit {
 pub struct Row<'a> {
     /// Estimates, mm, rad, s.
     pub values: &'a mut [f64],
-    /// Standard errors, mm, rad, s; infinite for what cannot be seen.
+    /// Standard errors, mm, rad, s; infinite for what is not identifiable.
     pub std_errors: &'a mut [f64],
     /// Whether the fit converged.
     pub converged: &'a mut bool,

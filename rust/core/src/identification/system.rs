@@ -3,20 +3,20 @@
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
 
-/// Scaled singular values below this share of the largest count as zero. What a plan cannot see to
+/// Scaled singular values below this share of the largest count as zero. What a plan does not identify to
 /// first order shows to second order through the tilts of errors and placement, with 1e-4 to 3e-4
 /// of the largest at 60 µm, 60″ and placements of 100 µm, 100″; the weakest combination that the
-/// paper's plan does see has 0.03.
+/// paper's plan does identify has 0.03.
 pub const RANK_TOLERANCE: f64 = 1e-3;
 
-/// A parameter whose share of a unit vector lies in the null space by more than this is unseen.
+/// A parameter whose share of a unit vector lies in the null space by more than this is not identifiable.
 /// Below it stand second-order shares: a height that cannot be told from the placement's dz drags dx
 /// along by the tilt of the placement, 1e-5.
-const UNSEEN_SHARE: f64 = 1e-3;
+const NOT_IDENTIFIABLE_SHARE: f64 = 1e-3;
 
 /// Steps are taken by the normal equations, or by QR, where no scaled column lies nearer than this to
 /// the others' span.
-pub(super) const WELL_APART: f64 = 10.0 * RANK_TOLERANCE;
+pub(super) const MIN_SEPARATION: f64 = 10.0 * RANK_TOLERANCE;
 
 /// Normal equations with columns scaled to unit length.
 pub(super) struct Normal {
@@ -64,7 +64,7 @@ pub(super) struct Solved {
 
 pub(super) struct Decomposed {
     pub(super) cofactor: Vec<f64>,
-    pub(super) unseen: Vec<bool>,
+    pub(super) not_identifiable: Vec<bool>,
     pub(super) null_space: Vec<f64>,
     pub(super) singular_values: Vec<f64>,
     pub(super) rank: usize,
@@ -86,7 +86,7 @@ impl System {
     }
 
     /// Least-squares step by QR; by a truncated singular value decomposition where columns depend on
-    /// each other, which leaves what cannot be seen where it is.
+    /// each other, which leaves what is not identifiable where it is.
     pub(super) fn solve(&self) -> Solved {
         let scales = self.scales();
         let p = scales.len();
@@ -96,7 +96,8 @@ impl System {
         let right = right.rows(0, p).clone_owned();
         let r = qr.r();
         let smallest = r.diagonal().iter().fold(f64::INFINITY, |least, d| least.min(d.abs()));
-        let solution = if smallest > WELL_APART { r.solve_upper_triangular(&right) } else { None };
+        let solution =
+            if smallest > MIN_SEPARATION { r.solve_upper_triangular(&right) } else { None };
         let solution = solution.unwrap_or_else(|| {
             let svd = r.svd(true, true);
             let largest = svd.singular_values.max();
@@ -119,7 +120,7 @@ impl System {
         let directions = svd.v_t.unwrap_or_else(|| DMatrix::identity(p, p));
         let mut cofactor = vec![0.0; p * p];
         let mut null_space = Vec::new();
-        let mut hidden = vec![0.0; p];
+        let mut excluded = vec![0.0; p];
         let mut rank = 0;
         for &index in &order {
             let value = svd.singular_values[index];
@@ -134,14 +135,17 @@ impl System {
                 }
             } else {
                 null_space.extend(direction.iter().zip(&scales).map(|(v, scale)| v / scale));
-                for (share, component) in hidden.iter_mut().zip(direction.iter()) {
+                for (share, component) in excluded.iter_mut().zip(direction.iter()) {
                     *share += component * component;
                 }
             }
         }
         Decomposed {
             cofactor,
-            unseen: hidden.iter().map(|share| share.sqrt() > UNSEEN_SHARE).collect(),
+            not_identifiable: excluded
+                .iter()
+                .map(|share| share.sqrt() > NOT_IDENTIFIABLE_SHARE)
+                .collect(),
             null_space,
             singular_values: order.iter().map(|&index| svd.singular_values[index]).collect(),
             rank,
@@ -161,7 +165,7 @@ pub(super) fn reduced(null_space: &[f64], p: usize) -> (Vec<usize>, Vec<f64>) {
         let share = |row: &[f64]| row[column].abs() / size(row);
         let best = (done..rows.len()).max_by(|&a, &b| share(&rows[a]).total_cmp(&share(&rows[b])));
         let Some(best) = best else { break };
-        if share(&rows[best]) <= UNSEEN_SHARE {
+        if share(&rows[best]) <= NOT_IDENTIFIABLE_SHARE {
             continue;
         }
         rows.swap(done, best);

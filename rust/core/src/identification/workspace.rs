@@ -4,18 +4,18 @@ use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector};
 
 use super::options::{Fit, Loss, Options, Row};
-use super::system::{Normal, Solved, System, WELL_APART, reduced};
+use super::system::{MIN_SEPARATION, Normal, Solved, System, reduced};
 use crate::effects::Kind;
 use crate::moves::Moves;
-use crate::touch::{OFF_SURFACE_MM, TouchModel};
+use crate::touch::{MAX_OFF_SURFACE_MM, TouchModel};
 use crate::{Error, Result};
 
 /// A column shorter than this (mm of reading for one mm or rad of the parameter) is rounding, such
 /// as sin 2c at multiples of 90°, and counts as empty.
-const EMPTY_COLUMN: f64 = 1e-9;
+const MIN_COLUMN: f64 = 1e-9;
 
 /// Steps end it when every parameter moves its readings by less than this, mm.
-const CLOSE_MM: f64 = 1e-11;
+const TOLERANCE_MM: f64 = 1e-11;
 
 /// Memory for fits of one model on measurements of one length, reused from one to the next.
 pub struct Workspace {
@@ -34,20 +34,20 @@ pub(super) struct Descent {
     values: Vec<f64>,
     converged: bool,
     steps: usize,
-    /// Diagonal of (JᵀWJ)⁻¹ where everything can be seen.
+    /// Diagonal of (JᵀWJ)⁻¹ where everything is identifiable.
     variances: Option<Vec<f64>>,
-    blind: Blind,
+    unidentified: Unidentified,
 }
 
-/// What the readings cannot see.
+/// What the readings do not identify.
 #[derive(Default)]
-struct Blind {
+struct Unidentified {
     /// Parameters held at their start.
     held: Vec<usize>,
     /// Directions, one row of p each.
     null_space: Vec<f64>,
     /// Parameters that take part in one.
-    unseen: Vec<bool>,
+    not_identifiable: Vec<bool>,
 }
 
 impl Workspace {
@@ -109,7 +109,7 @@ impl Workspace {
     ) -> Result<Descent> {
         self.weights.fill(1.0);
         let near = model.linearise(moves, start, &mut self.deviations, &mut self.jacobian)
-            && self.deviations.iter().all(|deviation| deviation.abs() <= OFF_SURFACE_MM);
+            && self.deviations.iter().all(|deviation| deviation.abs() <= MAX_OFF_SURFACE_MM);
         if !near {
             model.check_surface(moves, start)?;
         }
@@ -237,7 +237,7 @@ impl Workspace {
             right[held] = 0.0;
         }
         let scales: Vec<f64> = matrix.diagonal().iter().map(|square| square.sqrt()).collect();
-        if scales.iter().any(|length| *length < EMPTY_COLUMN) {
+        if scales.iter().any(|length| *length < MIN_COLUMN) {
             return None;
         }
         for (k, mut column) in matrix.column_iter_mut().enumerate() {
@@ -248,7 +248,7 @@ impl Workspace {
         }
         let factor = Cholesky::new(matrix)?;
         let least = factor.l_dirty().diagonal().iter().copied().fold(f64::INFINITY, f64::min);
-        (least > WELL_APART).then(|| Normal { factor, right, scales, free: self.free.clone() })
+        (least > MIN_SEPARATION).then(|| Normal { factor, right, scales, free: self.free.clone() })
     }
 
     /// The next step: by the normal equations, or where these are too near to singular on J itself.
@@ -279,7 +279,7 @@ impl Workspace {
             right[n + i] = scale * (prior.mean - values[prior.parameter]);
         }
         for mut column in matrix.column_iter_mut() {
-            if column.norm() < EMPTY_COLUMN {
+            if column.norm() < MIN_COLUMN {
                 column.fill(0.0);
             }
         }
@@ -296,22 +296,23 @@ impl Workspace {
     ) -> Result<Descent> {
         let mut values = start.to_vec();
         let free = self.free.clone();
-        let mut blind = Blind { unseen: vec![false; self.p], ..Blind::default() };
-        // What the plan cannot see to first order is decided where the fit starts: on the way it
+        let mut unidentified =
+            Unidentified { not_identifiable: vec![false; self.p], ..Unidentified::default() };
+        // What the plan does not identify to first order is decided where the fit starts: on the way it
         // would show to second order and lead the fit astray.
         if self.normal(&values, options).is_none() {
-            self.hold_unseen(&mut values, start, options, &mut blind, true);
+            self.hold_not_identifiable(&mut values, start, options, &mut unidentified, true);
         }
-        let done = self.settle(model, moves, &mut values, start, options, &mut blind);
+        let done = self.settle(model, moves, &mut values, start, options, &mut unidentified);
         let variances = match &done {
-            Ok(_) if blind.held.is_empty() => {
+            Ok(_) if unidentified.held.is_empty() => {
                 self.normal(&values, options).and_then(|normal| normal.variances())
             }
             _ => None,
         };
         self.free = free;
         let (converged, steps) = done?;
-        Ok(Descent { values, converged, steps, variances, blind })
+        Ok(Descent { values, converged, steps, variances, unidentified })
     }
 
     /// Descends, and once more where the end sees less than the start.
@@ -322,11 +323,11 @@ impl Workspace {
         values: &mut [f64],
         start: &[f64],
         options: &Options,
-        blind: &mut Blind,
+        unidentified: &mut Unidentified,
     ) -> Result<(bool, usize)> {
         let (mut converged, mut steps) = self.iterate(model, moves, values, options)?;
         if self.normal(values, options).is_none()
-            && self.hold_unseen(values, start, options, blind, false)
+            && self.hold_not_identifiable(values, start, options, unidentified, false)
         {
             self.linearise(model, moves, values)?;
             let again = self.iterate(model, moves, values, options)?;
@@ -336,14 +337,14 @@ impl Workspace {
         Ok((converged, steps))
     }
 
-    /// Holds at their start, of what is free, the parameters on which what cannot be seen is put:
+    /// Holds at their start, of what is free, the parameters on which what is not identifiable is put:
     /// where readings leave a choice, the later ones (those of effects). Whether there were any.
-    fn hold_unseen(
+    fn hold_not_identifiable(
         &mut self,
         values: &mut [f64],
         start: &[f64],
         options: &Options,
-        blind: &mut Blind,
+        unidentified: &mut Unidentified,
         at_start: bool,
     ) -> bool {
         let free = self.free.clone();
@@ -362,13 +363,15 @@ impl Workspace {
             self.free[pivot] = false;
             values[pivot] = start[pivot];
         }
-        for (flag, (hidden, free)) in
-            blind.unseen.iter_mut().zip(decomposed.unseen.iter().zip(&judged))
+        for (flag, (excluded, free)) in unidentified
+            .not_identifiable
+            .iter_mut()
+            .zip(decomposed.not_identifiable.iter().zip(&judged))
         {
-            *flag |= *hidden && *free;
+            *flag |= *excluded && *free;
         }
-        blind.null_space.extend(rows);
-        blind.held.extend(&pivots);
+        unidentified.null_space.extend(rows);
+        unidentified.held.extend(&pivots);
         !pivots.is_empty()
     }
 
@@ -384,7 +387,7 @@ impl Workspace {
         for step in 1..=options.max_steps {
             self.reweigh(options.loss);
             let solved = self.step(values, options);
-            if self.move_by(model, moves, values, &solved, options)? < CLOSE_MM {
+            if self.move_by(model, moves, values, &solved, options)? < TOLERANCE_MM {
                 return Ok((true, step));
             }
         }
@@ -412,20 +415,20 @@ impl Workspace {
 
     /// Everything there is to say about the fit, by a singular value decomposition.
     pub(super) fn report(&mut self, descent: Descent, options: &Options) -> Fit {
-        let Descent { values, converged, steps, blind, .. } = descent;
+        let Descent { values, converged, steps, unidentified, .. } = descent;
         let moments = self.free.iter().filter(|free| !**free).count();
         let free = self.free.clone();
-        for &held in &blind.held {
+        for &held in &unidentified.held {
             self.free[held] = false;
         }
         let decomposed = self.system(&values, options).decompose();
         self.free = free;
         let determined = decomposed.rank + moments;
-        let Blind { null_space, unseen, .. } = blind;
+        let Unidentified { null_space, not_identifiable, .. } = unidentified;
         Fit {
             values,
             cofactor: decomposed.cofactor,
-            unseen,
+            not_identifiable,
             null_space,
             singular_values: decomposed.singular_values,
             residuals: self.deviations.iter().map(|d| -d).collect(),
@@ -456,7 +459,7 @@ impl Workspace {
         solved: &Solved,
         options: &Options,
     ) -> Result<f64> {
-        let bound = self.cost(values, options) * (1.0 + 1e-9) + CLOSE_MM.powi(2);
+        let bound = self.cost(values, options) * (1.0 + 1e-9) + TOLERANCE_MM.powi(2);
         let before = values.to_vec();
         let mut share = 1.0;
         let mut moved = Err(left_the_artefact());

@@ -90,9 +90,9 @@ impl Machine {
                 }
                 Side::Tool => {
                     let nominal_joint = &nominal.joints[axis];
-                    let believed = nominal_joint.turn.cross(&nominal.tool);
+                    let assumed = nominal_joint.turn.cross(&nominal.tool);
                     let real = joint.turn.cross(&(posture.tool - joint.origin));
-                    (real + linear(places) * believed, joint.turn.cross(&spindle))
+                    (real + linear(places) * assumed, joint.turn.cross(&spindle))
                 }
             };
             jacobian.fixed_view_mut::<3, 1>(0, 3 + axis).copy_from(&(to_work * point));
@@ -181,7 +181,7 @@ impl Machine {
             // Weight directions by 100 mm, so that both parts are lengths at the work.
             miss.fixed_rows_mut::<3>(3).scale_mut(LEVER_MM);
             let size = miss.norm();
-            if size < CLOSE_MM {
+            if size < TOLERANCE_MM {
                 return Ok(positions);
             }
             // Newton has come to rest above rounding: no pose of this machine does better.
@@ -217,7 +217,7 @@ impl Machine {
 }
 
 const LEVER_MM: f64 = 100.0;
-const CLOSE_MM: f64 = 1e-12;
+const TOLERANCE_MM: f64 = 1e-12;
 const REST_MM: f64 = 1e-9;
 
 /// Into (−π, π].

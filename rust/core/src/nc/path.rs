@@ -40,7 +40,7 @@ impl Plane {
 /// How a move goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion {
-    /// G0: every axis as fast as it can; the path between the ends is the control's affair.
+    /// G0: every axis as fast as it can; the control chooses the path between the ends.
     Rapid,
     /// G1: straight, at feed.
     Feed,

@@ -12,17 +12,17 @@ use crate::moves::Moves;
 use crate::pose::Direction;
 
 /// Goes through touches row by row and keeps what rows share while the axes stand still.
-pub struct Walk<'a> {
+pub struct Evaluator<'a> {
     model: &'a TouchModel,
     moves: Moves<'a>,
     values: &'a [f64],
     constant: Places,
-    stand: Option<Stand>,
+    pose: Option<TouchPose>,
     rates: Vec<Rate>,
 }
 
 /// Machine and artefact at one set of axis positions and amounts at the places.
-struct Stand {
+struct TouchPose {
     positions: [f64; MAX_ROTARY],
     places: Places,
     frames: Frames,
@@ -35,7 +35,7 @@ struct Stand {
     radius: f64,
 }
 
-impl Stand {
+impl TouchPose {
     fn new(model: &TouchModel, positions: &[f64], places: &Places, frames: Frames) -> Self {
         let posture = Posture::with_frames(&model.machine, positions, &frames);
         let mut kept = [0.0; MAX_ROTARY];
@@ -59,7 +59,7 @@ impl Stand {
     }
 }
 
-impl<'a> Walk<'a> {
+impl<'a> Evaluator<'a> {
     /// At the first row.
     pub(super) fn new(model: &'a TouchModel, moves: &Moves<'a>, values: &'a [f64]) -> Self {
         Self {
@@ -67,13 +67,13 @@ impl<'a> Walk<'a> {
             moves: *moves,
             values,
             constant: model.constant_places(values),
-            stand: None,
+            pose: None,
             rates: Vec::new(),
         }
     }
 
-    /// Brings the stand to a row, computing only what changed.
-    fn stand(&mut self, row: usize, with_rates: bool) -> Option<&Stand> {
+    /// Brings the pose to a row, computing only what changed.
+    fn pose(&mut self, row: usize, with_rates: bool) -> Option<&TouchPose> {
         let model = self.model;
         let axes = model.machine.rotary().len();
         let positions = &self.moves.rotary[axes * row..axes * (row + 1)];
@@ -82,19 +82,19 @@ impl<'a> Walk<'a> {
         } else {
             Some(self.act(row, positions, with_rates))
         };
-        let stands = self.stand.as_ref().is_some_and(|stand| {
-            stand.positions[..axes] == *positions
-                && places.as_ref().is_none_or(|places| stand.places == *places)
+        let same = self.pose.as_ref().is_some_and(|pose| {
+            pose.positions[..axes] == *positions
+                && places.as_ref().is_none_or(|places| pose.places == *places)
         });
-        if !stands {
+        if !same {
             let places = places.as_ref().unwrap_or(&self.constant);
-            let frames = match &self.stand {
-                Some(stand) if model.effects.is_empty() => stand.frames,
+            let frames = match &self.pose {
+                Some(pose) if model.effects.is_empty() => pose.frames,
                 _ => Frames::new(places),
             };
-            self.stand = Some(Stand::new(model, positions, places, frames));
+            self.pose = Some(TouchPose::new(model, positions, places, frames));
         }
-        self.stand.as_ref()
+        self.pose.as_ref()
     }
 
     /// The amounts at all places in a row; their rates by the effects' parameters go to `rates`.
@@ -123,8 +123,8 @@ impl<'a> Walk<'a> {
     pub fn contact(&mut self, row: usize, search: Search) -> Option<Contact> {
         let point = Moves::vector(self.moves.point, row);
         let direction = Moves::vector(self.moves.direction, row);
-        let stand = self.stand(row, false)?;
-        stand.solid.first_contact(&stand.line(&point, &direction), stand.radius, search)
+        let pose = self.pose(row, false)?;
+        pose.solid.first_contact(&pose.line(&point, &direction), pose.radius, search)
     }
 
     /// Predicted minus recorded coordinate along the approach, mm.
@@ -138,11 +138,11 @@ impl<'a> Walk<'a> {
         let model = self.model;
         let point = Moves::vector(self.moves.point, row);
         let direction = Moves::vector(self.moves.direction, row);
-        let stand = self.stand(row, true)?;
-        let line = stand.line(&point, &direction);
-        let contact = stand.solid.first_contact(&line, stand.radius, Search::Nearest)?;
+        let pose = self.pose(row, true)?;
+        let line = pose.line(&point, &direction);
+        let contact = pose.solid.first_contact(&line, pose.radius, Search::Nearest)?;
         let recorded = point + direction * contact.travel;
-        let by_place = by_place(&model.machine, stand, &contact, &recorded, &line.direction);
+        let by_place = by_place(&model.machine, pose, &contact, &recorded, &line.direction);
         gradient.fill(0.0);
         for &(parameter, place, factor) in &model.constant {
             gradient[parameter] += factor * by_place[place.index()];
@@ -158,12 +158,12 @@ impl<'a> Walk<'a> {
 /// its rate by travel. All rates are linear in the normal, so that it is scaled once.
 fn by_place(
     machine: &Machine,
-    stand: &Stand,
+    pose: &TouchPose,
     contact: &Contact,
     recorded: &Vector3<f64>,
     line_direction: &Vector3<f64>,
 ) -> [f64; COUNT] {
-    let Stand { posture, places, .. } = stand;
+    let TouchPose { posture, places, .. } = pose;
     let scale = -1.0 / contact.normal.dot(line_direction);
     let normal = posture.artefact.rotation * contact.normal * scale;
     let centre = posture.actual(recorded, places);

@@ -8,7 +8,7 @@
 mod evaluator;
 mod simulation;
 
-pub use evaluator::Walk;
+pub use evaluator::Evaluator;
 pub use simulation::Simulation;
 
 use crate::artefact::Artefact;
@@ -20,7 +20,7 @@ use crate::units::Unit;
 use crate::{Error, Result};
 
 /// A recorded touch further than this from the modelled surface belongs to no model, mm.
-pub const OFF_SURFACE_MM: f64 = 5.0;
+pub const MAX_OFF_SURFACE_MM: f64 = 5.0;
 
 /// The number and meaning of a model's parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -199,18 +199,18 @@ impl TouchModel {
         }
     }
 
-    /// A walk over the rows of `moves` at these parameter values.
+    /// An evaluator over the rows of `moves` at these parameter values.
     #[must_use]
-    pub fn walk<'a>(&'a self, moves: &Moves<'a>, values: &'a [f64]) -> Walk<'a> {
-        Walk::new(self, moves, values)
+    pub fn evaluator<'a>(&'a self, moves: &Moves<'a>, values: &'a [f64]) -> Evaluator<'a> {
+        Evaluator::new(self, moves, values)
     }
 
     /// Readings along the recorded lines: predicted minus recorded coordinate along the approach,
     /// in mm, with the mean delay of the trigger. `None` where a line misses the artefact.
     pub fn deviations(&self, moves: &Moves, values: &[f64], out: &mut [Option<f64>]) {
-        let mut walk = self.walk(moves, values);
+        let mut evaluator = self.evaluator(moves, values);
         for (row, slot) in out.iter_mut().enumerate() {
-            *slot = walk.deviation(row);
+            *slot = evaluator.deviation(row);
         }
     }
 
@@ -223,10 +223,10 @@ impl TouchModel {
         deviations: &mut [f64],
         jacobian: &mut [f64],
     ) -> bool {
-        let mut walk = self.walk(moves, values);
+        let mut evaluator = self.evaluator(moves, values);
         let rows = jacobian.chunks_exact_mut(self.parameter_count());
         for (row, (slot, gradient)) in deviations.iter_mut().zip(rows).enumerate() {
-            match walk.gradient(row, gradient) {
+            match evaluator.gradient(row, gradient) {
                 Some(deviation) => *slot = deviation,
                 None => return false,
             }
@@ -251,19 +251,19 @@ impl TouchModel {
     /// Checks that every recorded touch lies near the modelled surface.
     ///
     /// # Errors
-    /// Rows further than [`OFF_SURFACE_MM`] from it, or whose line misses the artefact.
+    /// Rows further than [`MAX_OFF_SURFACE_MM`] from it, or whose line misses the artefact.
     pub fn check_surface(&self, moves: &Moves, values: &[f64]) -> Result<()> {
-        let mut walk = self.walk(moves, values);
+        let mut evaluator = self.evaluator(moves, values);
         for row in 0..moves.len() {
-            let problem = match walk.deviation(row) {
-                Some(deviation) if deviation.abs() <= OFF_SURFACE_MM => continue,
+            let problem = match evaluator.deviation(row) {
+                Some(deviation) if deviation.abs() <= MAX_OFF_SURFACE_MM => continue,
                 Some(deviation) => {
                     format!("lies {:.3} mm from the modelled surface", deviation.abs())
                 }
                 None => "moves along a line that misses the modelled artefact".to_owned(),
             };
             return Err(Error::Data(format!(
-                "touch in row {row} {problem}; wanted at most {OFF_SURFACE_MM} mm: check the \
+                "touch in row {row} {problem}; wanted at most {MAX_OFF_SURFACE_MM} mm: check the \
                  artefact's kind and dimensions, the machine preset and the signs of its axes"
             )));
         }

@@ -36,10 +36,10 @@ impl TouchModel {
         sample: u64,
         travel: &mut [f64],
     ) -> Result<()> {
-        let mut walk = self.walk(moves, values);
+        let mut evaluator = self.evaluator(moves, values);
         let mut random = Pcg64::new(u128::from(simulation.seed), u128::from(sample));
         for (row, slot) in travel.iter_mut().enumerate() {
-            let contact = walk.contact(row, simulation.search);
+            let contact = evaluator.contact(row, simulation.search);
             let reached = contact.filter(|contact| contact.travel.abs() <= simulation.reach);
             let contact = reached.ok_or_else(|| {
                 let problem = match contact {

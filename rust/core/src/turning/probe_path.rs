@@ -4,7 +4,7 @@
 //! that is still on the part. Only lines are measured. A line is measured between its change points
 //! (Fig. 5), if its slope allows, as far as earlier and later corners leave room (Fig. 6); then the
 //! whole program is checked against the solid part, move by move, and an interval that would gouge
-//! is shortened or dropped, with the reason told.
+//! is shortened or dropped, with the reason.
 
 use super::clearance::{Clearance, Probe, Solid};
 use super::geometry::{

@@ -177,9 +177,9 @@ pub fn separate(
     let mut first = None;
     for _ in 0..2 {
         scratch.along.resize(moves.len(), 0.0);
-        let mut walk = model.walk(moves, &values);
+        let mut evaluator = model.evaluator(moves, &values);
         for (row, slot) in scratch.along.iter_mut().enumerate() {
-            let deviation = walk.deviation(row).ok_or_else(|| {
+            let deviation = evaluator.deviation(row).ok_or_else(|| {
                 Error::Data(format!("touch in row {row} misses the modelled artefact"))
             })?;
             *slot = -deviation;

@@ -2,7 +2,7 @@
 
 use super::windows::Plan;
 use crate::nc::path::{Motion, Move};
-use crate::turning::geometry::NOTHING_MM;
+use crate::turning::geometry::MIN_LENGTH_MM;
 
 /// A place on a section of the contour at which the correction may have a corner.
 #[derive(Clone, Copy)]
@@ -29,7 +29,7 @@ pub(super) fn bounded(plan: &mut Plan<'_>, bound_mm: f64) {
     while first < plan.moves.len() {
         // A section: feed moves that follow each other, z changing all along.
         let runs = |m: &Move| {
-            m.motion != Motion::Rapid && (m.to.axes[2] - m.from.axes[2]).abs() > NOTHING_MM
+            m.motion != Motion::Rapid && (m.to.axes[2] - m.from.axes[2]).abs() > MIN_LENGTH_MM
         };
         if !plan.moves.get(first).is_some_and(runs) {
             first += 1;
@@ -115,7 +115,7 @@ fn stations(plan: &Plan<'_>, first: usize, last: usize) -> Vec<Station> {
 
 /// No more than this many places in one move are tried for a corner, and those between which the
 /// error is too rough for a straight line; the error is watched at all.
-const MOST_PLACES: usize = 512;
+const MAX_PLACES: usize = 512;
 
 /// Rounding allowed where a target is half a unit away.
 const SLACK: f64 = 1e-9;
@@ -131,7 +131,7 @@ fn levels(target: f64, tolerance: f64) -> std::ops::RangeInclusive<i64> {
 /// The places of a move, `begin` to `stop`, at which corners are tried. From every level at one of
 /// them some level at the next can be reached, so that a polyline always exists.
 fn places(stations: &[Station], begin: usize, stop: usize, tolerance: f64) -> Vec<usize> {
-    let stride = (stop - begin).div_ceil(MOST_PLACES).max(1);
+    let stride = (stop - begin).div_ceil(MAX_PLACES).max(1);
     let mut out = vec![begin];
     for from in (begin..stop).step_by(stride) {
         let to = (from + stride).min(stop);
@@ -258,7 +258,7 @@ fn fewest_knots(stations: &[Station], tolerance: f64) -> Vec<Option<i64>> {
     }
 }
 
-/// Prefix sums that give the squares left by a line in no time.
+/// Prefix sums that give the squares left by a line in constant time.
 struct Sums {
     sums: Vec<[f64; 6]>,
 }

@@ -2,7 +2,7 @@
 //!
 //! Readings of the error e(z), on the diameter, are averaged over windows of N and expressed in whole
 //! units CU of the correction: k = trunc(mean/CU ± 0.5). The program's X is then changed by -k CU.
-//! Where between the windows the change happens is the rule's affair ([`Rule`]). The result says
+//! The rule decides where between the windows the change happens ([`Rule`]). The result says
 //! what it leaves of the error, replayed from the written program.
 //!
 //! | file | what it knows |
@@ -89,7 +89,7 @@ pub fn correct(
         // shows goes before what was promised.
         Rule::Bounded { bound_mm } => {
             let left = |w: &Window| Some((w.mean + is.at(w.z)? - was.at(w.z)?).abs());
-            let promised = 0.5 * options.unit_mm + bound_mm + 0.5 * LEAST_INCREMENT_MM;
+            let promised = 0.5 * options.unit_mm + bound_mm + 0.5 * MIN_INCREMENT_MM;
             let worst = plan.windows.iter().filter_map(left).fold(0.0, f64::max);
             Some(if worst > promised + 1e-9 { worst } else { promised })
         }
@@ -98,11 +98,11 @@ pub fn correct(
     Ok(Corrected { program: corrected, inserted, windows: plan.windows, change, covered, bound })
 }
 
-/// An error of a diameter above this is a slip: a diameter itself, or another unit, mm.
-const MOST_ERROR_MM: f64 = 5.0;
+/// An error of a diameter above this is an error of input, mm: a diameter itself, or another unit.
+const MAX_ERROR_MM: f64 = 5.0;
 
 /// Diameters are written to this, mm.
-const LEAST_INCREMENT_MM: f64 = 1e-3;
+const MIN_INCREMENT_MM: f64 = 1e-3;
 
 fn check(readings: &[Reading], options: &CorrectionOptions) -> Result<()> {
     if !(options.unit_mm.is_finite() && options.unit_mm > 0.0) {
@@ -121,8 +121,8 @@ fn check(readings: &[Reading], options: &CorrectionOptions) -> Result<()> {
             let got = format!("z {}, error {}", reading.z, reading.error);
             return Err(Error::input(format!("reading {row}"), got, "finite numbers"));
         }
-        if reading.error.abs() > MOST_ERROR_MM {
-            let wanted = format!("at most {MOST_ERROR_MM} mm: measured minus nominal diameter");
+        if reading.error.abs() > MAX_ERROR_MM {
+            let wanted = format!("at most {MAX_ERROR_MM} mm: measured minus nominal diameter");
             return Err(Error::input(format!("reading {row}, mm"), reading.error, wanted));
         }
     }

@@ -6,7 +6,7 @@ use crate::nc::Program;
 use crate::nc::contour::contour_blocks;
 use crate::nc::follow::{moves, moves_of};
 use crate::nc::path::{Motion, Path, Start};
-use crate::turning::geometry::{Element, NOTHING_MM};
+use crate::turning::geometry::{Element, MIN_LENGTH_MM};
 use crate::turning::profile::{Follows, element_of};
 
 /// The feed moves: of the finishing contour where the program has one between P and Q.
@@ -46,7 +46,7 @@ impl Diameters {
                 joined = false;
                 continue;
             };
-            if dz.abs() < NOTHING_MM {
+            if dz.abs() < MIN_LENGTH_MM {
                 continue;
             }
             let slopes = [element.from(), element.to()].map(|p| {
@@ -81,7 +81,7 @@ impl Diameters {
                 .partition_point(|p| if falling { p.to[0] > z + 1e-9 } else { p.to[0] < z - 1e-9 });
             let piece = run.get(index)?;
             let (high, low) = (piece.from[0].max(piece.to[0]), piece.from[0].min(piece.to[0]));
-            if z > high + NOTHING_MM || z < low - NOTHING_MM {
+            if z > high + MIN_LENGTH_MM || z < low - MIN_LENGTH_MM {
                 return None;
             }
             let shift = piece.element.from()[0] - piece.from[0];

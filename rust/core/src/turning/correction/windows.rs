@@ -3,7 +3,7 @@
 
 use super::options::{CorrectionOptions, Rule, StartCorner};
 use crate::nc::path::{Lead, Motion, Move, Path};
-use crate::turning::geometry::NOTHING_MM;
+use crate::turning::geometry::MIN_LENGTH_MM;
 use crate::turning::probe_path::contact_shift;
 use crate::turning::profile::Follows;
 
@@ -78,7 +78,7 @@ pub(super) struct Plan<'a> {
 /// A straight feed move along which z changes.
 pub(super) fn measurable(m: &Move) -> Option<f64> {
     let (dz, dx) = (m.to.axes[2] - m.from.axes[2], m.to.axes[0] - m.from.axes[0]);
-    (m.motion == Motion::Feed && dz.abs() > NOTHING_MM).then(|| dx / dz)
+    (m.motion == Motion::Feed && dz.abs() > MIN_LENGTH_MM).then(|| dx / dz)
 }
 
 /// z as programmed minus z of contact.
@@ -101,8 +101,8 @@ impl<'a> Plan<'a> {
             let shift = programmed_shift(options.follows, slope);
             let (a, b) = (m.from.axes[2] - shift, m.to.axes[2] - shift);
             let (high, low) = (a.max(b), a.min(b));
-            let first = order.partition_point(|r| r.z > high + NOTHING_MM);
-            let last = order.partition_point(|r| r.z >= low - NOTHING_MM);
+            let first = order.partition_point(|r| r.z > high + MIN_LENGTH_MM);
+            let last = order.partition_point(|r| r.z >= low - MIN_LENGTH_MM);
             let mut on: Vec<Reading> = order.get(first..last).unwrap_or_default().to_vec();
             if b > a {
                 on.reverse();

@@ -6,7 +6,7 @@ use super::windows::{Plan, measurable};
 use crate::Result;
 use crate::nc::path::{Motion, Move, Spelling};
 use crate::nc::{Block, Item, Number, Program, Word};
-use crate::turning::geometry::NOTHING_MM;
+use crate::turning::geometry::MIN_LENGTH_MM;
 
 /// A rapid that ends above a plunge goes with it, and one that only moves Z keeps the X it has.
 pub(super) fn plunges(plan: &mut Plan<'_>, program: &Program) {
@@ -17,7 +17,7 @@ pub(super) fn plunges(plan: &mut Plan<'_>, program: &Program) {
         }
         if let Some(next) = plan.moves.get(index + 1)
             && next.motion == Motion::Feed
-            && (next.to.axes[2] - m.to.axes[2]).abs() < NOTHING_MM
+            && (next.to.axes[2] - m.to.axes[2]).abs() < MIN_LENGTH_MM
             && next.to.axes[0] < m.to.axes[0]
         {
             plan.end[index] = plan.end[index + 1];
