@@ -14,6 +14,7 @@ __version__: str
 # --- trunnion (paper 000)
 __all__ += [
     "Machine",
+    "Measurements",
     "Moves",
     "TouchModel",
     "artefact_kinds",
@@ -28,6 +29,18 @@ _Floats: TypeAlias = npt.NDArray[np.float64]
 _Integers: TypeAlias = npt.NDArray[np.int64]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
+
+_Method: TypeAlias = Literal["separating", "printed", "identified"]
+_Feedback: TypeAlias = Literal["motor", "load"]
+# Feed mm/min, acceleration time s, decelerate, normal acceleration mm/s², dwell s.
+_Feed: TypeAlias = tuple[float, float, bool, float, float]
+# Contour-error model, orientation-error model, gains (5, 3), order of controller and Jacobian.
+_Coupling: TypeAlias = tuple[
+    Literal["circle", "tangent"],
+    Literal["proposed", "tangent"],
+    _Floats,
+    Literal["controller_last", "jacobian_last", "as_printed"],
+]
 
 def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple[str, str]]]]:
     """Machines by name: letters of the rotary axes, side of each, location errors with units."""
@@ -104,6 +117,7 @@ def safe_levels(
     kind: str,
     dimensions: Sequence[float],
     rotary_deg: _Floats,
+    *,
     ball_radius_mm: float,
     clearance_mm: float,
     table_radius_mm: float,
@@ -141,7 +155,7 @@ class _Fit(TypedDict):
 
 @final
 class TouchModel:
-    """Location errors, placement and effects as parameters, in this order, in the face's units."""
+    """Location errors, placement and effects as parameters, in this order, in user units."""
 
     def __new__(
         cls,
@@ -149,6 +163,7 @@ class TouchModel:
         tool_length_mm: float,
         kind: str,
         dimensions: Sequence[float],
+        *,
         ball_radius_mm: float,
         tick_um: float,
         effect_ids: Sequence[str],
@@ -166,6 +181,7 @@ class TouchModel:
         self,
         moves: Moves,
         values: _Floats,
+        *,
         from_start: bool,
         reach_mm: float,
         noise_um: float,
@@ -176,6 +192,7 @@ class TouchModel:
         self,
         moves: Moves,
         start: _Floats,
+        *,
         huber: float | None,
         sigma_um: float,
         priors: Sequence[tuple[int, float, float]],
@@ -186,6 +203,7 @@ class TouchModel:
         moves: Moves,
         points: _Floats,
         start: _Floats,
+        *,
         huber: float | None,
         sigma_um: float,
         priors: Sequence[tuple[int, float, float]],
@@ -198,28 +216,30 @@ class TouchModel:
     def printed(
         self, moves: Moves, labels: Sequence[int]
     ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
-    def calibrations(
-        self,
+
+@final
+class Measurements:
+    """Virtual measurements of one plan by one probe; rows of samples, and those that failed."""
+
+    def __new__(
+        cls,
+        model: TouchModel,
         moves: Moves,
         labels: Sequence[int],
-        truths: _Floats,
+        *,
         reach_mm: float,
         noise_um: float,
         seed: int,
-        first_sample: int,
-        identify: bool,
-        threads: int | None,
+    ) -> Measurements: ...
+    def calibrations(
+        self, truths: _Floats, *, first_sample: int, identify: bool, threads: int | None
     ) -> tuple[_Floats, list[tuple[int, str]]]: ...
     def compensations(
         self,
-        moves: Moves,
-        labels: Sequence[int],
         truths: _Floats,
-        reach_mm: float,
-        noise_um: float,
-        seed: int,
+        *,
         first_sample: int,
-        method: str,
+        method: _Method,
         grid: Sequence[Sequence[float]],
         rotary_deg: Sequence[float],
         threads: int | None,
@@ -239,6 +259,7 @@ class MachineModel:
         cls,
         preset: str,
         tool_length_mm: float,
+        *,
         errors: Sequence[tuple[str, float]],
         placement: Sequence[float],
         effects: Sequence[tuple[str, Sequence[float]]],
@@ -457,24 +478,26 @@ class ContourPath:
 
 def contour_simulate(
     path: ContourPath,
-    feed_args: tuple[float, float, bool, float, float],
+    feed: _Feed,
+    *,
     period_s: float,
     axes: _Floats,
-    feedback: str,
-    coupling_args: tuple[str, str, _Floats, str] | None,
-    believed: Sequence[tuple[str, float]],
+    feedback: _Feedback,
+    coupling: _Coupling | None,
+    assumed: Sequence[tuple[str, float]],
     real: Sequence[tuple[str, float]],
 ) -> dict[str, bool | _Floats]: ...
 def contour_sweep(
     paths: Sequence[ContourPath],
+    *,
     path_index: Sequence[int],
-    feeds: Sequence[tuple[float, float, bool, float, float]],
+    feeds: Sequence[_Feed],
     period_s: float,
     axes: _Floats,
-    feedback: str,
-    couplings: Sequence[tuple[str, str, _Floats, str] | None],
+    feedback: _Feedback,
+    couplings: Sequence[_Coupling | None],
     coupling_index: Sequence[int],
-    believed: Sequence[tuple[str, float]],
+    assumed: Sequence[tuple[str, float]],
     real: Sequence[tuple[str, float]],
 ) -> tuple[list[str], _Floats]: ...
 def contour_axis_margins(
@@ -486,24 +509,26 @@ def contour_axis_response(
     letter: str,
     axis: _Floats,
     period_s: float,
-    feedback: str,
+    feedback: _Feedback,
     command: _Floats,
 ) -> _Floats: ...
 def contour_axis_responses(
     letter: str,
     axes: _Floats,
     period_s: float,
-    feedback: str,
+    feedback: _Feedback,
     command: _Floats,
+    *,
     stride: int,
 ) -> _Floats: ...
 def contour_path_margins(
     path: ContourPath,
     u: _Floats,
+    *,
     axes: _Floats,
-    gains_of_coupling: _Floats,
+    gains: _Floats,
     period_s: float,
-    believed: Sequence[tuple[str, float]],
+    assumed: Sequence[tuple[str, float]],
 ) -> _Floats: ...
 
 # --- hybrid (paper 004)
@@ -543,6 +568,7 @@ class Hybrid:
         self,
         tips: _Floats,
         directions: _Floats,
+        *,
         reference_deg: float,
         negative: bool,
         exact: bool,

@@ -143,11 +143,11 @@ class MachineErrors:
         return _core.MachineModel(
             setup.machine.preset,
             setup.probe.length_mm,
-            list(self.errors.items()),
-            [float(self.placement.get(name, 0.0)) for name in PLACEMENT],
-            effects,
-            [float(value) for value in direction],
-            [turned.get(letter, 0.0) * setup.sense(letter) for letter in letters],
+            errors=list(self.errors.items()),
+            placement=[float(self.placement.get(name, 0.0)) for name in PLACEMENT],
+            effects=effects,
+            direction=[float(value) for value in direction],
+            sense=[turned.get(letter, 0.0) * setup.sense(letter) for letter in letters],
         )
 
     def motion_mm(self, setup: Setup, position_mm: Floats, rotary_deg: Floats) -> Floats:

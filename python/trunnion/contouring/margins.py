@@ -105,7 +105,12 @@ def margins(
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
         points = span if u is None else np.atleast_1d(np.asarray(u, dtype=np.float64))
         along = _core.contour_path_margins(
-            path.core, points, servo.rows(), gains, period_s, _errors(believed)
+            path.core,
+            points,
+            axes=servo.rows(),
+            gains=gains,
+            period_s=period_s,
+            assumed=_errors(believed),
         )
     return Margins(
         "XYZAC",

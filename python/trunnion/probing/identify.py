@@ -86,10 +86,10 @@ def identify(
     fit = model.core.fit(
         moves,
         model.values(),
-        HUBER_KNEE if loss == "huber" else None,
-        known_sigma_um(setup),
-        _priors(model, priors or {}),
-        max_steps,
+        huber=HUBER_KNEE if loss == "huber" else None,
+        sigma_um=known_sigma_um(setup),
+        priors=_priors(model, priors or {}),
+        max_steps=max_steps,
     )
     values = fit["values"]
     count = len(model.error_names)
@@ -157,11 +157,11 @@ def identify_many(
         model.moves(plan),
         positions.reshape(len(positions), -1),
         model.values(),
-        None,
-        known_sigma_um(setup),
-        [],
-        max_steps,
-        threads,
+        huber=None,
+        sigma_um=known_sigma_um(setup),
+        priors=[],
+        max_steps=max_steps,
+        threads=threads,
     )
     return model.names, values, errors, converged
 

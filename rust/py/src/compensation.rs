@@ -85,6 +85,7 @@ impl MachineModel {
 #[pymethods]
 impl MachineModel {
     #[new]
+    #[pyo3(signature = (preset, tool_length_mm, *, errors, placement, effects, direction, sense))]
     fn new(
         preset: &str,
         tool_length_mm: f64,

@@ -168,23 +168,23 @@ fn five_axes(array: &PyReadonlyArray2<'_, f64>, sets: usize) -> PyResult<Vec<[Ax
 
 /// One simulation; a dictionary of columns.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (path, feed, *, period_s, axes, feedback, coupling, assumed, real))]
 pub fn contour_simulate<'py>(
     py: Python<'py>,
     path: PyRef<'py, ContourPath>,
-    feed_args: FeedArgs,
+    feed: FeedArgs,
     period_s: f64,
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
-    coupling_args: Option<CouplingArgs<'py>>,
+    coupling: Option<CouplingArgs<'py>>,
     assumed: Errors,
     real: Errors,
 ) -> PyResult<Bound<'py, PyDict>> {
     let axes = five_axes(&axes, 1)?[0];
     let feedback = self::feedback(feedback)?;
-    let coupling = coupling_args.as_ref().map(coupling).transpose()?;
+    let coupling = coupling.as_ref().map(self::coupling).transpose()?;
     let (assumed, real) = (machine(&assumed)?, machine(&real)?);
-    let (path, feed) = (&path.0, feed(feed_args));
+    let (path, feed) = (&path.0, self::feed(feed));
     let (columns, diverged) = py
         .detach(|| {
             let reference = Reference::new(path, feed, period_s, &assumed)?;
@@ -208,7 +208,10 @@ pub fn contour_simulate<'py>(
 
 /// Many simulations on all cores: names of the figures, and one row of them a case.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (
+    paths, *, path_index, feeds, period_s, axes, feedback, couplings, coupling_index, assumed,
+    real
+))]
 pub fn contour_sweep<'py>(
     py: Python<'py>,
     paths: Vec<PyRef<'py, ContourPath>>,
@@ -279,17 +282,18 @@ pub fn contour_axis_margins<'py>(
 
 /// Largest pole and gain margin of the coupled five-axis loop at each u, shape (n, 2).
 #[pyfunction]
+#[pyo3(signature = (path, u, *, axes, gains, period_s, assumed))]
 pub fn contour_path_margins<'py>(
     py: Python<'py>,
     path: PyRef<'py, ContourPath>,
     u: PyReadonlyArray1<'py, f64>,
     axes: PyReadonlyArray2<'py, f64>,
-    gains_of_coupling: PyReadonlyArray2<'py, f64>,
+    gains: PyReadonlyArray2<'py, f64>,
     period_s: f64,
     assumed: Errors,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
-    let gains = gains(&gains_of_coupling)?;
+    let gains = self::gains(&gains)?;
     let machine = machine(&assumed)?;
     let (u, path) = (vector(&u), &path.0);
     let values = py
@@ -323,6 +327,7 @@ pub fn contour_axis_response<'py>(
 /// The same of an axis with each of m sets of parameters (m, 13), every `stride`-th control period:
 /// (m, n).
 #[pyfunction]
+#[pyo3(signature = (letter, axes, period_s, feedback, command, *, stride))]
 pub fn contour_axis_responses<'py>(
     py: Python<'py>,
     letter: char,

@@ -141,7 +141,7 @@ impl Hybrid {
         })
     }
 
-    #[pyo3(signature = (tips, directions, reference_deg, negative, exact, threads))]
+    #[pyo3(signature = (tips, directions, *, reference_deg, negative, exact, threads))]
     fn inverse<'py>(
         &self,
         py: Python<'py>,

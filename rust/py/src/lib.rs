@@ -14,6 +14,7 @@ mod machine;
 mod names;
 mod nc;
 mod plan;
+mod studies;
 mod threads;
 mod touch;
 mod turning;
@@ -38,6 +39,8 @@ mod _core {
     use crate::machine::{Machine, presets};
     #[pymodule_export]
     use crate::plan::{plan, safe_levels};
+    #[pymodule_export]
+    use crate::studies::Measurements;
     #[pymodule_export]
     use crate::touch::{Moves, TouchModel, artefact_kinds, catalogue, closed_form_slips};
 

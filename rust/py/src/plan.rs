@@ -107,6 +107,10 @@ pub fn plan<'py>(
 
 /// Z above all that swings, and Z above everything at each row's positions of the rotary axes, mm.
 #[pyfunction]
+#[pyo3(signature = (
+    preset, tool_length_mm, kind, dimensions, rotary_deg, *, ball_radius_mm, clearance_mm,
+    table_radius_mm, table_thickness_mm
+))]
 pub fn safe_levels<'py>(
     py: Python<'py>,
     preset: &str,

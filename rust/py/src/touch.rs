@@ -4,20 +4,17 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::artefact::{Artefact, KINDS, Search};
-use trunnion_core::compensation::volumetric::Volume;
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
 use trunnion_core::machine::{self, Machine};
-use trunnion_core::moves::{self, MoveTable};
+use trunnion_core::moves::MoveTable;
 use trunnion_core::probe::Probe;
-use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::{self, Simulation};
 use trunnion_core::units::{ARCSEC, DEG, UM};
 use trunnion_core::{Error, Result};
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
-use crate::names::choice;
 use crate::threads::with_threads;
 use crate::user_units::touches::{self as user_units, ParameterUnits};
 
@@ -70,7 +67,7 @@ pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec
 /// Touches or planned moves in the core's units.
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct Moves {
-    inner: MoveTable,
+    pub inner: MoveTable,
 }
 
 #[pymethods]
@@ -108,8 +105,8 @@ impl Moves {
 /// The model of touches: location errors, placement and effects as parameters, in this order.
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct TouchModel {
-    inner: touch::TouchModel,
-    units: ParameterUnits,
+    pub inner: touch::TouchModel,
+    pub units: ParameterUnits,
 }
 
 impl TouchModel {
@@ -147,6 +144,9 @@ impl TouchModel {
 #[pymethods]
 impl TouchModel {
     #[new]
+    #[pyo3(signature = (
+        preset, tool_length_mm, kind, dimensions, *, ball_radius_mm, tick_um, effect_ids
+    ))]
     fn new(
         preset: &str,
         tool_length_mm: f64,
@@ -239,6 +239,7 @@ impl TouchModel {
     }
 
     /// Travel in mm from each move's point to the trigger.
+    #[pyo3(signature = (moves, values, *, from_start, reach_mm, noise_um, seed, sample))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -263,6 +264,7 @@ impl TouchModel {
     }
 
     /// Least squares from `start`; a dictionary of arrays in user units.
+    #[pyo3(signature = (moves, start, *, huber, sigma_um, priors, max_steps))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
@@ -296,6 +298,7 @@ impl TouchModel {
     }
 
     /// Many measurements of one plan, `points` (m, 3 n): estimates, standard errors, converged.
+    #[pyo3(signature = (moves, points, start, *, huber, sigma_um, priors, max_steps, threads))]
     fn fit_many<'py>(
         &self,
         py: Python<'py>,
@@ -389,106 +392,9 @@ impl TouchModel {
         let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((errors, matrix(py, turned, 7)?, matrix(py, tilted, 3)?, operator))
     }
-
-    /// Virtual calibrations: for every row of `truths` (m, 14) the plan is simulated, both closed
-    /// forms are taken, and with `identify` least squares. Returns one row a sample (14 separating,
-    /// 8 printed, then 14 identified, 14 standard errors, converged) and the samples that failed,
-    /// whose rows are not numbers.
-    fn calibrations<'py>(
-        &self,
-        py: Python<'py>,
-        moves: &Moves,
-        labels: Vec<i64>,
-        truths: PyReadonlyArray2<'py, f64>,
-        reach_mm: f64,
-        noise_um: f64,
-        seed: u64,
-        first_sample: u64,
-        identify: bool,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
-        let moves = moves.inner.view();
-        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let truths = self.units.to_core(&truths);
-        let simulation = simulation(true, reach_mm, noise_um, seed);
-        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
-        let options = identify.then(least_squares::Options::default);
-        let result = py.detach(|| {
-            with_threads(threads, || studies::calibrations(&measurement, &truths, options.as_ref()))
-        });
-        let (all, errors) = (closed_form::COUNT, closed_form::ERRORS);
-        let runs = if identify { vec![all, errors, all, all] } else { vec![all, errors] };
-        samples(py, self.units.calibrations(result?.into_py()?, &runs))
-    }
-
-    /// What compensation leaves after virtual calibrations: for every row of `truths` (m, 14) the
-    /// plan is simulated, the location errors are estimated by `method` ("separating", "printed",
-    /// "identified"), and the volumetric error over the grid x × y × z with the rotary axes at
-    /// `rotary_deg` is taken under a control that assumes the nominal machine and under one
-    /// that assumes the estimates. Returns one row a sample (largest and root mean square
-    /// before, largest and root mean square left, µm) and the samples that failed.
-    fn compensations<'py>(
-        &self,
-        py: Python<'py>,
-        moves: &Moves,
-        labels: Vec<i64>,
-        truths: PyReadonlyArray2<'py, f64>,
-        reach_mm: f64,
-        noise_um: f64,
-        seed: u64,
-        first_sample: u64,
-        method: &str,
-        grid: [Vec<f64>; 3],
-        rotary_deg: Vec<f64>,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
-        let moves = moves.inner.view();
-        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let truths = self.units.to_core(&truths);
-        let simulation = simulation(true, reach_mm, noise_um, seed);
-        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
-        let methods = [
-            ("separating", Method::Separating),
-            ("printed", Method::Printed),
-            ("identified", Method::Identified),
-        ];
-        let method = choice("method", method, &methods).into_py()?;
-        let volume = Volume::new([&grid[0], &grid[1], &grid[2]]);
-        let rotary: Vec<f64> = rotary_deg.iter().map(|angle| angle * DEG).collect();
-        let result = py.detach(|| {
-            with_threads(threads, || {
-                studies::compensations(&measurement, &truths, method, &volume, &rotary)
-            })
-        });
-        let mut found = result?.into_py()?;
-        found.rows.iter_mut().for_each(|value| *value /= UM);
-        samples(py, found)
-    }
 }
 
-impl TouchModel {
-    /// What the studies measure again and again.
-    fn measurement<'a>(
-        &'a self,
-        moves: &'a moves::Moves<'a>,
-        labels: &'a [i64],
-        simulation: Simulation,
-        first_sample: u64,
-    ) -> Measurement<'a> {
-        Measurement { model: &self.inner, moves, labels, simulation, first_sample }
-    }
-}
-
-fn samples(
-    py: Python<'_>,
-    found: studies::Samples,
-) -> PyResult<(Bound<'_, PyArray2<f64>>, Vec<(usize, String)>)> {
-    let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
-    let failures = failures.collect();
-    Ok((matrix(py, found.rows, found.width)?, failures))
-}
-
-fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {
+pub fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {
     let search = if from_start { Search::Ahead } else { Search::Nearest };
     Simulation { search, reach: reach_mm, noise: noise_um * UM, seed }
 }

@@ -1,14 +1,14 @@
 //! Gauss–Newton on one measurement, in memory that the next one uses again.
 
-use nalgebra::linalg::Cholesky;
-use nalgebra::{DMatrix, DVector};
-
+use super::candidates::{between, decades};
 use super::options::{Fit, Loss, Options, Row};
 use super::system::{MIN_SEPARATION, Normal, Solved, System, reduced};
 use crate::effects::Kind;
 use crate::moves::Moves;
 use crate::touch::{MAX_OFF_SURFACE_MM, TouchModel};
 use crate::{Error, Result};
+use nalgebra::linalg::Cholesky;
+use nalgebra::{DMatrix, DVector};
 
 /// A column shorter than this (mm of reading for one mm or rad of the parameter) is rounding, such
 /// as sin 2c at multiples of 90°, and counts as empty.
@@ -493,18 +493,4 @@ impl Workspace {
 
 fn left_the_artefact() -> Error {
     Error::Data("identification: a touch left the modelled artefact on the way".into())
-}
-
-/// Midpoints between the times of the touches.
-fn between(times: &[f64]) -> Vec<f64> {
-    let mut sorted = times.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    sorted.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect()
-}
-
-/// Durations from a fiftieth of the whole to three times it.
-fn decades(times: &[f64]) -> Vec<f64> {
-    let span = times.iter().copied().fold(0.0, f64::max);
-    (0..20).map(|i| span / 50.0 * 150_f64.powf(f64::from(i) / 19.0)).collect()
 }

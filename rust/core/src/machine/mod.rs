@@ -10,6 +10,7 @@
 pub mod batch;
 pub mod five_axis;
 pub mod kinematics;
+mod links;
 pub mod location;
 pub mod places;
 pub mod posture;
