@@ -39,8 +39,8 @@ def diagnose(files: Lengths, html: Html = None) -> Answer:
         read = tn.read_setup(set_up)
         if not read.ballbar and not read.hybrid:
             raise tn.InputError(
-                f"{set_up}: got neither a table [ballbar] nor [hybrid], expected one of them, or no "
-                "set-up for a three-axis machine and a calibrated bar"
+                f"{set_up}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
+                "no set-up for a three-axis machine and a calibrated bar"
             )
     return diagnosis.diagnose(files, kind="ballbar", html=html)
 
