@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
-from trunnion.cli.compensate import read_estimate
+from trunnion.machine.estimate import read_estimate
 from trunnion.plot.volumetric import plot_over_poses, plot_share, plot_volumetric
 
 mpl.use("Agg")

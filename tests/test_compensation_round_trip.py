@@ -6,9 +6,9 @@ from scipy import stats
 
 import trunnion as tn
 from reference_trt_ca import NAMES, TABLE_2
+from trunnion.machine.effects import Effect
 from trunnion.probing.closed_form import closed_form
 from trunnion.probing.identify import identify
-from trunnion.probing.model import Effect
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import simulate
 

@@ -122,10 +122,10 @@ def test_what_cannot_be_seen_is_named_and_given_no_number(effect: str, partner: 
     assert result.std_errors[name] == np.inf
     assert result.std_errors[partner] == np.inf
     assert result.effects[effect] == {name.split(".")[1]: 0.0}
-    assert any(partner in line and name in line for line in result.unseen)
+    assert any(partner in line and name in line for line in result.not_identifiable)
     assert "not identifiable" in result.summary()
     assert result.to_dict()["std_errors"][name] == "inf"
-    others = [n for n in NAMES if not any(n in line for line in result.unseen)]
+    others = [n for n in NAMES if not any(n in line for line in result.not_identifiable)]
     plain = tn.identify(data, CROSS)
     for other in others:
         assert result.errors[other] == pytest.approx(plain.errors[other], abs=0.1)
@@ -194,6 +194,26 @@ def test_a_users_own_effect_is_simulated_and_estimated() -> None:
     assert abs(result.effects["plus_x_arm"]["step_um"] - 4.0) < 4 * result.std_errors[name]
 
 
+class SteppedStep(Step):
+    """The same in steps of 0.01 µm, with a derivative of its own."""
+
+    def change(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+        return super().change(data, {"step_um": round(values["step_um"], 2)})
+
+    def jacobian(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+        assert np.isfinite(values["step_um"])
+        return super().change(data, {"step_um": 1.0})[:, None]
+
+
+def test_a_users_own_derivative_is_used() -> None:
+    """Differences over 1e-4 µm of a change in steps of 0.01 µm would be zero."""
+    effect = SteppedStep()
+    data = tn.simulate(tn.plan(CROSS), CROSS, effects={effect: {"step_um": 4.0}})
+    result = tn.identify(data, CROSS, (effect,))
+    assert result.effects[effect.id]["step_um"] == pytest.approx(4.0, abs=0.01)
+    assert np.isfinite(result.std_errors["plus_x_arm.step_um"])
+
+
 def test_known_errors_are_part_of_the_totals() -> None:
     known = tn.Setup(artefact=tn.Artefact("cross"), machine=tn.Machine(errors={"EX0C": 30.0}))
     data = tn.simulate(tn.plan(CROSS), CROSS, {"EX0C": 42.0})
@@ -227,7 +247,7 @@ def test_other_machines_are_identified_by_the_same_code(preset: str) -> None:
     if preset == "trt-bc":
         assert len(seen) == 8
     else:
-        assert result.unseen
+        assert result.not_identifiable
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -242,7 +262,7 @@ def test_too_few_positions_lead_nowhere_far(seed: int) -> None:
         assert result.rms_um < 0.6
         assert np.isinf(result.std_errors["EB0A"])
         assert all(abs(value) < 500 for value in result.values.values())
-        assert result.unseen
+        assert result.not_identifiable
 
 
 def test_residuals_are_judged_in_words() -> None:
@@ -255,3 +275,53 @@ def test_residuals_are_judged_in_words() -> None:
     sure = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(repeatability_um=0.01))
     small = tn.identify(tn.simulate(plan, CROSS, noise_um=0.3, seed=1), sure)
     assert "standard errors are too small" in small.summary()
+
+
+def test_a_users_own_effect_with_a_prior_and_a_robust_loss() -> None:
+    """The own effect is measured by one touch a cycle; a chip on another touch is held down."""
+    probe = tn.Probe(repeatability_um=0.3)
+    setup = tn.Setup(artefact=tn.Artefact("cross"), probe=probe)
+    effect, name = Step(), "plus_x_arm.step_um"
+    data = tn.simulate(
+        tn.plan(setup), setup, effects={effect: {"step_um": 4.0}}, noise_um=0.3, seed=1
+    )
+    plain = tn.identify(data, setup, (effect,))
+    known = tn.identify(data, setup, (effect,), priors={name: (0.0, 1e-3)})
+    assert plain["plus_x_arm.step_um"] == pytest.approx(4.0, abs=4 * plain.std_errors[name])
+    assert known["plus_x_arm.step_um"] == pytest.approx(0.0, abs=4e-3)
+    assert known.std_errors[name] == pytest.approx(1e-3, rel=1e-3)
+    assert known.degrees_of_freedom == plain.degrees_of_freedom + 1
+    off = data.z_mm.copy()
+    off[0] += 0.05
+    chipped = data.with_columns(z_mm=off)
+    robust = tn.identify(chipped, setup, (effect,), loss="huber")
+    assert robust.weights is not None
+    assert robust.weights[0] < 0.1
+    squares = tn.identify(chipped, setup, (effect,))
+    away = [abs(fit["EZ0A"] - plain["EZ0A"]) for fit in (robust, squares)]
+    assert away[0] < 0.2 * away[1]
+
+
+def test_a_users_own_effect_takes_the_same_way_as_the_catalogue() -> None:
+    """A copy of a built-in effect gives its numbers, and what both do is not identifiable."""
+
+    class Drift:
+        id = "my_drift"
+        parameters = ("rate_um_h",)
+
+        def change(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+            return -np.asarray(data.time_s) / 3600 * values["rate_um_h"] * data.dir_z
+
+    data = tn.simulate(
+        tn.plan(CROSS), CROSS, effects={"drift_z": {"rate_um_h": 6.0}}, noise_um=0.3, seed=2
+    )
+    theirs, ours = tn.identify(data, CROSS, ("drift_z",)), tn.identify(data, CROSS, (Drift(),))
+    assert ours["my_drift.rate_um_h"] == pytest.approx(theirs["drift_z.rate_um_h"], rel=1e-4)
+    assert ours.std_errors["my_drift.rate_um_h"] == pytest.approx(
+        theirs.std_errors["drift_z.rate_um_h"], rel=1e-4
+    )
+    for name in NAMES:
+        assert ours[name] == pytest.approx(theirs[name], abs=1e-3), name
+    both = tn.identify(data, CROSS, ("drift_z", Drift()))
+    assert both.converged
+    assert {"drift_z.rate_um_h", "my_drift.rate_um_h"} == set().union(*both.combinations)

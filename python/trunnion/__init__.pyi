@@ -50,8 +50,12 @@ from .diagnosis.result import Alternative as Alternative
 from .diagnosis.result import Cause as Cause
 from .diagnosis.result import Diagnosis as Diagnosis
 from .diagnosis.result import Gain as Gain
+from .machine.effects import EffectInfo as EffectInfo
 
-# --- the machine's kinematics
+# --- the machine: kinematics, effects, what a measurement says of it
+from .machine.effects import UserEffect as UserEffect
+from .machine.estimate import Estimate as Estimate
+from .machine.estimate import read_estimate as read_estimate
 from .machine.kinematics import forward_kinematics as forward_kinematics
 from .machine.kinematics import inverse_kinematics as inverse_kinematics
 from .machine.kinematics import kinematic_jacobian as kinematic_jacobian
@@ -79,8 +83,6 @@ from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
 from .probing.length import smallest_length_mm as smallest_length_mm
-from .probing.model import EffectInfo as EffectInfo
-from .probing.model import UserEffect as UserEffect
 from .probing.model import catalogue as catalogue
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability

@@ -6,9 +6,10 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MAX_THREADS", "__version__"]
+__all__ = ["MAX_THREADS", "RANK_TOLERANCE", "__version__"]
 
 MAX_THREADS: int
+RANK_TOLERANCE: float
 __version__: str
 
 # --- trunnion (paper 000)
@@ -47,6 +48,14 @@ def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple
 
 def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
     """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
+
+# --- statistics
+__all__ += ["linear_fit"]
+
+def linear_fit(
+    columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
+) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
+    """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
 
 def closed_form_slips() -> list[str]: ...
 def catalogue(

@@ -18,12 +18,17 @@ ARCSEC = float(np.pi / 648_000)
 # Longest first: "rate_um_h" ends in both.
 _SUFFIXES = {
     "um_h": "µm/h",
+    "um_min": "µm/min",
     "mm_min": "mm/min",
+    "deg_min": "deg/min",
+    "mm_rev": "mm/rev",
+    "m_min": "m/min",
     "um_m": "µm/m",
     "per_s": "1/s",
     "arcsec": "arcsec",
     "deg": "deg",
     "ppm": "ppm",
+    "rpm": "1/min",
     "min": "min",
     "um": "µm",
     "mm": "mm",

@@ -46,10 +46,11 @@ def plan(
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
 ) -> Answer:
     """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
+    from trunnion.machine.chain import Chain
     from trunnion.probing.program import probing_program
 
     made = tn.read_setup(setup)
-    letter = "a_deg" if made.machine.preset == "trt-ca" else "b_deg"
+    letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
     planned = tn.plan(
         made,
         feeds_mm_min=numbers("--feeds", feeds),

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,9 +21,10 @@ if TYPE_CHECKING:
         ResidualInterval,
         VolumetricError,
     )
+    from trunnion.machine.estimate import Estimate
     from trunnion.setup import Setup
 
-__all__ = ["read_estimate", "register"]
+__all__ = ["register"]
 
 # Between the nodes of a map in steps of 15°, where it is at its worst.
 _TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
@@ -61,7 +60,7 @@ def compensate(
 
     estimates, file = one_set_up(files, (1, 1), "estimates")
     setup = tn.read_setup(file)
-    estimate = read_estimate(estimates[0])
+    estimate = tn.read_estimate(estimates[0])
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
@@ -100,78 +99,10 @@ def compensate(
     return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """What the command takes from a file."""
+def _tilting(setup: Setup) -> str | None:
+    from trunnion.machine.chain import Chain
 
-    errors: dict[str, float]
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
-    std_errors: dict[str, float] = field(default_factory=dict)
-    names: tuple[str, ...] | None = None
-    covariance: Any = None
-    degrees_of_freedom: float = float("inf")
-
-
-def read_estimate(path: Path) -> Estimate:
-    """Read an estimate: the dictionary of a result, or names and values alone.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is not JSON, or holds neither.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise tn.FileFormatError(f"{path}: got bytes that are not UTF-8 at {error.start}") from None
-    except json.JSONDecodeError as error:
-        raise tn.FileFormatError(
-            f"{path}:{error.lineno}:{error.colno}: got no JSON ({error.msg}), expected an estimate"
-        ) from None
-    expected = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'
-    if not isinstance(content, dict):
-        raise tn.FileFormatError(f"{path}:1:1: got {type(content).__name__}, expected {expected}")
-    # What `trunnion estimate --json` writes: results by method, the most general one first.
-    for method in ("least-squares", "separating"):
-        if isinstance(content.get(method), dict):
-            content = content[method]
-    if "errors" not in content:
-        return Estimate(_numbers(path, "errors", content))
-    effects = content.get("effects") or {}
-    if not isinstance(effects, dict):
-        raise tn.FileFormatError(
-            f"{path}: effects: got {effects!r}, expected id → parameter → value"
-        )
-    std_errors = content.get("std_errors") or {}
-    return Estimate(
-        errors=_numbers(path, "errors", content["errors"]),
-        effects={name: _numbers(path, f"effects.{name}", v) for name, v in effects.items()},
-        std_errors={name: float(value) for name, value in std_errors.items()},
-        names=tuple(content["names"]) if "names" in content else None,
-        covariance=content.get("covariance"),
-        degrees_of_freedom=float(content.get("degrees_of_freedom", float("inf"))),
-    )
-
-
-def _numbers(path: Path, what: str, values: object) -> dict[str, float]:
-    if not isinstance(values, dict):
-        raise tn.FileFormatError(f"{path}: {what}: got {values!r}, expected names with numbers")
-    for name, value in values.items():
-        if (
-            isinstance(value, bool)
-            or not isinstance(value, int | float)
-            or not math.isfinite(value)
-        ):
-            raise tn.FileFormatError(
-                f"{path}: {what}.{name}: got {value!r}, expected a finite number"
-            )
-    return {name: float(value) for name, value in values.items()}
-
-
-def _letters(setup: Setup) -> str:
-    from trunnion.compensation.machine import chain_letters
-
-    return chain_letters(setup)
+    return Chain(setup).tilting
 
 
 def _field(
@@ -179,7 +110,7 @@ def _field(
 ) -> VolumetricError:
     if not over:
         return tn.volumetric_error(setup, known, compensation=kind, points=_POINTS)
-    tilt = "A" if "A" in _letters(setup) else "B"
+    tilt = _tilting(setup)
     return tn.volumetric_error(
         setup,
         known,
@@ -193,9 +124,9 @@ def _field(
 
 def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
     """Predicted interval over the whole range, where the estimate has a covariance."""
-    if estimate.covariance is None or estimate.names is None:
+    if not estimate.names:
         return None
-    tilt = "A" if "A" in _letters(setup) else "B"
+    tilt = _tilting(setup)
     return tn.residual_interval(
         setup,
         estimate,

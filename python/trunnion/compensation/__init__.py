@@ -16,7 +16,7 @@ from trunnion.compensation.control import (
     control_commands,
     inverse_compensation,
 )
-from trunnion.compensation.machine import MachineErrors, MotionPose
+from trunnion.compensation.machine import MachineErrors
 from trunnion.compensation.maps import ErrorMap, error_map, read_error_map
 from trunnion.compensation.measuring import remeasure
 from trunnion.compensation.parameters import (
@@ -33,6 +33,7 @@ from trunnion.compensation.volumetric import (
     error_fields,
     volumetric_error,
 )
+from trunnion.machine.effects import MotionPose
 
 __all__ = [
     "AxisCommands",

@@ -11,14 +11,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
-from trunnion.compensation.machine import NOMINAL, Floats, MachineErrors, chain_letters
+from trunnion.compensation.machine import (
+    NOMINAL,
+    Effects,
+    Floats,
+    Known,
+    MachineErrors,
+)
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = [
@@ -62,13 +69,13 @@ class ModelCompensation:
     known: MachineErrors
 
     @classmethod
-    def of(cls, setup: Setup, errors: Any, effects: Any = None) -> ModelCompensation:
+    def of(cls, setup: Setup, errors: Known, effects: Effects = None) -> ModelCompensation:
         """Make it from errors and effects, or from a result that has them."""
         return cls(MachineErrors.of(setup, errors, effects))
 
     def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the identified machine; no zeros are changed."""
-        return self.known.core(setup), [0.0] * len(chain_letters(setup))
+        return self.known.core(setup), [0.0] * Chain(setup).count
 
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z of the identified machine, rotary axes as commanded."""
@@ -93,7 +100,7 @@ class InverseCompensation:
 
     @classmethod
     def of(
-        cls, setup: Setup, errors: Any, effects: Any = None, *, largest_turn_deg: float = 1.0
+        cls, setup: Setup, errors: Known, effects: Effects = None, *, largest_turn_deg: float = 1.0
     ) -> InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
         if not (np.isfinite(largest_turn_deg) and largest_turn_deg > 0):
@@ -101,7 +108,7 @@ class InverseCompensation:
         known = MachineErrors.of(setup, errors, effects)
         if known.own:
             raise InputError(
-                f"effect {known.own[0][0].id!r}: got a user's own effect, wanted effects of the "
+                f"effect {known.own[0].id!r}: got a user's own effect, wanted effects of the "
                 "catalogue: its motion says nothing of the tool direction; use "
                 "ModelCompensation or error_map"
             )
@@ -208,10 +215,10 @@ def control_commands(
 
 def inverse_compensation(
     setup: Setup,
-    errors: Any,
+    errors: Known,
     points_mm: ArrayLike,
     rotary_deg: Mapping[str, ArrayLike],
-    effects: Any = None,
+    effects: Effects = None,
     *,
     axes: str = "all",
     largest_turn_deg: float = 1.0,
@@ -246,22 +253,8 @@ def inverse_compensation(
     points = np.atleast_2d(np.asarray(points_mm, dtype=float))
     if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
         raise InputError(f"points_mm: got shape {points.shape}, wanted finite (n, 3)")
-    letters = chain_letters(setup)
-    given = {letter.upper(): value for letter, value in rotary_deg.items()}
-    if set(given) != set(letters):
-        raise InputError(
-            f"rotary_deg: got axes {', '.join(sorted(given)) or 'none'}, wanted "
-            f"{', '.join(letters)} (machine {setup.machine.preset})"
-        )
-    columns = []
-    for letter in letters:
-        column = np.asarray(given[letter], dtype=float)
-        if column.ndim > 1 or (column.ndim == 1 and len(column) != len(points)):
-            raise InputError(f"rotary_deg {letter}: got shape {column.shape}, wanted one a point")
-        if not np.all(np.isfinite(column)):
-            raise InputError(f"rotary_deg {letter}: got {given[letter]!r}, wanted finite numbers")
-        columns.append(np.broadcast_to(column, len(points)) * setup.sense(letter))
-    rotary = np.column_stack(columns)
+    chain = Chain(setup)
+    rotary = chain.to_machine(rotary_deg, len(points))
     left: Floats | None = None
     singular: NDArray[np.bool_] | None = None
     if axes == "all":
@@ -273,5 +266,4 @@ def inverse_compensation(
         raise InputError(f'axes: got {axes!r}, wanted "all" or "linear"')
     if rounded:
         commands = rounded_commands(setup, commands)
-    turned = {letter: commands[:, 3 + i] * setup.sense(letter) for i, letter in enumerate(letters)}
-    return AxisCommands(commands[:, :3], turned, left, singular)
+    return AxisCommands(commands[:, :3], chain.to_control(commands[:, 3:]), left, singular)

@@ -39,6 +39,7 @@ __all__ = [
     "NuisanceScope",
     "Parameter",
     "Readings",
+    "Uncertainty",
     "Values",
     "as_effect",
 ]
@@ -291,6 +292,41 @@ class Covariate:
     sequence: bool = False
 
 
+@dataclass(frozen=True)
+class Uncertainty:
+    """How well a fit knows its parameters.
+
+    Attributes
+    ----------
+    names:
+        Nuisance parameters, then effects' as "id.parameter".
+    std_errors:
+        By name; inf for what the data cannot identify.
+    covariance:
+        In the order of the names, shape (k, k); of what can be identified.
+    sigma:
+        Noise of one reading, in the readings' unit.
+    degrees_of_freedom:
+        Of ``sigma``.
+    """
+
+    names: tuple[str, ...]
+    std_errors: Mapping[str, float]
+    covariance: Array
+    sigma: float
+    degrees_of_freedom: int
+
+    def fields(self) -> dict[str, Any]:
+        """As fields of an :class:`~trunnion.machine.estimate.Estimate`."""
+        return {
+            "std_errors": dict(self.std_errors),
+            "names": self.names,
+            "covariance": self.covariance,
+            "sigma_um": self.sigma,
+            "degrees_of_freedom": float(self.degrees_of_freedom),
+        }
+
+
 class Model(Protocol):
     """A model bound to data: everything the engine asks.
 
@@ -390,8 +426,13 @@ class Model(Protocol):
         """Return the machine's errors (µm, arcsec, by name) for before and after."""
         ...
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
-        """Return the extended model, in the form its kind of data is used with."""
+    def extended(
+        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> Any:
+        """Return the extended model, in the form its kind of data is used with.
+
+        With what the fit says of the uncertainty; None: the values are exact.
+        """
         ...
 
 
@@ -495,7 +536,12 @@ class BaseModel:
             if n.scope == "machine"
         }
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> Any:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,  # noqa: ARG002
+    ) -> Any:
         """Nuisance and effects by name."""
         names = (n.name for n in self.nuisance)
         return {

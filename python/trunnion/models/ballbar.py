@@ -74,21 +74,38 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
-from trunnion.hybrid.ballbar import (
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS
+from trunnion.hybrid.readings import (
     check_enough,
     check_near,
     gradient_with_centres,
     setup_index,
     start_centres,
 )
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
+from trunnion.machine.effects import Motion
+from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import LinearMotion, Travel
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
+from trunnion.setup.fields import Flag, Number, Section, Sign, Vector, key
 
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
 AXES = "xyz"
+#: Effects that are in the machine's own catalogue, by the same names.
+CATALOGUED = (
+    *(f"scale_{a}" for a in AXES),
+    *(f"backlash_{a}" for a in AXES),
+    "squareness_xy",
+    "squareness_xz",
+    "squareness_yz",
+)
+DYNAMIC = "it depends on time or on how the axes move, or has no motion(pose, values)"
+OF_MECHANISM = "it moves the legs or the wrist of the hybrid machine, not linear axes X, Y, Z"
 SMALLEST_PITCH_MM = 4.0
 DECAYS = 10
 TIME_CONSTANTS = 12
@@ -104,10 +121,12 @@ TURNS_BACK = -0.7
 class BallbarSettings:
     """The table ``[ballbar]`` of a set-up; see the module."""
 
-    calibrated: bool = True
-    repeatability_um: float = 0.0
-    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    wrist: int = 1
+    calibrated: bool = key(True, Flag(), "the length of the ball-bar is known")
+    repeatability_um: float = key(0.0, Number(0.0), "standard deviation; 0: to be estimated")
+    direction: tuple[float, float, float] = key(
+        (0.0, 0.0, -1.0), Vector(3), "from the spindle to the tool point"
+    )
+    wrist: int = key(1, Sign(), "branch of the wrist of the hybrid machine")
 
     @classmethod
     def from_setup(cls, setup: Setup | None) -> BallbarSettings:
@@ -115,36 +134,14 @@ class BallbarSettings:
 
         Raises
         ------
-        UnknownNameError
-            A key that is none of them.
-        InputError
-            A value of the wrong kind.
+        FileFormatError, InputError
+            A key that is none of them, or a value of the wrong kind; with its place in the file.
         """
-        table = {} if setup is None else dict(setup.ballbar)
-        known = ("calibrated", "repeatability_um", "direction", "wrist")
-        for key in table:
-            if key not in known:
-                raise UnknownNameError(f"[ballbar] key {key!r}; wanted one of: {', '.join(known)}")
-        if not isinstance(table.get("calibrated", True), bool):
-            raise InputError(
-                f"[ballbar] calibrated: got {table['calibrated']!r}, wanted true, false"
-            )
-        sigma = table.get("repeatability_um", 0.0)
-        if isinstance(sigma, bool) or not isinstance(sigma, int | float) or not sigma >= 0:
-            raise InputError(f"[ballbar] repeatability_um: got {sigma!r}, wanted a number ≥ 0")
-        if table.get("wrist", 1) not in (1, -1):
-            raise InputError(f"[ballbar] wrist: got {table['wrist']!r}, wanted 1 or -1")
-        way = table.get("direction", (0.0, 0.0, -1.0))
-        if not isinstance(way, Sequence) or len(way) != 3:
-            raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
-        if any(isinstance(w, bool) or not isinstance(w, int | float) for w in way):
-            raise InputError(f"[ballbar] direction: got {way!r}, wanted three numbers")
-        direction = (float(way[0]), float(way[1]), float(way[2]))
-        return cls(table.get("calibrated", True), float(sigma), direction, table.get("wrist", 1))
+        return Section.of("ballbar", {} if setup is None else setup.ballbar).build(cls)
 
 
-@dataclass(frozen=True)
-class ExtendedBallbarModel:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
     Attributes
@@ -155,14 +152,10 @@ class ExtendedBallbarModel:
         The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
     centres_um
         Ball centre of each set-up, from where the nominal machine puts it.
-    effects
-        Id → parameter → value.
     """
 
     setup: Setup | None
-    errors: dict[str, float]
     centres_um: dict[str, float]
-    effects: dict[str, dict[str, float]]
 
     def lengths_mm(self, plan: Ballbar) -> Array:
         """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
@@ -512,6 +505,12 @@ class BallbarModel(BaseModel):
             for a in self._moving()
         ]
 
+    @property
+    def _travel(self) -> Travel:
+        """Travel of X, Y, Z along the readings."""
+        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
+        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
+
     def _three_axis(self) -> list[Effect]:
         moving = self._moving()
         # From the centre: the constant part is the centre's anyway, and columns stay small.
@@ -547,6 +546,7 @@ class BallbarModel(BaseModel):
                 f"cyclic_{AXES[a]}",
                 [(place_a, self.bar[:, a])],
                 f"the {AXES[a].upper()} axis has a cyclic error",
+                LinearMotion(f"cyclic_{AXES[a]}", self._travel),
             )
         return out
 
@@ -609,7 +609,13 @@ class BallbarModel(BaseModel):
         }
         return [_linear("gain_mismatch", columns, "the axes follow with different lags")]
 
-    def _cyclic(self, name: str, parts: Sequence[tuple[Array, Array]], words: str) -> list[Effect]:
+    def _cyclic(
+        self,
+        name: str,
+        parts: Sequence[tuple[Array, Array]],
+        words: str,
+        motion: Motion | None = None,
+    ) -> list[Effect]:
         """Periodic error of positions (mm) that enter the readings with weights, summed."""
         travel = max(float(np.ptp(place)) for place, _ in parts)
         # Readings lie unevenly along an axis, so pitches below two of their gaps can be told.
@@ -641,7 +647,7 @@ class BallbarModel(BaseModel):
             return np.column_stack([*waves_at(p), np.asarray(slope)])
 
         parameters = (Parameter("a_um"), Parameter("b_um"), pitch)
-        return [Effect(name, parameters, change, jacobian, words=words)]
+        return [Effect(name, parameters, change, jacobian, motion=motion, words=words)]
 
     # --- the hybrid machine's
 
@@ -893,14 +899,22 @@ class BallbarModel(BaseModel):
             raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Ballbar")
         return BallbarModel(data, self.setup, self._own)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedBallbarModel:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedBallbarModel:
         """Return errors, centres and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
+        known = DYNAMIC if self.mechanism is None else OF_MECHANISM
         return ExtendedBallbarModel(
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in PAPER_ERRORS},
             centres_um={k: v for k, v in named.items() if k not in PAPER_ERRORS},
             effects={k: dict(v) for k, v in effects.items()},
+            **for_compensation(self.effects, effects, () if self.mechanism else CATALOGUED, known),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 

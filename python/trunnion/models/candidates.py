@@ -1,6 +1,6 @@
 """What models of measured coordinates share: effects from columns, and a user's own effects."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -8,8 +8,9 @@ import numpy as np
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.diagnosis.protocol import Array, Effect, EffectLike, EffectScope, Parameter, as_effect
+from trunnion.machine.effects import Owner
 
-__all__ = ["effect_of_columns", "own_effects", "periodic_effect"]
+__all__ = ["effect_of_columns", "for_compensation", "own_effects", "periodic_effect"]
 
 Columns = Callable[[Any], Array]
 
@@ -88,6 +89,35 @@ def _wave_change(
 ) -> Array:
     size = np.array([values[name] for name in names[:2]])
     return np.asarray(jacobian(data, values)[:, :2] @ size)
+
+
+def for_compensation(
+    effects: Iterable[Effect], found: Container[str], catalogued: Container[str], why_not: str
+) -> dict[str, Any]:
+    """How effects that were found act on the machine, as fields of an estimate.
+
+    Parameters
+    ----------
+    effects
+        All candidates.
+    found
+        Ids of those that were found.
+    catalogued
+        Ids that are in the machine's catalogue under the same name and with the same parameters.
+    why_not
+        Why an effect of the machine that has no ``motion`` cannot be compensated.
+    """
+    motions, not_compensable, owners = {}, {}, {}
+    whose = {"instrument": "it belongs to the instrument", "workpiece": "it belongs to the part"}
+    for e in effects:
+        if e.id not in found:
+            continue
+        owners[e.id] = Owner(e.scope)
+        if e.motion is not None:
+            motions[e.id] = e.motion
+        elif e.id not in catalogued or e.scope != "machine":
+            not_compensable[e.id] = whose.get(e.scope, why_not)
+    return {"motions": motions, "not_compensable": not_compensable, "owners": owners}
 
 
 def own_effects(effects: Sequence[EffectLike | str], known: Sequence[str]) -> tuple[Effect, ...]:

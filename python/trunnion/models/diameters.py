@@ -40,15 +40,15 @@ diameter_mm           nominal diameter, where the data have no such column
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.errors import DataError, UnknownNameError
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.protocol import (
     Covariate,
@@ -59,9 +59,13 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     as_effect,
 )
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
+from trunnion.setup.fields import Number, Part, Section, key
 
 __all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions"]
 
@@ -78,6 +82,7 @@ MOST_ERROR_UM = 5000.0
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 LEAST_WEAR_UM = 2.0
+OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
 
 CAUSES = {
     "tool_heating": "the tool heats up and grows",
@@ -90,20 +95,19 @@ CAUSES = {
 }
 
 
+POSITIVE = Number(positive=True)
+
+
 @dataclass(frozen=True)
-class Conditions:
+class Conditions(Part):
     """What the set-up file's table ``[turning]`` says of a cut; None where it says nothing."""
 
-    overhang_mm: float
-    feed_mm_rev: float | None = None
-    cutting_speed_m_min: float | None = None
-    spindle_rpm: float | None = None
-    diameter_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"[turning] {name}: got {value}, wanted a number above zero")
+    table: ClassVar[str] = "turning"
+    overhang_mm: float = key(..., POSITIVE, "from the chuck face to the free end")
+    feed_mm_rev: float | None = key(None, POSITIVE, "feed per revolution")
+    cutting_speed_m_min: float | None = key(None, POSITIVE, "constant surface speed")
+    spindle_rpm: float | None = key(None, POSITIVE, "constant spindle speed")
+    diameter_mm: float | None = key(None, POSITIVE, "nominal diameter")
 
 
 def conditions(setup: Setup | Conditions | None) -> Conditions:
@@ -111,27 +115,13 @@ def conditions(setup: Setup | Conditions | None) -> Conditions:
 
     Raises
     ------
-    InputError
-        No overhang, or a value that is no number above zero.
-    UnknownNameError
-        A key that is not known.
+    FileFormatError, InputError
+        No overhang, a key that is not known, or a value that is no number above zero; with its
+        place in the file of the set-up.
     """
     if isinstance(setup, Conditions):
         return setup
-    table: Mapping[str, Any] = {} if setup is None else setup.turning
-    known = tuple(Conditions.__dataclass_fields__)
-    unknown = sorted(set(table) - set(known))
-    if unknown:
-        raise UnknownNameError(f"[turning] {unknown[0]}: unknown key; wanted one of {known}")
-    if "overhang_mm" not in table:
-        raise InputError(
-            "[turning] overhang_mm: got nothing, wanted the distance from the chuck face to the "
-            "free end, mm: diameters cannot be diagnosed without it"
-        )
-    for name, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"[turning] {name}: got {value!r}, wanted a number")
-    return Conditions(**{name: float(value) for name, value in table.items()})
+    return Section.of("turning", {} if setup is None else setup.turning).build(Conditions)
 
 
 @dataclass(frozen=True)
@@ -305,21 +295,20 @@ class _Cause:
         return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
 
 
-@dataclass(frozen=True)
-class DiameterLaw:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DiameterLaw(Estimate):
     """The extended model of a diagnosis of diameters: what a planned pass would come out as.
 
     Attributes
     ----------
     offset_um : dict
         Fitted offset of each pass that was measured.
-    effects : dict
-        Parameters by cause.
     """
 
     offset_um: Mapping[str, float]
-    effects: Mapping[str, Mapping[str, float]]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]]
+    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(
+        compare=False, repr=False
+    )
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
         """Predict the error of the diameter along a planned pass.
@@ -351,13 +340,20 @@ class DiameterLaw:
 class _DiameterModel(LinearModel):
     """Adds the law in the form it is used with."""
 
-    def extended(self, nuisance: Array, effects: Mapping[str, Mapping[str, float]]) -> DiameterLaw:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: Mapping[str, Mapping[str, float]],
+        uncertainty: Uncertainty | None = None,
+    ) -> DiameterLaw:
         """Return offsets and causes."""
         names = (n.name.removeprefix("offset_").removesuffix("_um") for n in self.nuisance)
         return DiameterLaw(
             offset_um=dict(zip(names, map(float, nuisance), strict=True)),
             effects={k: dict(v) for k, v in effects.items()},
             causes={e.id: e.change for e in self.effects if e.id in effects},
+            **for_compensation(self.effects, effects, (), OF_TURNING),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 

@@ -17,10 +17,10 @@ again is *hole by hole*; the rest is the measurement. :func:`repeatable_part` te
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations, permutations
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from scipy import special
@@ -39,11 +39,19 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
     lengths,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.models.candidates import effect_of_columns, own_effects, periodic_effect
+from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import FieldMotion, LinearMotion, Travel, angular, bow
+from trunnion.models.candidates import (
+    effect_of_columns,
+    for_compensation,
+    own_effects,
+    periodic_effect,
+)
 
 __all__ = ["ExtendedPoints", "FeatureScatter", "PointsModel", "RepeatablePart", "repeatable_part"]
 
@@ -57,7 +65,8 @@ SHORTEST_PITCH_MM = 4.0
 MOST_PITCHES = 400
 MOST_MOMENTS = 48
 OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
-MIDDLE = 1.0 / 3.0  # mean square of a position between -1 and 1
+#: Effects that are in the machine's own catalogue.
+RIGID = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 
 
 # --- the model
@@ -111,7 +120,7 @@ class PointsModel(BaseModel):
         )
         self._travel: _Travel = _Travel.of(nominal) if source is None else source._travel
         self._places = _places(nominal)
-        catalogue = _catalogue(data, self._travel)
+        catalogue = [_with_motion(e, self._travel.used) for e in _catalogue(data, self._travel)]
         self.field: _Field | None = (
             source.field if source is not None else self._field(deviation, catalogue)
         )
@@ -293,7 +302,12 @@ class PointsModel(BaseModel):
             )
         return PointsModel(data, source=self)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedPoints:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedPoints:
         """Return the error of the machine as a function of the programmed place."""
         named = {k: dict(v) for k, v in effects.items() if k != "field"}
         left = self.readings.values - self.predict(nuisance, named)
@@ -318,7 +332,23 @@ class PointsModel(BaseModel):
             features_um=mean,
             features=scatter,
             source=self,
+            **self._for_compensation(effects, smooth),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
+
+    def _for_compensation(
+        self, effects: EffectValues, smooth: SmoothField | None
+    ) -> dict[str, Any]:
+        """Scale and squareness are the machine's own effects; the others move the linear axes."""
+        why_not = "it changes with time, or has no motion(pose, values)"
+        fields = for_compensation(self.effects, effects, RIGID, why_not)
+        if "field" in effects and smooth is None:
+            fields["not_compensable"]["field"] = "too few places to predict others from"
+        elif smooth is not None:
+            fields["motions"]["field"] = FieldMotion(
+                smooth.places, smooth.readings, smooth.smoothing, smooth.freedom, self._travel.used
+            )
+        return fields
 
 
 @dataclass(frozen=True)
@@ -329,8 +359,8 @@ class FeatureScatter:
     measurement_um: float
 
 
-@dataclass(frozen=True)
-class ExtendedPoints:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedPoints(Estimate):
     """What a diagnosis of points says of the machine and of the part.
 
     Attributes
@@ -347,12 +377,11 @@ class ExtendedPoints:
         Programmed places, (m, d), and what is left at each, (m, d): hole by hole, and noise.
     """
 
-    effects: dict[str, dict[str, float]]
     smooth: SmoothField | None
     features_mm: Array
     features_um: Array
     features: FeatureScatter | None
-    source: PointsModel = field(repr=False)
+    source: PointsModel = field(compare=False, repr=False)
 
     def error_um(
         self,
@@ -398,6 +427,13 @@ class ExtendedPoints:
         return out
 
 
+def _with_motion(e: Effect, travel: Travel) -> Effect:
+    """Say what the linear axes do under an effect that the machine's catalogue lacks."""
+    if e.scope != "machine" or e.id in OF_TIME or e.id in RIGID:
+        return e
+    return replace(e, motion=LinearMotion(e.id, travel))
+
+
 # --- the catalogue
 
 
@@ -429,7 +465,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"positioning_{AXES[i]}",
             ["a2_um", "a3_um"],
-            partial(_bow, i, i, travel),
+            partial(_bow, i, i, travel.used),
             f"the scale of {name[i]} changes along it",
         )
         for i in axes
@@ -438,7 +474,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"straightness_{AXES[j]}_of_{AXES[i]}",
             ["a2_um", "a3_um"],
-            partial(_bow, j, i, travel),
+            partial(_bow, j, i, travel.used),
             f"{name[i]} is not straight in {name[j]}",
         )
         for i, j in permutations(axes, 2)
@@ -447,7 +483,7 @@ def _catalogue(data: Points, travel: _Travel) -> list[Effect]:
         effect_of_columns(
             f"angular_{AXES[about]}_of_{AXES[i]}",
             ["a1_arcsec", "a2_arcsec"],
-            partial(_angular, about, i, travel),
+            partial(_angular, about, i, travel.used),
             f"{name[i]} turns about {name[about]} as it travels",
         )
         for i in axes
@@ -555,32 +591,17 @@ def _drift(axis: int, p: Points) -> Array:
     return _enter(p, axis, _elapsed(p))[:, None]
 
 
-def _bow(into: int, axis: int, travel: _Travel, p: Points) -> Array:
-    """Second and third Legendre polynomial of the position along ``axis``, 1 at the end."""
-    u = travel.scaled(p.nominal_mm, axis)
-    return np.stack(
-        [
-            _enter(p, into, (3 * u * u - 1) / 2),
-            _enter(p, into, (5 * u**3 - 3 * u) / 2),
-        ],
-        axis=1,
-    )
+def _bow(into: int, axis: int, travel: Travel, p: Points) -> Array:
+    return _readings(bow(into, axis, p.nominal_mm, travel), p)
 
 
-def _angular(about: int, axis: int, travel: _Travel, p: Points) -> Array:
-    """Error ω × lever, ω = a1 u + a2 (u² − 1/3), u from −1 to 1 along the axis' travel.
+def _angular(about: int, axis: int, travel: Travel, p: Points) -> Array:
+    return _readings(angular(about, axis, p.nominal_mm, travel), p)
 
-    The lever is the programmed place, its own coordinate left out: that is zero in the frame of
-    the moving axis.
-    """
-    lever = np.zeros((len(p), 3))
-    lever[:, : p.dimension] = p.nominal_mm
-    lever[:, axis] = 0.0
-    omega = np.zeros(3)
-    omega[about] = ARCSEC * 1e3
-    moved = np.cross(omega, lever)[:, : p.dimension]
-    u = travel.scaled(p.nominal_mm, axis)[:, None]
-    return np.stack([(u * moved).reshape(-1), ((u * u - MIDDLE) * moved).reshape(-1)], axis=1)
+
+def _readings(moved: Array, p: Points) -> Array:
+    """Displacements (n, 3, k) as columns of the readings, (n d, k)."""
+    return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
 
 
 def _elapsed(p: Points) -> Array:
@@ -659,15 +680,14 @@ class _Travel:
             raise DataError("points: got all at one programmed place, wanted several places")
         return cls((low + high) / 2, half, np.array([_grid_step(x) for x in nominal.T]))
 
-    def scaled(self, nominal: Array, axis: int) -> Array:
-        """Position along an axis, −1 to 1 over the travel used."""
-        half = self.half[axis]
-        return np.asarray((nominal[:, axis] - self.middle[axis]) / (half if half > 0 else 1.0))
+    @property
+    def used(self) -> Travel:
+        """Middle and half length as plain data."""
+        return Travel(tuple(map(float, self.middle)), tuple(map(float, self.half)))
 
     def field_places(self, nominal: Array) -> Array:
         """Places for a smooth field: coordinates that vary, all on one scale."""
-        vary = self.half > 1e-3 * self.half.max()
-        return np.asarray((nominal[:, vary] - self.middle[vary]) / self.half.max())
+        return self.used.field_places(nominal)
 
     def pitches(self, axis: int) -> tuple[float, ...]:
         """Pitches to try, mm, longest first, evenly spaced in frequency.
@@ -887,9 +907,10 @@ def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     InputError
         ``d`` is not of points, or fewer than ten features are in both.
     """
-    model, extended = d.source, d.model
-    if not isinstance(model, PointsModel) or not isinstance(extended, ExtendedPoints):
-        raise InputError("repeatable_part: got a diagnosis of other data, wanted one of points")
+    extended = d.model
+    if not isinstance(d.data, Points) or not isinstance(extended, ExtendedPoints):
+        raise InputError("repeatable_part: got a diagnosis of other data, expected one of points")
+    model = cast(PointsModel, d.rebuilt_model())
     again = model.bind(other)
     first: dict[tuple[int, ...], int] = {}
     for i, k in enumerate(map(tuple, _rounded(model.data.nominal_mm).tolist())):

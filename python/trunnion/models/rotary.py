@@ -39,9 +39,11 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
 )
-from trunnion.models.candidates import own_effects
+from trunnion.machine.estimate import Estimate
+from trunnion.models.candidates import for_compensation, own_effects
 
 __all__ = ["Circle", "ExtendedSweep", "SweepModel", "circles"]
 
@@ -58,6 +60,7 @@ DIRECTIONS = ("radial", "tangential", "axial")
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
 #: A target further from its circle than this belongs to no model, mm.
 FAR_OFF_MM = 5.0
+NO_AXIS = "a sweep does not say which axis of a machine turned, nor how the instrument stood to it"
 OWN_UM = 3  # nuisance parameters of a target
 
 
@@ -351,7 +354,12 @@ class SweepModel(BaseModel):
         named = zip(self.nuisance, nuisance, strict=True)
         return {x.name: float(v) for x, v in named if x.name.startswith("axis_")}
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedSweep:
+    def extended(
+        self,
+        nuisance: Array,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedSweep:
         """Return axis, targets and error motions."""
         g = self._geometry
         tilt = _tilt(np.tile(nuisance[2:4] * ARCSEC, (1, 1)))[0][0]
@@ -365,11 +373,13 @@ class SweepModel(BaseModel):
             height_mm={k: float(v[2]) for k, v in zip(self._labels, own, strict=True)},
             effects={k: dict(v) for k, v in effects.items()},
             source=self,
+            **for_compensation(self.effects, effects, (), NO_AXIS),
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
 
-@dataclass(frozen=True)
-class ExtendedSweep:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedSweep(Estimate):
     """What a diagnosis of a sweep says of the axis.
 
     Attributes
@@ -381,8 +391,6 @@ class ExtendedSweep:
         Directions X, Y, Z of the error motions in the instrument's frame, one a column.
     radius_mm, height_mm
         Of each target.
-    effects
-        Id → parameter → value.
     """
 
     point_mm: Array
@@ -390,8 +398,7 @@ class ExtendedSweep:
     frame: Array
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    effects: dict[str, dict[str, float]]
-    source: SweepModel = field(repr=False)
+    source: SweepModel = field(compare=False, repr=False)
 
     def error_motions(self, angle_deg: Array) -> dict[str, Array]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

@@ -29,11 +29,14 @@ from trunnion.diagnosis.protocol import (
     Nuisance,
     Parameter,
     Readings,
+    Uncertainty,
     Values,
 )
+from trunnion.machine.effects import EffectInfo
+from trunnion.machine.estimate import Estimate
 from trunnion.models.candidates import own_effects
 from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import EffectInfo, TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
 __all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
@@ -43,39 +46,29 @@ DURATIONS = 10
 FEW = 5
 FAR_OFF_UM = 5000.0
 UNITS = {"um": "µm", "um/h": "µm/h"}
-SCOPES: dict[str, EffectScope] = {"probe": "instrument", "artefact": "instrument"}
+SCOPES: dict[str, EffectScope] = {"instrument": "instrument", "artefact": "instrument"}
 
 
-@dataclass(frozen=True)
-class ExtendedTouchModel:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedTouchModel(Estimate):
     """What a diagnosis of touches says of the machine, ready for the other functions.
 
-    ``tn.identify(data, m.setup, effects=m.effects)``,
-    ``tn.simulate(plan, m.setup, m.errors, m.placement, m.effects)`` and
-    ``tn.volumetric_error(m.setup, m.errors, m.effects)`` take its parts.
+    ``tn.identify(data, m.setup, effects=m)``, ``tn.simulate(plan, m.setup, m)`` and
+    ``tn.volumetric_error(m.setup, m)`` take it.
 
     Attributes
     ----------
     setup
         The set-up of the measurement.
-    errors
-        Location errors, µm and arcsec.
-    placement
-        Placement of the artefact.
-    effects
-        Id (or the user's own effect) → parameter → value.
     """
 
     setup: Setup
-    errors: dict[str, float]
-    placement: dict[str, float]
-    effects: dict[Any, dict[str, float]]
 
     def simulate(self, plan: Touches, **more: Any) -> Touches:
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
         from trunnion.probing.simulate import simulate
 
-        return simulate(plan, self.setup, self.errors, self.placement, self.effects, **more)
+        return simulate(plan, self.setup, self, **more)
 
 
 class TouchDiagnosisModel(BaseModel):
@@ -98,6 +91,7 @@ class TouchDiagnosisModel(BaseModel):
         self.setup = setup
         infos = [i for i in catalogue(setup) if all(_has(data, need) for need in i.needs)]
         self._ids = [i.id for i in infos]
+        self._owners = {i.id: i.owner for i in infos}
         self._own = own_effects(effects, [i.id for i in catalogue(setup)])
         self._full = TouchModel(setup, self._ids)
         self._moves = self._full.moves(data)
@@ -313,15 +307,24 @@ class TouchDiagnosisModel(BaseModel):
             raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Touches")
         return TouchDiagnosisModel(data, self.setup, self._own)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedTouchModel:
+    def extended(
+        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> ExtendedTouchModel:
         """Return errors, placement and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
         own = {e.id: e for e in self._own}
         return ExtendedTouchModel(
-            self.setup,
-            {n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
-            {n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
-            {own.get(k, k): dict(v) for k, v in effects.items()},
+            setup=self.setup,
+            errors={n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
+            placement={n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
+            effects={own.get(k, k): dict(v) for k, v in effects.items()},
+            owners={k: self._owners[k] for k in effects if k in self._owners},
+            not_compensable={
+                k: "it has no motion(pose, values)"
+                for k, e in own.items()
+                if k in effects and e.motion is None
+            },
+            **({} if uncertainty is None else uncertainty.fields()),
         )
 
     def _check_on_surface(self) -> None:

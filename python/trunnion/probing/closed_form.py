@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 import trunnion._core as _core
 from trunnion.base.errors import DataError, UnknownNameError
 from trunnion.data.touches import Touches
+from trunnion.machine.effects import PLACEMENT
 from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import PLACEMENT, TouchModel
+from trunnion.probing.model import TouchModel
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
 
@@ -117,7 +118,7 @@ def closed_form(
         covariance=covariance,
         residuals_um=residuals,
         sigma_um=sigma,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=float(freedom),
         converged=True,
         per_position=per_position,
         checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},

@@ -10,6 +10,7 @@ mod compensation;
 mod contouring;
 mod errors;
 mod hybrid;
+mod linear;
 mod machine;
 mod names;
 mod nc;
@@ -29,8 +30,13 @@ mod _core {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("MAX_THREADS", crate::threads::MAX)?;
+        module.add("RANK_TOLERANCE", trunnion_core::linear::RANK_TOLERANCE)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
+
+    // --- statistics
+    #[pymodule_export]
+    use crate::linear::linear_fit;
 
     // --- trunnion (paper 000)
     #[pymodule_export]

@@ -1,7 +1,7 @@
 """The model of an axis log that the diagnosis engine asks."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -19,31 +19,34 @@ from trunnion.diagnosis.protocol import (
     IntArray,
     Nuisance,
     Readings,
+    Uncertainty,
 )
+from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, bound_to_readings
 from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
-from trunnion.models.candidates import own_effects
+from trunnion.models.candidates import for_compensation, own_effects
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo", "build"]
 
 
-@dataclass(frozen=True)
-class ExtendedServo:
+OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedServo(Estimate):
     """The servo model with what a diagnosis found.
 
     Attributes
     ----------
     servo:
         Gain, time constant, delay, Coulomb friction, backlash, cyclic error of each axis as found.
-    effects:
-        Id → parameter → value, as in the diagnosis.
+        Offsets of the rotary axes (`rotary_centre`) are location errors, in `errors`.
     """
 
     servo: Servo
-    effects: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 class AxisLogModel(BaseModel):
@@ -80,7 +83,7 @@ class AxisLogModel(BaseModel):
     ) -> None:
         self.data = log
         self.setup = setup
-        self.servo = Servo.from_table(setup.servo)
+        self.servo = Servo.from_setup(setup)
         self.axes = tuple(letter.upper() for letter in log.axes)
         check_servo(self.axes, self.servo)
         self.runs = runs_of(log, self.servo)
@@ -244,10 +247,28 @@ class AxisLogModel(BaseModel):
         """Return the same model, with the same columns, on another log."""
         return AxisLogModel(data, self.setup, self._own, chords=self._places)
 
-    def extended(self, nuisance: Array, effects: EffectValues) -> ExtendedServo:  # noqa: ARG002
+    def extended(
+        self,
+        nuisance: Array,  # noqa: ARG002
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedServo:
         """Return the servo model with the causes in it."""
         found = {name: dict(values) for name, values in effects.items()}
-        return ExtendedServo(changed_servo(self.servo, effects), found)
+        fields = {} if uncertainty is None else uncertainty.fields()
+        std_errors = fields.setdefault("std_errors", {})
+        known, errors = self.setup.machine.errors, {}
+        for name, value in found.pop("rotary_centre", {}).items():
+            error = name.removesuffix("_um")
+            errors[error] = known.get(error, 0.0) + value
+            std_errors[error] = std_errors.pop(f"rotary_centre.{name}", 0.0)
+        return ExtendedServo(
+            servo=changed_servo(self.servo, effects),
+            errors=errors,
+            effects=found,
+            **fields,
+            **for_compensation(self.effects, found, (), OF_THE_SERVO),
+        )
 
 
 def build(

@@ -17,7 +17,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.protocol import Array, IntArray
-from trunnion.machine.kinematics import core_machine
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["TIP_COLUMNS", "AxisSignal", "Blocks", "Run", "ToolTip", "Units", "runs_of"]
@@ -307,7 +307,7 @@ class ToolTip:
 
     Attributes
     ----------
-    setup:
+    chain:
         Machine with its known location errors, sense of each axis, length from tip to pivot.
     measured:
         Table's frame, mm, shape (rows, 3).
@@ -315,7 +315,7 @@ class ToolTip:
         Actual positions X, Y, Z (mm) and rotary (deg) in the machine's sense, shape (rows, 5).
     """
 
-    setup: Setup
+    chain: Chain
     measured: Array
     axes: Array = field(repr=False)
 
@@ -328,22 +328,23 @@ class ToolTip:
         InputError
             The axes of the log are not those of the machine.
         """
-        letters = f"XYZ{core_machine(setup).letters}"
+        chain = Chain(setup)
+        letters = f"XYZ{chain.letters}"
         if sorted(letter.lower() for letter in letters) != sorted(log.axes):
             raise InputError(
                 f"tool tip in the log: got axes {', '.join(log.axes).upper()}, expected "
                 f"{', '.join(letters)} (machine {setup.machine.preset})"
             )
         measured = [np.asarray(log.extra[name], dtype=np.float64) for name in TIP_COLUMNS]
-        axes = [setup.sense(x) * np.asarray(log.actual(x.lower())) for x in letters]
-        return cls(setup, np.stack(measured, axis=1), np.stack(axes, axis=1))
+        linear = np.stack([log.actual(x) for x in "xyz"], axis=1) * chain.linear_senses()
+        rotary = chain.to_machine({x: log.actual(x.lower()) for x in chain.letters})
+        return cls(chain, np.stack(measured, axis=1), np.hstack([linear, rotary]))
 
     @property
     def offsets(self) -> tuple[str, ...]:
         """Location errors that are offsets of rotary axes, the last axis first: EX0C."""
-        machine = core_machine(self.setup)
-        names = [name for name, unit in machine.location_errors if unit == "um"]
-        return tuple(n for letter in reversed(machine.letters) for n in names if n[-1] == letter)
+        names = [name for name, unit in self.chain.location_errors.items() if unit == "um"]
+        return tuple(n for x in reversed(self.chain.letters) for n in names if n[-1] == x)
 
     def deviation(self) -> Array:
         """Measured less modelled tip, mm, shape (rows, 3)."""
@@ -355,10 +356,10 @@ class ToolTip:
 
     def _tip(self, errors: dict[str, float]) -> Array:
         """Tip under location errors beside those of the set-up, table's frame, mm."""
-        known = dict(self.setup.machine.errors)
+        known = self.chain.named_errors(None)
         for name, value in errors.items():
             known[name] = known.get(name, 0.0) + value
-        return np.ascontiguousarray(core_machine(self.setup, known).forward(self.axes)[:, :3])
+        return np.ascontiguousarray(self.chain.machine(known).forward(self.axes)[:, :3])
 
 
 def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:

@@ -155,17 +155,24 @@ pub fn printed_operator(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> 
     let step = 0.5 * UM;
     let mut operator = vec![0.0; ERRORS * readings];
     let mut points = moves.point.to_vec();
-    for row in 0..readings {
+    for repeats in rows.repeats() {
         for side in [1.0, -1.0] {
-            let moved = Moves::vector(moves.point, row)
-                + Moves::vector(moves.direction, row) * (side * step);
-            points[3 * row..3 * row + 3].copy_from_slice(moved.as_slice());
+            for &row in repeats {
+                let moved = Moves::vector(moves.point, row)
+                    + Moves::vector(moves.direction, row) * (side * step);
+                points[3 * row..3 * row + 3].copy_from_slice(moved.as_slice());
+            }
             let shifted = printed(model, rows, &Moves { point: &points, ..*moves });
-            for (k, value) in shifted.errors.into_iter().enumerate() {
-                operator[k * readings + row] += side * value / (2.0 * step);
+            for &row in repeats {
+                for (k, value) in shifted.errors.into_iter().enumerate() {
+                    operator[k * readings + row] +=
+                        side * value / (2.0 * step * repeats.len() as f64);
+                }
             }
         }
-        points[3 * row..3 * row + 3].copy_from_slice(&moves.point[3 * row..3 * row + 3]);
+        for &row in repeats {
+            points[3 * row..3 * row + 3].copy_from_slice(&moves.point[3 * row..3 * row + 3]);
+        }
     }
     operator
 }

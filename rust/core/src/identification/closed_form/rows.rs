@@ -67,6 +67,13 @@ impl PaperRows {
         Ok(found)
     }
 
+    /// Rows of each touch that is used, its repeats together: the forms take their mean.
+    pub(super) fn repeats(&self) -> impl Iterator<Item = &[usize]> {
+        let turned = self.turned.iter().flat_map(|position| position.rows.iter());
+        let tilted = self.tilted.iter().flat_map(|position| position.rows.iter());
+        turned.chain(tilted).map(Vec::as_slice).filter(|rows| !rows.is_empty())
+    }
+
     fn turned_at(&mut self, angle: f64) -> &mut Turned {
         let place = self.turned.iter().position(|p| same(p.angle, angle));
         let place = place.unwrap_or_else(|| {

@@ -202,12 +202,17 @@ pub fn separate(
 pub fn separating_operator(rows: &PaperRows, readings: usize) -> Result<Vec<f64>> {
     let mut operator = vec![0.0; COUNT * readings];
     let mut along = vec![0.0; readings];
-    for row in 0..readings {
-        along[row] = 1.0;
-        for (k, value) in separating(rows, &along)?.values.into_iter().enumerate() {
-            operator[k * readings + row] = value;
+    for repeats in rows.repeats() {
+        for &row in repeats {
+            along[row] = 1.0;
         }
-        along[row] = 0.0;
+        let values = separating(rows, &along)?.values;
+        for &row in repeats {
+            along[row] = 0.0;
+            for (k, value) in values.into_iter().enumerate() {
+                operator[k * readings + row] = value / repeats.len() as f64;
+            }
+        }
     }
     Ok(operator)
 }

@@ -1,0 +1,167 @@
+"""Effects as everything else sees them: whose they are, a user's own, how they move the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol, TypeAlias, runtime_checkable
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
+
+__all__ = [
+    "PLACEMENT",
+    "Effect",
+    "EffectInfo",
+    "Motion",
+    "MotionPose",
+    "Moving",
+    "Owner",
+    "ParameterInfo",
+    "UserEffect",
+    "effect_id",
+    "split_effects",
+]
+
+PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
+"""Placement of the artefact on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc)."""
+
+
+class Owner(StrEnum):
+    """What a parameter belongs to, and with it what can be done about it.
+
+    Of the machine: it moves the tool relative to the work and can be compensated. Instruments
+    (probe, ball-bar, tracker) and artefacts change what is read. A workpiece and a placement are
+    of one set-up and are estimated anew in the next. Time: what changes slowly.
+    """
+
+    MACHINE = "machine"
+    INSTRUMENT = "instrument"
+    ARTEFACT = "artefact"
+    WORKPIECE = "workpiece"
+    PLACEMENT = "placement"
+    TIME = "time"
+
+    @classmethod
+    def _missing_(cls, value: object) -> Owner | None:
+        """A touch probe is an instrument."""
+        return cls.INSTRUMENT if value == "probe" else None
+
+
+@runtime_checkable
+class UserEffect(Protocol):
+    """An effect of the user's own, accepted wherever the id of a built-in effect is.
+
+    Optional members: ``jacobian(data, values)``, the derivative of ``change``, shape (n, k);
+    ``motion(pose, values)``, without which it is estimated but not compensated.
+    """
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        ...
+
+    @property
+    def parameters(self) -> Sequence[str]:
+        """Names with their units."""
+        ...
+
+    # Any: a user's class may name narrower types than Touches and Mapping[str, float].
+    def change(self, data: Any, values: Any) -> Any:
+        """Change of each reading of `data` in µm along its approach, shape (n,)."""
+        ...
+
+
+Effect: TypeAlias = str | UserEffect
+
+
+@dataclass(frozen=True)
+class MotionPose:
+    """Where an effect is asked for its motion.
+
+    `position_mm` is the commanded position of the linear axes, shape (n, 3); `rotary_deg` maps the
+    letter of each rotary axis to its positions in the control's sign, shape (n,).
+    """
+
+    position_mm: Floats
+    rotary_deg: Mapping[str, Floats]
+
+
+Motion: TypeAlias = Callable[[MotionPose, Mapping[str, float]], Any]
+"""Displacement of the tool relative to the work, machine frame, µm, shape (n, 3)."""
+
+
+@runtime_checkable
+class Moving(Protocol):
+    """A user's effect that moves the machine."""
+
+    @property
+    def id(self) -> str:
+        """Its name."""
+        ...
+
+    def motion(self, pose: MotionPose, values: Mapping[str, float]) -> Floats:
+        """Displacement of the tool relative to the work, machine frame, µm, shape (n, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """A parameter of an effect: name with unit, unit, and how it is found.
+
+    `kind` is "linear" (least squares), "moment" (a time that is searched between touches) or
+    "duration" (searched over decades, then refined).
+    """
+
+    name: str
+    unit: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """An entry of the catalogue of effects on touches.
+
+    `needs` are columns of the touches without which the effect cannot be identified.
+    """
+
+    id: str
+    title: str
+    owner: Owner
+    parameters: tuple[ParameterInfo, ...]
+    needs: tuple[str, ...]
+
+
+def effect_id(effect: Effect) -> str:
+    """Id of an effect that is given by its id or as an object."""
+    return effect if isinstance(effect, str) else effect.id
+
+
+def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect]]:
+    """Built-in ids and the user's own effects, each checked.
+
+    Raises
+    ------
+    InputError
+        If something is neither an id nor an effect, or an id stands twice.
+    """
+    if isinstance(effects, str):
+        raise InputError(f"effects: got the text {effects!r}, wanted a sequence of ids or effects")
+    ids: list[str] = []
+    own: list[UserEffect] = []
+    for effect in effects:
+        if isinstance(effect, str):
+            ids.append(effect)
+        elif isinstance(effect, UserEffect):
+            own.append(effect)
+        else:
+            raise InputError(
+                f"effect: got {effect!r}, wanted an id of the catalogue or an object with id, "
+                "parameters and change(data, values)"
+            )
+    names = [*ids, *(effect.id for effect in own)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"effects: got {name!r} twice, wanted each once")
+    return ids, own
