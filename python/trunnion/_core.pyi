@@ -31,6 +31,14 @@ _Integers: TypeAlias = npt.NDArray[np.int64]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
+# --- statistics
+__all__ += ["linear_fit"]
+
+def linear_fit(
+    columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
+) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
+    """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
+
 _Method: TypeAlias = Literal["separating", "printed", "identified"]
 _Feedback: TypeAlias = Literal["motor", "load"]
 # Feed mm/min, acceleration time s, decelerate, normal acceleration mm/s², dwell s.
@@ -48,14 +56,6 @@ def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple
 
 def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
     """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
-
-# --- statistics
-__all__ += ["linear_fit"]
-
-def linear_fit(
-    columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
-) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
-    """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
 
 def closed_form_slips() -> list[str]: ...
 def catalogue(
