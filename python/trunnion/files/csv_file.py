@@ -40,7 +40,7 @@ class Readable(Protocol):
         ...
 
     def read_from(self, file: str, lines: ArrayLike) -> Self:
-        """Return the table with the file and the line (from 1) of each row."""
+        """Return the table with its origin: a file, and the line of each row in it."""
         ...
 
 

@@ -125,7 +125,12 @@ def identify(
 
 def _by_the_core(model: TouchModel, moves: Moves, loss: Loss, max_steps: int) -> Found:
     fit = model.core.fit(
-        moves, model.values(), loss.knee, loss.sigma_um, list(loss.priors), max_steps
+        moves,
+        model.values(),
+        huber=loss.knee,
+        sigma_um=loss.sigma_um,
+        priors=list(loss.priors),
+        max_steps=max_steps,
     )
     return Found(
         fit["values"],
@@ -176,11 +181,11 @@ def identify_many(
         model.moves(plan),
         positions.reshape(len(positions), -1),
         model.values(),
-        None,
-        known_sigma_um(setup),
-        [],
-        max_steps,
-        threads,
+        huber=None,
+        sigma_um=known_sigma_um(setup),
+        priors=[],
+        max_steps=max_steps,
+        threads=threads,
     )
     return model.names, values, errors, converged
 

@@ -131,8 +131,14 @@ class TouchProblem:
         """Known errors; nonlinear parameters where the core finds them without the own effects."""
         start = self.model.values()
         if any(kind != "linear" for kind in self.model.kinds):
-            knee, sigma = loss.knee, loss.sigma_um
-            start = self.model.core.fit(self.moves, start, knee, sigma, [], max_steps)["values"]
+            start = self.model.core.fit(
+                self.moves,
+                start,
+                huber=loss.knee,
+                sigma_um=loss.sigma_um,
+                priors=[],
+                max_steps=max_steps,
+            )["values"]
         return np.concatenate([start, np.zeros(self._own_count)])
 
     def fit(self, loss: Loss, max_steps: int) -> Found:

@@ -65,9 +65,6 @@ pub struct Axis {
     pub limit: f64,
 }
 
-/// Number of parameters in a row that describes an axis, in the order of the fields of [`Axis`].
-pub const AXIS_FIELDS: usize = 13;
-
 impl Axis {
     /// A linear axis: gain and time constant.
     #[must_use]

@@ -25,7 +25,7 @@ enum Sign {
 }
 
 /// How many digits a number may have.
-const MOST_DIGITS: u8 = 15;
+const MAX_DIGITS: u8 = 15;
 
 impl Number {
     /// Reads the number at the head of `text`; returns it with the count of bytes it took.
@@ -42,7 +42,7 @@ impl Number {
         while let Some(&byte) = bytes.get(at) {
             match byte {
                 b'0'..=b'9' => {
-                    if whole + decimals == MOST_DIGITS {
+                    if whole + decimals == MAX_DIGITS {
                         return None;
                     }
                     digits = digits * 10 + u64::from(byte - b'0');
