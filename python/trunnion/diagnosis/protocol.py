@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers, unit_of
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Uncertainty",
     "Values",
     "as_effect",
+    "identity",
 ]
 
 Array: TypeAlias = Floats
@@ -49,6 +51,13 @@ IntArray: TypeAlias = Integers
 NuisanceScope: TypeAlias = Literal["setup", "machine"]
 EffectScope: TypeAlias = Literal["machine", "instrument", "workpiece"]
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
+
+EXACT_TOLERANCE = 1e-9
+
+
+def identity(columns: Array) -> Array:
+    """Whiten noise that is white already."""
+    return columns
 
 
 @dataclass(frozen=True)
@@ -388,12 +397,11 @@ class Model(Protocol):
         ...
 
     @property
-    def visible(self) -> float:
-        """Smallest part of a nuisance parameter's change that counts as seen.
+    def rank_tolerance(self) -> float:
+        """Share of the largest singular value up to which a combination is not identifiable.
 
-        A direction of the nuisance parameters is seen if the readings keep more than this of it
-        (a singular value, columns of unit length) beside the others. Larger than rounding where
-        second-order terms make a direction seem to be seen that is not.
+        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
+        has a reason for another.
         """
         ...
 
@@ -493,9 +501,9 @@ class BaseModel:
         return None
 
     @property
-    def visible(self) -> float:
-        """Anything above rounding."""
-        return 1e-9
+    def rank_tolerance(self) -> float:
+        """That of all."""
+        return RANK_TOLERANCE
 
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
@@ -526,7 +534,7 @@ class BaseModel:
 
     def whitener(self, residuals: Array) -> Callable[[Array], Array]:  # noqa: ARG002
         """Noise taken as white and of one size."""
-        return lambda a: a
+        return identity
 
     def location_errors(self, nuisance: Array, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Nuisance parameters of scope "machine", by name."""
@@ -614,6 +622,11 @@ class LinearModel(BaseModel):
     def replicates(self) -> IntArray | None:
         """As given, or none known."""
         return None if self._replicates is None else np.asarray(self._replicates, dtype=np.intp)
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Rounding: a design that is exact has no leftovers of second order."""
+        return EXACT_TOLERANCE
 
     def base(self, nuisance: Array) -> Array:
         """Return design @ nuisance."""

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.statistics import linear_fit
 from trunnion.diagnosis import outliers
-from trunnion.diagnosis.fit import orthonormal
 from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
 from trunnion.diagnosis.records import Gain, units_of
 
@@ -70,6 +70,7 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
     r: Array = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
+    hold = None
     for step in range(STEPS):
         parts = [model.jacobian(at, values)[:, free]]
         for e in loose:
@@ -79,8 +80,14 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
         if jac.shape[1] == 0:
             break
         root = np.sqrt(weight)
-        u, s, vt, scale = orthonormal(np.asarray(whiten(jac)) * root[:, None])
-        move = (vt.T / s / scale[:, None]) @ (u.T @ (np.asarray(whiten(r)) * root))
+        solved = linear_fit(
+            np.asarray(whiten(jac)) * root[:, None],
+            np.asarray(whiten(r)) * root,
+            hold=hold,
+            tolerance=model.rank_tolerance,
+        )
+        hold = solved.held  # what is not identifiable where the fit starts stays there
+        move = solved.solution
         at[free] += move[: int(free.sum())]
         for (e, i), m in zip(index, move[int(free.sum()) :], strict=True):
             values[e.id][e.parameters[i].name] += float(m)

@@ -96,6 +96,7 @@ from trunnion.setup.fields import Flag, Number, Section, Sign, Vector, key
 __all__ = ["BallbarModel", "BallbarSettings", "ExtendedBallbarModel"]
 
 AXES = "xyz"
+MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
 #: Effects that are in the machine's own catalogue, by the same names.
 CATALOGUED = (
     *(f"scale_{a}" for a in AXES),
@@ -410,13 +411,14 @@ class BallbarModel(BaseModel):
         return start
 
     @property
-    def visible(self) -> float:
+    def rank_tolerance(self) -> float:
         """Weaker combinations of the 17 are left alone.
 
         Errors of 50 µm change the readings of a circle along them by less than the noise, but a
-        fit that followed them would take the errors to where derivatives no longer hold.
+        fit that followed them would take the errors to where derivatives no longer hold. They have
+        no gap: the singular values of a circle fall evenly from 1 to 1e-6.
         """
-        return 1e-4
+        return MIN_SINGULAR_VALUE
 
     def _centres_at(self, nuisance: Array) -> Array:
         centres = self._centres.copy()
@@ -725,7 +727,7 @@ class BallbarModel(BaseModel):
         readings, jacobian = self._plain(start)
         scale = np.linalg.norm(jacobian, axis=0)
         u, s, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
-        basis = u[:, s > self.visible]
+        basis = u[:, s > self.rank_tolerance * s[0]]
 
         def left(columns: Array) -> Array:
             return np.asarray(columns - basis @ (basis.T @ columns))

@@ -11,8 +11,8 @@ import numpy as np
 from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.fit import Flags, fit
-from trunnion.diagnosis.parting import Hypothesis, Parting
 from trunnion.diagnosis.protocol import Array, Effect, EffectValues, IntArray, Values
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
@@ -120,12 +120,12 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         sets = [_hypothesis(model, both, d, used, {}, 0.0)]
     nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
-        parting = Parting(nuisance, is_old, sets, d.sigma)
-        many = parting.choose(max(n, MANY[-1]))
+        discrimination = Discrimination(nuisance, is_old, sets, d.sigma)
+        many = discrimination.choose(max(n, MANY[-1]))
         chosen = many[:n]
-        chance = parting.chance(chosen)
-        enough = next((k for k in MANY if k > n and parting.chance(many[:k]) >= SURE), None)
-        pairs = parting.unparted(many)
+        chance = discrimination.chance(chosen)
+        enough = next((k for k in MANY if k > n and discrimination.chance(many[:k]) >= SURE), None)
+        pairs = discrimination.alike(many)
         alike = tuple((d.alternatives[i], d.alternatives[j]) for i, j in pairs)
     else:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)

@@ -635,7 +635,7 @@ class _Geometry:
         centred = p.copy()
         for k in range(count):
             centred[target == k] -= p[target == k].mean(axis=0)
-        _, size, vt = np.linalg.svd(centred, full_matrices=True)
+        _, size, vt = np.linalg.svd(centred, full_matrices=len(centred) < 3)
         if size[0] == 0.0:
             raise DataError("sweep: got targets that do not move, wanted targets that turn")
         frame = np.stack([vt[0], vt[1], np.cross(vt[0], vt[1])], axis=1)
@@ -727,7 +727,7 @@ def circles(data: Sweep) -> dict[Any, Circle]:
         if len(p) < 4:
             raise DataError(f"target {label}: got {len(p)} positions, wanted at least 4")
         middle = p.mean(axis=0)
-        vt = np.linalg.svd(p - middle)[2]
+        vt = np.linalg.svd(p - middle, full_matrices=len(p) < 3)[2]
         q = (p - middle) @ vt.T
         a = np.column_stack([2 * q[:, :2], np.ones(len(q))])
         x, y, w = np.linalg.lstsq(a, np.sum(q[:, :2] ** 2, axis=1), rcond=None)[0]

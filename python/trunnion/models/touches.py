@@ -133,11 +133,6 @@ class TouchDiagnosisModel(BaseModel):
         """Location errors known beforehand, artefact where it should be."""
         return self._start.copy()
 
-    @property
-    def visible(self) -> float:
-        """Errors and placement of 1e-3 rad break exact dependencies in second order."""
-        return 0.02
-
     def predict(self, nuisance: Array, effects: EffectValues) -> Array:
         """Return readings, µm; built-in effects act together in the core, a user's own is added."""
         ids, values = self._vector(nuisance, effects)
