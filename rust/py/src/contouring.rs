@@ -55,8 +55,8 @@ impl ContourPath {
         let sizes = [coefficients.len(), omega.len() * 6, cosine.len(), sine.len()];
         if sizes != [6 * pieces * per_piece, 6 * pieces, 6 * pieces, 6 * pieces] {
             let got = format!("numbers of values {sizes:?}");
-            let wanted = format!("as many rows for each of {pieces} pieces");
-            return Err(to_py(&Error::input("path", got, wanted)));
+            let expected = format!("as many rows for each of {pieces} pieces");
+            return Err(to_py(&Error::input("path", got, expected)));
         }
         let pieces = (0..pieces)
             .map(|i| Piece {
@@ -241,8 +241,8 @@ pub fn contour_sweep<'py>(
         .map(|i| {
             let number = coupling_index[i];
             let coupling = couplings.get(number).ok_or_else(|| {
-                let wanted = format!("below {}", couplings.len());
-                to_py(&Error::input("controller of a case", number, wanted))
+                let expected = format!("below {}", couplings.len());
+                to_py(&Error::input("controller of a case", number, expected))
             })?;
             Ok(Case {
                 path: path_index[i],
@@ -353,8 +353,8 @@ fn axis_responses(
     stride: usize,
 ) -> PyResult<Vec<f64>> {
     if !axes.len().is_multiple_of(AXIS_FIELDS) {
-        let wanted = format!("{AXIS_FIELDS} numbers");
-        return Err(to_py(&Error::input("axis", axes.len(), wanted)));
+        let expected = format!("{AXIS_FIELDS} numbers");
+        return Err(to_py(&Error::input("axis", axes.len(), expected)));
     }
     if let Some(row) = command.iter().position(|v| !v.is_finite()) {
         let what = format!("command, row {row}");

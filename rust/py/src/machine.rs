@@ -44,8 +44,8 @@ fn tool(row: &[f64]) -> Tool {
 fn at_row(row: usize) -> impl Fn(Error) -> Error {
     move |error| match error {
         Error::Kinematics(message) => Error::Kinematics(format!("row {row}: {message}")),
-        Error::Input { what, got, wanted } => {
-            Error::Input { what: format!("row {row}: {what}"), got, wanted }
+        Error::Input { what, got, expected } => {
+            Error::Input { what: format!("row {row}: {what}"), got, expected }
         }
         other => other,
     }

@@ -17,8 +17,8 @@ pub fn with_threads<T: Send>(
     match threads {
         None => Ok(work()),
         Some(count) if count == 0 || count > MAX => {
-            let wanted = format!("1 to {MAX}, or None for all cores");
-            Err(to_py(&Error::input("threads", count, wanted)))
+            let expected = format!("1 to {MAX}, or None for all cores");
+            Err(to_py(&Error::input("threads", count, expected)))
         }
         Some(count) => rayon::ThreadPoolBuilder::new()
             .num_threads(count)

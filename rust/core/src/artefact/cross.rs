@@ -36,8 +36,8 @@ fn make(dimensions: &[f64]) -> Result<Artefact> {
     let [length, width, height] = exactly(&KIND, dimensions)?;
     positive(&[("length", length), ("width", width), ("height", height)])?;
     if width >= length {
-        let wanted = format!("less than the length, {length}");
-        return Err(Error::input("width of the cross in mm", width, wanted));
+        let expected = format!("less than the length, {length}");
+        return Err(Error::input("width of the cross in mm", width, expected));
     }
     Ok(Artefact::Cross(Cross { length, width, height }))
 }

@@ -179,8 +179,8 @@ fn exactly<const N: usize>(kind: &Kind, dimensions: &[f64]) -> Result<[f64; N]> 
     dimensions.try_into().map_err(|_| {
         let names: Vec<&str> = kind.dimensions.iter().map(|(name, _)| *name).collect();
         let what = format!("dimensions of a {}", kind.name);
-        let wanted = format!("{N}: {}", names.join(", "));
-        Error::input(what, format!("{} numbers", dimensions.len()), wanted)
+        let expected = format!("{N}: {}", names.join(", "));
+        Error::input(what, format!("{} numbers", dimensions.len()), expected)
     })
 }
 

@@ -63,8 +63,8 @@ impl Model {
     /// Another number of values than the machine has location errors, a value that is not finite.
     pub fn set_errors(&mut self, amounts: &[f64]) -> Result<()> {
         if amounts.len() != self.errors.len() {
-            let wanted = self.errors.len().to_string();
-            return Err(Error::input("location errors", amounts.len(), wanted));
+            let expected = self.errors.len().to_string();
+            return Err(Error::input("location errors", amounts.len(), expected));
         }
         self.constant = Places::default();
         for (error, amount) in self.errors.iter().zip(amounts) {

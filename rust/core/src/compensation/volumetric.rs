@@ -262,8 +262,8 @@ impl<'a> ControlledPose<'a> {
         let direction = |posture: &Posture| {
             posture.artefact.rotation.tr_mul(&(posture.head.rotation * Vector3::z()))
         };
-        let (is, wanted) = (direction(&self.posture), direction(&self.nominal));
-        is.cross(&wanted).norm().atan2(is.dot(&wanted))
+        let (is, expected) = (direction(&self.posture), direction(&self.nominal));
+        is.cross(&expected).norm().atan2(is.dot(&expected))
     }
 
     /// Derivatives of the error with respect to the parameters of the machine as it is, in the

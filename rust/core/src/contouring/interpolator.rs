@@ -56,17 +56,17 @@ impl Feed {
         at_least_0("acceleration time, s", self.acceleration_time)?;
         at_least_0("dwell, s", self.dwell)?;
         if self.normal_acceleration.is_nan() || self.normal_acceleration <= 0.0 {
-            let wanted = "above 0, or infinite for no limit";
+            let expected = "above 0, or infinite for no limit";
             return Err(Error::input(
                 "normal acceleration, mm/s^2",
                 self.normal_acceleration,
-                wanted,
+                expected,
             ));
         }
         let limited = self.normal_acceleration.is_finite() || self.decelerate;
         if limited && self.acceleration_time == 0.0 {
-            let wanted = "above 0 where the feed has to change (deceleration, curvature limit)";
-            return Err(Error::input("acceleration time, s", 0.0, wanted));
+            let expected = "above 0 where the feed has to change (deceleration, curvature limit)";
+            return Err(Error::input("acceleration time, s", 0.0, expected));
         }
         Ok(())
     }
@@ -183,8 +183,8 @@ impl Reference {
         let moving = (end / period).ceil();
         let dwell = if feed.decelerate { (feed.dwell / period).ceil() + 1.0 } else { 0.0 };
         if !(4.0..=5e7).contains(&(moving + dwell)) {
-            let wanted = "4 to 5e7: change feed, period or path";
-            return Err(Error::input("reference samples", moving + dwell, wanted));
+            let expected = "4 to 5e7: change feed, period or path";
+            return Err(Error::input("reference samples", moving + dwell, expected));
         }
         let count = (moving + dwell) as usize;
         let mut out = Self {

@@ -33,8 +33,8 @@ pub const SENSITIVITY_ROWS: usize = 3 + 3 + 3 + 3 + PASSIVE;
 
 fn at_row(row: usize) -> impl Fn(Error) -> Error {
     move |error| match error {
-        Error::Input { what, got, wanted } => {
-            Error::Input { what: format!("row {row}: {what}"), got, wanted }
+        Error::Input { what, got, expected } => {
+            Error::Input { what: format!("row {row}: {what}"), got, expected }
         }
         Error::Kinematics(message) => Error::Kinematics(format!("row {row}: {message}")),
         other => other,
@@ -185,11 +185,11 @@ impl Batch<'_> {
     }
 }
 
-fn same_rows(what: &str, got: usize, wanted: usize) -> Result<()> {
-    if got == wanted {
+fn same_rows(what: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
         return Ok(());
     }
-    Err(Error::input(format!("rows of {what}"), got, wanted.to_string()))
+    Err(Error::input(format!("rows of {what}"), got, expected.to_string()))
 }
 
 fn fill_forward(solution: &Solution, slot: &mut [f64]) {

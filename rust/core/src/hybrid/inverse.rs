@@ -78,7 +78,7 @@ pub(super) fn nominal_inverse(
     let (a2, wrist) = (Vector3::new(0.0, e[3], 0.0), pose.tip - t * e[14]);
     if wrist.z.is_nan() || wrist.z >= 0.0 {
         return Err(Error::Kinematics(format!(
-            "tool point at z = {:.3} mm puts the wrist at z = {:.3} mm; wanted below the base \
+            "tool point at z = {:.3} mm puts the wrist at z = {:.3} mm; expected below the base \
              (z < 0), where the legs reach",
             pose.tip.z, wrist.z
         )));
@@ -91,7 +91,7 @@ pub(super) fn nominal_inverse(
     if depth.is_nan() || depth >= 0.0 {
         return Err(Error::Kinematics(format!(
             "leg 2 would have to point upwards ({depth:.3} mm along the plane of legs 1 and 3); \
-             wanted a tool point farther below the base"
+             expected a tool point farther below the base"
         )));
     }
     let psi = (wrist.x / depth).atan();
@@ -166,7 +166,7 @@ pub(super) fn inverse(
     }
     let [x, y, z]: [f64; 3] = pose.tip.into();
     Err(Error::Kinematics(format!(
-        "no commands bring the tool to ({x:.3}, {y:.3}, {z:.3}) mm in the wanted direction: \
+        "no commands bring the tool to ({x:.3}, {y:.3}, {z:.3}) mm in the given direction: \
          {last:.1e} mm left; the tool lies on the q4 axis, or the start is too far away"
     )))
 }

@@ -228,7 +228,7 @@ impl Home {
         let mut here =
             newton(geometry, closure, &self.passive, &at(0.0), MAX_STEPS).map_err(|_| {
                 Error::Kinematics(
-                "the loops do not close even at the home posture with these errors; wanted errors \
+                "the loops do not close even at the home posture with these errors; expected errors \
                  that are small beside the dimensions"
                     .to_owned(),
             )

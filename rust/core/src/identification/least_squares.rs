@@ -96,7 +96,7 @@ pub fn check(model: &TouchModel, moves: &Moves, start: &[f64], options: &Options
     let known = moves.len() + options.priors.len();
     if known < p {
         return Err(Error::Data(format!(
-            "got {} touches and {} priors for {p} parameters; wanted at least as many as parameters",
+            "got {} touches and {} priors for {p} parameters; expected at least as many as parameters",
             moves.len(),
             options.priors.len()
         )));

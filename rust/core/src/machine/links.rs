@@ -126,7 +126,7 @@ impl Directions {
         let letters: Vec<String> =
             machine.rotary().iter().map(|axis| axis.letter().to_string()).collect();
         Error::Kinematics(format!(
-            "inverse kinematics: got rotary axes {}, wanted two, the one nearer to the spindle not \
+            "inverse kinematics: got rotary axes {}, expected two, the one nearer to the spindle not \
              parallel to it",
             letters.join(", ")
         ))

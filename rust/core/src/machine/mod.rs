@@ -98,8 +98,8 @@ impl Machine {
     /// apart by name), or a tool length that is not positive.
     pub fn new(rotary: Vec<Rotary>, tool_length: f64) -> Result<Self> {
         if rotary.len() > MAX_ROTARY {
-            let wanted = format!("at most {MAX_ROTARY}");
-            return Err(Error::input("number of rotary axes", rotary.len(), wanted));
+            let expected = format!("at most {MAX_ROTARY}");
+            return Err(Error::input("number of rotary axes", rotary.len(), expected));
         }
         for (i, axis) in rotary.iter().enumerate() {
             if rotary[..i].iter().any(|other| other.direction == axis.direction) {

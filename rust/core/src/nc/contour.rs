@@ -19,7 +19,7 @@ pub fn contour_blocks(program: &Program) -> Result<Option<Range<usize>>> {
         };
         let find = |letter: char| {
             let word = block.word(letter).ok_or_else(|| {
-                cycle.span.error(format!("contour cycle without {letter}; wanted P and Q"))
+                cycle.span.error(format!("contour cycle without {letter}; expected P and Q"))
             })?;
             program
                 .blocks
@@ -29,13 +29,15 @@ pub fn contour_blocks(program: &Program) -> Result<Option<Range<usize>>> {
                 })
                 .ok_or_else(|| {
                     let message =
-                        format!("no block N{}; wanted an end of the contour", word.number);
+                        format!("no block N{}; expected an end of the contour", word.number);
                     word.span.error(message)
                 })
         };
         let (first, last) = (find('P')?, find('Q')?);
         if last < first {
-            return Err(cycle.span.error("the contour ends before it begins; wanted N of P first"));
+            return Err(cycle
+                .span
+                .error("the contour ends before it begins; expected N of P first"));
         }
         return Ok(Some(first..last + 1));
     }

@@ -98,11 +98,11 @@ impl<'a> Follower<'a> {
                 return if self.inside && self.moves.is_empty() && block.has('G', 70.0) {
                     Err(word
                         .span
-                        .error("G70 repeats a contour; wanted that contour to be read itself"))
+                        .error("G70 repeats a contour; expected that contour to be read itself"))
                 } else if self.inside {
                     Err(word
                         .span
-                        .error("cycles are not followed; wanted the finishing contour alone"))
+                        .error("cycles are not followed; expected the finishing contour alone"))
                 } else {
                     Ok(())
                 };
@@ -118,7 +118,7 @@ impl<'a> Follower<'a> {
             if let Some(set) = set {
                 if let Some(other) = motion {
                     return Err(word.span.error(format!(
-                        "G{} after G{} in one block; wanted one motion",
+                        "G{} after G{} in one block; expected one motion",
                         word.number, other.number
                     )));
                 }
@@ -134,7 +134,7 @@ impl<'a> Follower<'a> {
         {
             return Err(block
                 .span
-                .error("axis words beside a dwell or a setting; wanted a block of their own"));
+                .error("axis words beside a dwell or a setting; expected a block of their own"));
         }
         self.travel(index, block)
     }
@@ -155,7 +155,7 @@ impl<'a> Follower<'a> {
             if by_increment || self.modes.incremental {
                 if !known[axis] {
                     return Err(word.span.error(format!(
-                        "increment {}{} from a place that is not known; wanted an absolute move first",
+                        "increment {}{} from a place that is not known; expected an absolute move first",
                         word.letter, word.number
                     )));
                 }
@@ -173,7 +173,7 @@ impl<'a> Follower<'a> {
         let span = place.or(centre_words).map_or(block.span, |word| word.span);
         let Some(mode) = self.modes.mode else {
             return Err(
-                span.error("axis words before any of G0, G1, G2, G3; wanted a motion first")
+                span.error("axis words before any of G0, G1, G2, G3; expected a motion first")
             );
         };
         let from = self.position;
@@ -196,7 +196,7 @@ impl<'a> Follower<'a> {
                 AXES.iter().zip(self.known).filter(|(_, k)| !k).map(|(a, _)| a).collect();
             let which = if axes.is_empty() { String::new() } else { format!(" ({axes})") };
             return Err(span.error(format!(
-                "a feed move from a place that is not known{which}; wanted G0 to it before, or a start \
+                "a feed move from a place that is not known{which}; expected G0 to it before, or a start \
                  position"
             )));
         }
@@ -209,7 +209,7 @@ impl<'a> Follower<'a> {
         let feed = match (mode, self.modes.feed) {
             (Mode::Rapid, _) => 0.0,
             (_, Some(feed)) => feed,
-            (_, None) => return Err(span.error("a feed move but no feed; wanted F")),
+            (_, None) => return Err(span.error("a feed move but no feed; expected F")),
         };
         let motion = match mode {
             Mode::Rapid => Motion::Rapid,
@@ -263,10 +263,12 @@ impl<'a> Follower<'a> {
             (Some(word), _) => {
                 return Err(word
                     .span
-                    .error("an arc with R and with its centre; wanted one of them"));
+                    .error("an arc with R and with its centre; expected one of them"));
             }
             (None, [None, None]) => {
-                return Err(span.error("an arc without radius; wanted R, or its centre by I, J, K"));
+                return Err(
+                    span.error("an arc without radius; expected R, or its centre by I, J, K")
+                );
             }
             (None, words) => {
                 let mut centre = start;
@@ -285,7 +287,7 @@ impl<'a> Follower<'a> {
                 if at_start == 0.0 || (at_start - at_end).abs() > ARC_TOLERANCE_MM {
                     return Err(span.error(format!(
                         "the arc does not close: radius {at_start:.4} mm at its start, {at_end:.4} mm at \
-                         its end; wanted the same within {ARC_TOLERANCE_MM} mm"
+                         its end; expected the same within {ARC_TOLERANCE_MM} mm"
                     )));
                 }
                 centre

@@ -95,7 +95,7 @@ impl<'a> Modes<'a> {
             960 | 970 => {}
             _ => {
                 return Err(word.span.error(format!(
-                    "G{} is not known in dialect {}; wanted a code that can be followed, or this one \
+                    "G{} is not known in dialect {}; expected a code that can be followed, or this one \
                      among the machine's codes that move nothing",
                     word.number, self.dialect
                 )));
@@ -135,7 +135,7 @@ impl<'a> Modes<'a> {
             };
             if !allowed && !self.is_machine_code(word) {
                 return Err(word.span.error(format!(
-                    "{}{} has no meaning here in dialect {}; wanted an axis, a feed or a known code",
+                    "{}{} has no meaning here in dialect {}; expected an axis, a feed or a known code",
                     word.letter, word.number, self.dialect
                 )));
             }
@@ -149,7 +149,7 @@ impl<'a> Modes<'a> {
         if calls {
             return Err(word
                 .span
-                .error("subprograms are not followed; wanted the blocks themselves"));
+                .error("subprograms are not followed; expected the blocks themselves"));
         }
         Ok(true)
     }
@@ -160,11 +160,11 @@ impl<'a> Modes<'a> {
         if bare && self.feed_mode == FeedMode::PerRevolution {
             return Err(word.span.error(
                 "feed per revolution without a decimal point: how it counts is a parameter of the \
-                 control; wanted a point",
+                 control; expected a point",
             ));
         }
         if value <= 0.0 {
-            return Err(word.span.error(format!("feed {}; wanted more than zero", word.number)));
+            return Err(word.span.error(format!("feed {}; expected more than zero", word.number)));
         }
         Ok(if self.feed_mode == FeedMode::InverseTime { value } else { value * self.unit_mm })
     }

@@ -75,8 +75,8 @@ impl Number {
     pub fn rounded(value: f64, decimals: u8) -> Result<Self> {
         let scaled = (value.abs() * 10_f64.powi(i32::from(decimals))).round();
         if decimals > 9 || !scaled.is_finite() || scaled >= 1e15 {
-            let wanted = "a finite number of at most 15 digits, at most 9 of them decimals";
-            return Err(Error::input("number", value, wanted));
+            let expected = "a finite number of at most 15 digits, at most 9 of them decimals";
+            return Err(Error::input("number", value, expected));
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
         let (mut digits, mut decimals) = (scaled as u64, decimals);

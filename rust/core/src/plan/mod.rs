@@ -129,8 +129,8 @@ struct PlanAxes {
 
 impl PlanAxes {
     fn of(machine: &Machine) -> Self {
-        let find = |wanted: &dyn Fn(Direction, Side) -> bool| {
-            machine.rotary().iter().position(|axis| wanted(axis.direction, axis.side))
+        let find = |expected: &dyn Fn(Direction, Side) -> bool| {
+            machine.rotary().iter().position(|axis| expected(axis.direction, axis.side))
         };
         Self {
             turning: find(&|direction, _| direction == Direction::Z),
@@ -380,10 +380,10 @@ impl<'a> Clock<'a> {
             if !moves {
                 continue;
             }
-            let wanted = if is_turning || both_senses { sense } else { way.signum() };
-            let back = if way * wanted > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
+            let expected = if is_turning || both_senses { sense } else { way.signum() };
+            let back = if way * expected > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
             longest = longest.max(way.abs() + back);
-            self.sense[axis] = wanted;
+            self.sense[axis] = expected;
         }
         self.rotary = Some(*to);
         if longest > 0.0 {

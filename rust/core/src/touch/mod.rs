@@ -133,8 +133,8 @@ impl TouchModel {
     /// Another number of values than parameters, or one that is not finite.
     pub fn check_values(&self, values: &[f64]) -> Result<()> {
         if values.len() != self.parameters {
-            let wanted = format!("{} of them", self.parameters);
-            return Err(Error::input("parameter values", values.len(), wanted));
+            let expected = format!("{} of them", self.parameters);
+            return Err(Error::input("parameter values", values.len(), expected));
         }
         if let Some(bad) = values.iter().position(|value| !value.is_finite()) {
             let name = self.parameter_names().swap_remove(bad).name;
@@ -263,7 +263,7 @@ impl TouchModel {
                 None => "moves along a line that misses the modelled artefact".to_owned(),
             };
             return Err(Error::Data(format!(
-                "touch in row {row} {problem}; wanted at most {MAX_OFF_SURFACE_MM} mm: check the \
+                "touch in row {row} {problem}; expected at most {MAX_OFF_SURFACE_MM} mm: check the \
                  artefact's kind and dimensions, the machine preset and the signs of its axes"
             )));
         }

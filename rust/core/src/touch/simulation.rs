@@ -46,8 +46,8 @@ impl TouchModel {
                     Some(contact) => format!("touches only after {:.3} mm", contact.travel),
                     None => "does not touch the artefact, or starts inside it".to_owned(),
                 };
-                let wanted = format!("a touch within {} mm", simulation.reach);
-                Error::Data(format!("move in row {row} {problem}; wanted {wanted}"))
+                let expected = format!("a touch within {} mm", simulation.reach);
+                Error::Data(format!("move in row {row} {problem}; expected {expected}"))
             })?;
             let noise: f64 =
                 if simulation.noise > 0.0 { StandardNormal.sample(&mut random) } else { 0.0 };

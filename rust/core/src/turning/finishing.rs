@@ -56,8 +56,8 @@ pub struct Finishing {
 /// below the part.
 pub fn finishing(profile: &Profile, options: &FinishOptions) -> Result<Finishing> {
     if options.retract_x_mm.is_nan() || options.retract_x_mm <= profile.largest_x() {
-        let wanted = format!("more than the largest radius, {:.3}", profile.largest_x());
-        return Err(Error::input("retract radius, mm", options.retract_x_mm, wanted));
+        let expected = format!("more than the largest radius, {:.3}", profile.largest_x());
+        return Err(Error::input("retract radius, mm", options.retract_x_mm, expected));
     }
     // Elements keep their numbers only on the profile itself: cut the head off there.
     let kept = profile.elements().get(options.first_element..).unwrap_or_default();
@@ -65,12 +65,12 @@ pub fn finishing(profile: &Profile, options: &FinishOptions) -> Result<Finishing
     let (Some(first), Some(kept_first)) = (path.first(), kept.first()) else {
         return Err(Error::input("first element", options.first_element, "one of the profile"));
     };
-    let wanted =
+    let expected =
         kept_first.offset(reach(options.follows)).map_or(first.from(), |e| e.direction(e.from()));
     let begin = path
         .iter()
         .position(|e| {
-            norm(minus(e.direction(e.from()), wanted)) < 1e-9
+            norm(minus(e.direction(e.from()), expected)) < 1e-9
                 && e.to()[0] <= kept_first.from()[0] + reach(options.follows) + MIN_LENGTH_MM
         })
         .unwrap_or(0);

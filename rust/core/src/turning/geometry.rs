@@ -288,8 +288,8 @@ pub fn intersection(a: &Element, b: &Element, near: Point) -> Option<Point> {
 }
 
 /// An error for a contour that cannot be.
-pub fn impossible(what: &str, at: Point, wanted: &str) -> Error {
-    Error::input(format!("contour at Z {:.3} X {:.3}", at[0], at[1]), what, wanted)
+pub fn impossible(what: &str, at: Point, expected: &str) -> Error {
+    Error::input(format!("contour at Z {:.3} X {:.3}", at[0], at[1]), what, expected)
 }
 
 /// Tangent-continuous there, or a corner to the left (concave) or right (convex)?

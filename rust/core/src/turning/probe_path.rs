@@ -153,7 +153,7 @@ pub fn probe_path(profile: &Profile, options: &PathOptions) -> Result<ProbePath>
         .find(|m| m.clearance.ball_mm < -TOUCHING_MM || m.clearance.body_mm < -TOUCHING_MM)
     {
         return Err(Error::Data(format!(
-            "the probe gouges by {:.4} mm between Z {:.3} X {:.3} and Z {:.3} X {:.3}; wanted free moves",
+            "the probe gouges by {:.4} mm between Z {:.3} X {:.3} and Z {:.3} X {:.3}; expected free moves",
             -bad.clearance.ball_mm.min(bad.clearance.body_mm),
             bad.from[0],
             2.0 * bad.from[1],
@@ -233,7 +233,7 @@ fn interval(
     options: &PathOptions,
 ) -> std::result::Result<Interval, String> {
     if options.skip.contains(&index) {
-        return Err("not wanted".into());
+        return Err("not expected".into());
     }
     let Element::Line { .. } = element else { return Err("an arc: not measured".into()) };
     let Some(slope) = element.slope() else { return Err("a wall: not measured".into()) };

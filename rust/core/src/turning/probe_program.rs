@@ -34,7 +34,7 @@ impl ProbePath {
     pub fn program(&self, options: &ProgramOptions) -> Result<Program> {
         let Some(first) = self.moves.first() else {
             return Err(Error::Data(
-                "no line of this profile can be measured; wanted one at least".into(),
+                "no line of this profile can be measured; expected one at least".into(),
             ));
         };
         let dialect = options.dialect;

@@ -156,20 +156,24 @@ impl Profile {
             .max_by_key(|run| run.iter().filter(|m| m.to.axes[2] < m.from.axes[2]).count())
             .unwrap_or_default();
         if run.is_empty() {
-            return Err(Error::Data("the program has no feed moves; wanted a contour".into()));
+            return Err(Error::Data("the program has no feed moves; expected a contour".into()));
         }
         let mut elements = Vec::with_capacity(run.len());
         for m in run {
             let element = element_of(m)?;
             if norm(minus(element.to(), element.from())) < MIN_LENGTH_MM {
-                return Err(m.span.error("a full circle; wanted a contour that runs to the chuck"));
+                return Err(m
+                    .span
+                    .error("a full circle; expected a contour that runs to the chuck"));
             }
             if m.side == Side::Left {
-                return Err(m.span.error("G41 on a contour towards the chuck; wanted G42 or G40"));
+                return Err(m
+                    .span
+                    .error("G41 on a contour towards the chuck; expected G42 or G40"));
             }
             if !element.runs_to_chuck() {
                 return Err(m.span.error(format!(
-                    "the contour folds back from Z{:.3} to Z{:.3}; wanted Z that falls or stays",
+                    "the contour folds back from Z{:.3} to Z{:.3}; expected Z that falls or stays",
                     m.from.axes[2], m.to.axes[2]
                 )));
             }
@@ -256,8 +260,8 @@ fn check_vertex(index: usize, vertex: &Vertex, vertices: &[Vertex]) -> Result<()
         before.is_some_and(|v| matches!(v.corner, Corner::ArcOut(_) | Corner::ArcToArc(_)));
     let says_arc = matches!(vertex.corner, Corner::ArcIn | Corner::ArcToArc(_));
     if after_arc != says_arc {
-        let wanted = if after_arc { "arc in or arc to arc" } else { "no arc before it" };
-        return Err(Error::input(name("kind of corner"), format!("{:?}", vertex.corner), wanted));
+        let expected = if after_arc { "arc in or arc to arc" } else { "no arc before it" };
+        return Err(Error::input(name("kind of corner"), format!("{:?}", vertex.corner), expected));
     }
     let inner = before.is_some() && index + 1 < vertices.len();
     if !inner
@@ -346,8 +350,8 @@ pub fn element_of(m: &Move) -> Result<Element> {
         Motion::Arc { plane: Plane::Zx, centre, clockwise } => {
             Ok(Element::Arc { from, to, centre, convex: !clockwise })
         }
-        Motion::Arc { .. } => Err(m.span.error("an arc outside the ZX plane; wanted G18")),
-        Motion::Probe => Err(m.span.error("a probing move; wanted a contour")),
+        Motion::Arc { .. } => Err(m.span.error("an arc outside the ZX plane; expected G18")),
+        Motion::Probe => Err(m.span.error("a probing move; expected a contour")),
     }
 }
 

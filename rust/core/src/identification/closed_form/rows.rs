@@ -42,7 +42,9 @@ impl PaperRows {
     /// the labels are missing.
     pub fn find(model: &TouchModel, moves: &Moves, labels: &[i64]) -> Result<Self> {
         let Artefact::Cross(Cross { length, height, .. }) = *model.artefact() else {
-            return Err(Error::Data("closed forms: got another artefact, wanted the cross".into()));
+            return Err(Error::Data(
+                "closed forms: got another artefact, expected the cross".into(),
+            ));
         };
         let letters: String =
             model.machine().rotary().iter().map(crate::machine::Rotary::letter).collect();
@@ -93,19 +95,19 @@ impl PaperRows {
     }
 
     fn check(&self) -> Result<()> {
-        let wanted = "wanted labels 1 to 16 at every C with A = 0, among them C = 0, and labels 17 \
+        let expected = "expected labels 1 to 16 at every C with A = 0, among them C = 0, and labels 17 \
                       to 20 at every A with C = 0";
         if self.turned.is_empty() || self.tilted.is_empty() {
             let (c, a) = (self.turned.len(), self.tilted.len());
             return Err(Error::Data(format!(
-                "closed forms: got labelled touches at {c} positions of C and {a} of A; {wanted}"
+                "closed forms: got labelled touches at {c} positions of C and {a} of A; {expected}"
             )));
         }
         for position in &self.turned {
             if let Some(label) = (1..=16).find(|&label: &usize| position.rows[label].is_empty()) {
                 let c = position.angle / DEG;
                 return Err(Error::Data(format!(
-                    "closed forms: no touch {label} at C = {c:.3}°, A = 0; {wanted}"
+                    "closed forms: no touch {label} at C = {c:.3}°, A = 0; {expected}"
                 )));
             }
         }
@@ -113,12 +115,12 @@ impl PaperRows {
             if let Some(index) = position.rows.iter().position(Vec::is_empty) {
                 let (label, a) = (index + 17, position.angle / DEG);
                 return Err(Error::Data(format!(
-                    "closed forms: no touch {label} at A = {a:.3}°, C = 0; {wanted}"
+                    "closed forms: no touch {label} at A = {a:.3}°, C = 0; {expected}"
                 )));
             }
         }
         if !self.turned.iter().any(|position| same(position.angle, 0.0)) {
-            return Err(Error::Data(format!("closed forms: no touches at A = C = 0; {wanted}")));
+            return Err(Error::Data(format!("closed forms: no touches at A = C = 0; {expected}")));
         }
         Ok(())
     }

@@ -40,7 +40,7 @@ pub struct Separated {
 pub fn separating(rows: &PaperRows, along: &[f64]) -> Result<Separated> {
     let ([c0, c90, c180, c270], [plus, minus]) = rows.quarters().ok_or_else(|| {
         Error::Data(
-            "separating closed forms: wanted C = 0°, 90°, 180°, 270° with A = 0 and A = 90°, -90° \
+            "separating closed forms: expected C = 0°, 90°, 180°, 270° with A = 0 and A = 90°, -90° \
              with C = 0"
                 .into(),
         )
@@ -309,8 +309,8 @@ mod tests {
                 let along: Vec<f64> = (0..n).map(|i| jacobian[i * COUNT + k]).collect();
                 let found = separating(&rows, &along).unwrap();
                 for (j, value) in found.values.iter().enumerate() {
-                    let wanted = if j == k { 1.0 } else { 0.0 };
-                    assert!((value - wanted).abs() < 1e-9, "{k} {j} {value}");
+                    let expected = if j == k { 1.0 } else { 0.0 };
+                    assert!((value - expected).abs() < 1e-9, "{k} {j} {value}");
                 }
                 assert!(found.kappa.abs() < 1e-9 && found.zeta.abs() < 1e-9, "{k}");
             }

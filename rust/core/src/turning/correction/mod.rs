@@ -70,7 +70,8 @@ pub fn correct(
     }
     if plan.windows.is_empty() {
         return Err(Error::Data(
-            "none of the readings lies on a feed move of the program; wanted z of the part".into(),
+            "none of the readings lies on a feed move of the program; expected z of the part"
+                .into(),
         ));
     }
     plunges(&mut plan, program);
@@ -122,8 +123,8 @@ fn check(readings: &[Reading], options: &CorrectionOptions) -> Result<()> {
             return Err(Error::input(format!("reading {row}"), got, "finite numbers"));
         }
         if reading.error.abs() > MAX_ERROR_MM {
-            let wanted = format!("at most {MAX_ERROR_MM} mm: measured minus nominal diameter");
-            return Err(Error::input(format!("reading {row}, mm"), reading.error, wanted));
+            let expected = format!("at most {MAX_ERROR_MM} mm: measured minus nominal diameter");
+            return Err(Error::input(format!("reading {row}, mm"), reading.error, expected));
         }
     }
     Ok(())

@@ -57,7 +57,7 @@ pub(super) fn write(program: &Program, plan: &Plan<'_>) -> Result<(Program, Vec<
             if touched {
                 if m.spelling.incremental {
                     return Err(m.span.error(
-                        "a move in increments is to be corrected; wanted absolute positions (X, Z)",
+                        "a move in increments is to be corrected; expected absolute positions (X, Z)",
                     ));
                 }
                 let knots = std::mem::take(&mut Vec::clone(&plan.knots[index]));
