@@ -165,7 +165,9 @@ def _seconds(data: Diameters, told: Conditions, length_mm: Array) -> Array | Non
         rpm = np.asarray(data.spindle_rpm, dtype=np.float64)
         if not (rpm > 0).all():
             row = int(np.argmin(rpm > 0))
-            raise DataError(f"spindle_rpm (row {row}): got {rpm[row]}, wanted more than zero")
+            raise DataError(
+                f"spindle_rpm ({data.place(row)}): got {rpm[row]}, expected more than 0"
+            )
     elif told.spindle_rpm is not None:
         rpm = np.full(len(data), told.spindle_rpm)
     else:
@@ -387,13 +389,15 @@ def build(
     if (z > told.overhang_mm + 1e-6).any():
         row = int(np.argmax(z))
         raise DataError(
-            f"z_mm (row {row}): got {z[row]}, wanted at most the overhang, {told.overhang_mm} mm"
+            f"z_mm ({data.place(row)}): got {z[row]}, expected at most the overhang, "
+            f"{told.overhang_mm} mm"
         )
     error = np.asarray(data.error_um, dtype=np.float64)
     if (np.abs(error) > MOST_ERROR_UM).any():
         row = int(np.argmax(np.abs(error)))
         raise DataError(
-            f"error_um (row {row}): got {error[row]}, wanted measured minus nominal diameter, µm, "
+            f"error_um ({data.place(row)}): got {error[row]}, expected measured minus nominal "
+            "diameter, µm, "
             f"within ±{MOST_ERROR_UM:g}"
         )
     reference = reference or _reference(data, told)

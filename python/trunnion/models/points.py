@@ -135,8 +135,8 @@ class PointsModel(BaseModel):
         worst = int(np.argmax(off))
         if off[worst] > FAR_OFF_MM:
             raise DataError(
-                f"point of row {worst}: got a point {off[worst]:.1f} mm from where the placement "
-                f"puts it, wanted at most {FAR_OFF_MM:.0f} mm"
+                f"point of {self.data.place(worst)}: got a place {off[worst]:.1f} mm from where "
+                f"the placement puts it, expected at most {FAR_OFF_MM:.0f} mm"
             )
 
     def _field(self, deviation: Array, catalogue: Sequence[Effect]) -> _Field | None:

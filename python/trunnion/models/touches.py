@@ -327,8 +327,8 @@ class TouchDiagnosisModel(BaseModel):
         worst = int(np.argmax(off))
         if off[worst] > FAR_OFF_UM:
             raise DataError(
-                f"touch of row {worst}: got a point {off[worst] / 1e3:.1f} mm from the modelled "
-                f"surface, wanted at most {FAR_OFF_UM / 1e3:.0f} mm"
+                f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
+                f"the modelled surface, expected at most {FAR_OFF_UM / 1e3:.0f} mm"
             )
 
 
