@@ -50,6 +50,7 @@ from .diagnosis.result import Alternative as Alternative
 from .diagnosis.result import Cause as Cause
 from .diagnosis.result import Diagnosis as Diagnosis
 from .diagnosis.result import Gain as Gain
+from .machine.effects import EffectInfo as EffectInfo
 
 # --- the machine: kinematics, effects, what a measurement says of it
 from .machine.effects import UserEffect as UserEffect
@@ -75,13 +76,13 @@ from .models.points import repeatable_part as repeatable_part
 from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
+from .models.rotary import fit_circles as fit_circles
 
 # --- probing an artefact: plan, simulate, identify
 from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
 from .probing.length import smallest_length_mm as smallest_length_mm
-from .probing.model import EffectInfo as EffectInfo
 from .probing.model import catalogue as catalogue
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability

@@ -17,6 +17,7 @@ ARCSEC = float(np.pi / 648_000)
 
 # Longest first: "rate_um_h" ends in both.
 _SUFFIXES = {
+    "um_min": "µm/min",
     "um_h": "µm/h",
     "mm_min": "mm/min",
     "um_m": "µm/m",

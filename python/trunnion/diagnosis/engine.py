@@ -20,17 +20,12 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.errors import DataError
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis import outliers as out
+from trunnion.diagnosis.effect import Effect, Values, lengths
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
-from trunnion.diagnosis.protocol import (
-    Array,
-    Effect,
-    IntArray,
-    Model,
-    Uncertainty,
-    Values,
-    lengths,
-)
+from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.diagnosis.selection import MOST_CAUSES, WITHIN, Candidates, Found, search
@@ -298,7 +293,7 @@ def _behind(
     for j, effect in enumerate(case.effects):
         if effect.least is None:
             continue
-        change = np.asarray(effect.change(case.model.data, effect.least), dtype=np.float64)
+        change = np.asarray(effect.change(effect.least), dtype=np.float64)
         white = np.asarray(case.whiten(change))[case.rows]
         own = white - case.plain.basis @ (case.plain.basis.T @ white)
         for times in BEHIND:
@@ -663,7 +658,7 @@ def _causes(
                     dict(zip(names, map(float, np.where(std >= 0, std, np.inf)), strict=True)),
                     min(1.0, pv * c.multiplicity * places),
                     tuple(aliases),
-                    effect.words,
+                    effect.label,
                 ),
             )
         )

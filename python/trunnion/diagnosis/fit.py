@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import Effect, Values, lengths
+from trunnion.diagnosis.model import Model
 
 Flags: TypeAlias = NDArray[np.bool_]
 

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from trunnion.diagnosis.protocol import Array, IntArray, Model
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.diagnosis.protocol import Array, Covariate, IntArray, Model, lengths
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import lengths
+from trunnion.diagnosis.model import Covariate, Model
 
 __all__ = ["SCAN_LEVEL", "Dictionary", "Term"]
 

@@ -5,9 +5,11 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.diagnosis import outliers
+from trunnion.diagnosis.effect import EffectValues, Values
 from trunnion.diagnosis.fit import orthonormal
-from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis, Gain
 
 __all__ = ["score"]
@@ -23,7 +25,7 @@ def score(d: Diagnosis, other: Any) -> Gain:
     model: Model = other if hasattr(other, "predict") else source.bind(other)
     before = _anew(model, source, d.nuisance_before, {})
     after = _anew(model, source, d.nuisance_after, d.effects)
-    p = sum(x.scope == "setup" for x in model.nuisance)
+    p = sum(x.owner.of_setup for x in model.nuisance)
     leverage = np.full(len(after), min(p / max(len(after), 1), 0.9))
     keep = np.ones(len(after), dtype=bool)
     if len(after) - p > 5:
@@ -32,10 +34,10 @@ def score(d: Diagnosis, other: Any) -> Gain:
     return Gain(rms[0], rms[1], rms[0], rms[1])
 
 
-def _anew(model: Model, source: Model, nuisance: Array, effects: EffectValues) -> Array:
+def _anew(model: Model, source: Model, nuisance: Floats, effects: EffectValues) -> Floats:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
     known = {x.name: v for x, v in zip(source.nuisance, nuisance, strict=True)}
-    free = np.array([x.scope == "setup" for x in model.nuisance], dtype=bool)
+    free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
     for i, x in enumerate(model.nuisance):
         if not free[i]:
@@ -47,10 +49,10 @@ def _anew(model: Model, source: Model, nuisance: Array, effects: EffectValues) -
     missing = set(values) - {e.id for e in kept}
     if missing:
         raise InputError(f"the other data's model does not know {', '.join(sorted(missing))}")
-    loose = [e for e in kept if e.scope == "workpiece"]
+    loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
-    r: Array = y - model.predict(at, values)
+    r: Floats = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
     for step in range(STEPS):

@@ -26,7 +26,9 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray, lengths
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import lengths
 
 __all__ = ["Candidates", "Found", "project", "search"]
 

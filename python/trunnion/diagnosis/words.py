@@ -3,7 +3,7 @@
 import numpy as np
 
 from trunnion.base.units import unit_of
-from trunnion.diagnosis.protocol import Parameter
+from trunnion.diagnosis.effect import Parameter
 from trunnion.diagnosis.result import Cause, Diagnosis
 
 __all__ = ["cause_sentence", "number", "summary"]

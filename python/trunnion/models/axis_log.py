@@ -25,10 +25,11 @@ Where two effects look alike:
   frame (columns ``tip_x_mm``, ``tip_y_mm``, ``tip_z_mm``) it does.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise, product
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,25 +38,23 @@ from scipy.optimize import least_squares, minimize, minimize_scalar
 from scipy.special import chdtri
 
 import trunnion._core as _core
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.errors import DataError, InputError
 from trunnion.contouring.servo import ROTARY, Axis, Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.engine import NAMELESS
-from trunnion.diagnosis.protocol import (
-    BaseModel,
-    Covariate,
+from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
     EffectValues,
-    Nuisance,
     Parameter,
-    Readings,
-    Uncertainty,
-    as_effect,
+    for_compensation,
+    gridded,
+    linear,
+    with_own,
 )
+from trunnion.diagnosis.engine import NAMELESS
+from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.machine.estimate import Estimate
-from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo"]
@@ -535,15 +534,8 @@ class AxisLogModel(BaseModel):
         made.append(self._log_delay())
         if self.has_tip:
             made.append(self._rotary_centre())
-        known = {e.id for e in made}
-        for thing in self._own:
-            if isinstance(thing, str):
-                if thing not in known:
-                    wanted = ", ".join(sorted(known))
-                    raise UnknownNameError(f"effect: got {thing!r}, wanted one of {wanted}")
-                continue
-            made.append(self._foreign(as_effect(thing)))
-        self.effects = tuple(made)
+        effects = with_own(made, self._own, self.data)
+        self.effects = (*made, *(self._foreign(e) for e in effects[len(made) :]))
 
     def _label(self, run: _Run) -> str:
         if self.data.run is None or len(self.runs) == 1:
@@ -582,7 +574,7 @@ class AxisLogModel(BaseModel):
     ) -> Effect:
         name = f"{kind}_{axis.lower()}"
         column = self._chord(name, start, lambda v: self._at(axis, self._change(axis, kind, v)))
-        return _linear(name, (parameter,), column[:, None], words)
+        return linear(name, (parameter,), column[:, None], words)
 
     def _effects_of(self, axis: str) -> list[Effect]:
         face, small = _names(axis)
@@ -595,28 +587,28 @@ class AxisLogModel(BaseModel):
                 "gain",
                 Parameter("gain_percent", unit="%"),
                 1.0,
-                f"{who} has another loop gain",
+                f"loop gain of {who}",
             ),
             self._servo_effect(
                 axis,
                 "time_constant",
                 Parameter("time_constant_ms"),
                 max(0.02 * known.time_constant_ms, 0.02),
-                f"{who} has another time constant",
+                f"time constant of {who}",
             ),
             self._servo_effect(
                 axis,
                 "loop_delay",
                 Parameter("delay_ms"),
                 0.1,
-                f"the loop of {who} has a delay",
+                f"delay in the loop of {who}",
             ),
             self._servo_effect(
                 axis,
                 "backlash",
                 Parameter(f"backlash_{small}"),
                 1.0,
-                f"{who} has backlash",
+                f"backlash of {who}",
             ),
         ]
         sense, speed = self._sense(axis)
@@ -635,7 +627,7 @@ class AxisLogModel(BaseModel):
             return self._at(axis, -self._through_loop(axis, bump))
 
         effects.append(
-            _gridded(
+            gridded(
                 f"friction_{ends}",
                 (
                     Parameter(f"coulomb_{small}"),
@@ -643,7 +635,7 @@ class AxisLogModel(BaseModel):
                     Parameter(fading, unit=f"{unit}/s", grid=peaks, bounds=(1e-9, np.inf)),
                 ),
                 lambda v: np.stack([coulomb, spike(v[fading])], axis=1),
-                f"{who} has friction",
+                f"friction of {who}",
             )
         )
         motor = self._predicted[axis]
@@ -658,7 +650,7 @@ class AxisLogModel(BaseModel):
 
         seen = tuple(sorted({*seen, self._pitch_of(axis, motor, seen)}))
         effects.append(
-            _gridded(
+            gridded(
                 f"cyclic_{ends}",
                 (
                     Parameter(f"cosine_{small}"),
@@ -666,7 +658,7 @@ class AxisLogModel(BaseModel):
                     Parameter(f"pitch_{face}", grid=seen, bounds=(0.5 * seen[0], 2 * seen[-1])),
                 ),
                 lambda v: cyclic(v[f"pitch_{face}"]),
-                f"{who} has a cyclic error",
+                f"cyclic error of {who}",
             )
         )
         scale = SCALE[face]
@@ -680,7 +672,7 @@ class AxisLogModel(BaseModel):
         frequency, damping = self._resonance_of(axis, resonance, 0.8 * nyquist)
         near = (0.97, 1.0, 1.03)
         effects.append(
-            _gridded(
+            gridded(
                 f"resonance_{ends}",
                 (
                     Parameter("share", unit="1", bounds=(0.0, 1.5)),
@@ -698,7 +690,7 @@ class AxisLogModel(BaseModel):
                     ),
                 ),
                 lambda v: resonance(v["frequency_hz"], v["damping"]),
-                f"the structure of {who} resonates",
+                f"resonance of the structure of {who}",
             )
         )
         return effects
@@ -774,7 +766,7 @@ class AxisLogModel(BaseModel):
             )
 
         column = self._chord("log_delay", 0.1, change)
-        return _linear("log_delay", (Parameter("delay_ms"),), column[:, None], "the log is late")
+        return linear("log_delay", (Parameter("delay_ms"),), column[:, None], "delay of the log")
 
     # --- tool tip
 
@@ -808,11 +800,11 @@ class AxisLogModel(BaseModel):
             column = np.zeros(len(self._channel_of))
             column[self._channel_of >= len(self.axes)] = moved.T.ravel()
             columns.append(column)
-        return _linear(
+        return linear(
             "rotary_centre",
             tuple(Parameter(f"{name}_um") for name in names),
             np.stack(columns, axis=1),
-            "the rotary axes are out of place",
+            "location of the rotary axes",
         )
 
     # --- a user's own
@@ -820,8 +812,8 @@ class AxisLogModel(BaseModel):
     def _foreign(self, effect: Effect) -> Effect:
         """Bring a user's effect, by row and axis, to readings."""
 
-        def change(data: Any, values: Mapping[str, float]) -> Array:
-            raw = np.asarray(effect.change(data, values), dtype=np.float64)
+        def change(values: Mapping[str, float]) -> Array:
+            raw = np.asarray(effect.change(values), dtype=np.float64)
             wanted = (len(self.data), len(self.axes))
             if raw.shape != wanted:
                 raise InputError(
@@ -831,14 +823,7 @@ class AxisLogModel(BaseModel):
             parts = [self._at(axis, raw[:, i]) for i, axis in enumerate(self.axes)]
             return np.asarray(np.sum(parts, axis=0))
 
-        return Effect(
-            effect.id,
-            effect.parameters,
-            change,
-            scope=effect.scope,
-            motion=effect.motion,
-            words=effect.words,
-        )
+        return dataclasses.replace(effect, change=change, jacobian=None)
 
     # --- noise
 
@@ -864,7 +849,7 @@ class AxisLogModel(BaseModel):
             if not effect.id.startswith("cyclic"):
                 grids = [(g[len(g) // 2],) for g in grids]
             places = [
-                effect.columns(self.data, effect.values(map(float, place)))[:, linear]
+                effect.columns(effect.values(map(float, place)))[:, linear]
                 for place in product(*grids)
             ]
             if len(places) == 1:
@@ -894,51 +879,6 @@ def _changed(axis: Axis, kind: str, values: Mapping[str, float]) -> Axis:
         amount *= 0.01 * axis.gain_per_s
     new = {names[i]: getattr(axis, names[i]) + amount for i in _SERVO_CHANGE[kind]}
     return replace(axis, **new)
-
-
-def _linear(name: str, parameters: tuple[Parameter, ...], columns: Array, words: str) -> Effect:
-    """Effect of fixed columns, shape (n, k)."""
-
-    def change(_data: Any, values: Mapping[str, float]) -> Array:
-        return np.asarray(columns @ np.array([values[p.name] for p in parameters]))
-
-    return Effect(name, parameters, change, lambda _data, _values: columns, words=words)
-
-
-def _gridded(
-    name: str,
-    parameters: tuple[Parameter, ...],
-    columns: Callable[[Mapping[str, float]], Array],
-    words: str,
-) -> Effect:
-    """Effect linear in some parameters, whose columns depend on the others.
-
-    The derivative by a nonlinear parameter is differenced over 1e-4 of it (relative error 1e-8 of
-    the curvature): the response is a simulation.
-    """
-    linear = [p.name for p in parameters if p.linear]
-
-    def change(_data: Any, values: Mapping[str, float]) -> Array:
-        return np.asarray(columns(values) @ np.array([values[p] for p in linear]))
-
-    def jacobian(data: Any, values: Mapping[str, float]) -> Array:
-        own = columns(values)
-        out, used = [], 0
-        for p in parameters:
-            if p.linear:
-                out.append(own[:, used])
-                used += 1
-                continue
-            if not any(values[q] for q in linear):
-                out.append(np.zeros(len(own)))
-                continue
-            step = 1e-4 * abs(values[p.name])
-            up = change(data, {**values, p.name: values[p.name] + step})
-            down = change(data, {**values, p.name: values[p.name] - step})
-            out.append((up - down) / (2 * step))
-        return np.stack(out, axis=1)
-
-    return Effect(name, parameters, change, jacobian, words=words)
 
 
 def _runs(log: AxisLog, servo: Servo) -> tuple[_Run, ...]:

@@ -11,8 +11,9 @@ from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
 from trunnion.base.errors import InputError
+from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
-from trunnion.diagnosis.protocol import EffectLike, Model
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
 
 __all__ = ["Builder", "Kind", "add_kind", "diagnose", "kind_of_columns", "kinds", "model_of"]
@@ -117,7 +118,7 @@ def diagnose(
     ----------
     data
         Any kind of data that trunnion reads (touches, points, sweep, diameters, axis log, ball-bar
-        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.protocol`.
+        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.model`.
     setup
         The set-up, where the kind of data needs one.
     effects

@@ -12,8 +12,9 @@ import numpy.typing as npt
 
 from trunnion.base.errors import InputError
 from trunnion.data.diameters import Diameters
+from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import fit
-from trunnion.diagnosis.protocol import Effect, Model, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
 
 __all__ = ["NextPass", "next_passes"]
@@ -130,7 +131,7 @@ def _with_clock(model: Model) -> Diameters:
     wear = next(e for e in model.effects if e.id == "tool_wear")
     if data.time_s is not None or wear.parameters[0].name != "rate_um_min":
         return data
-    return data.with_columns(time_s=60.0 * np.asarray(wear.change(data, wear.values([1.0]))))
+    return data.with_columns(time_s=60.0 * np.asarray(wear.change(wear.values([1.0]))))
 
 
 def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:

@@ -8,10 +8,11 @@ import numpy as np
 
 from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Flags, fit
 from trunnion.diagnosis.parting import Hypothesis, Parting
-from trunnion.diagnosis.protocol import Array, Effect, EffectValues, IntArray, Values
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
@@ -110,7 +111,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         raise InputError(f"n: got {n!r}, wanted a whole number from 1")
     pool = _pool(model)
     old = model.data[d.kept]
-    both = TouchDiagnosisModel(_joined(old, pool), model.setup, model.own_effects)
+    both = model.bind(_joined(old, pool))
     is_old = np.arange(len(both.data)) < len(old)
     sets = [_hypothesis(model, both, d, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
     if not sets:
@@ -181,7 +182,7 @@ def _hypothesis(
     return Hypothesis(both.predict(f.nuisance, f.effects), columns, distance)
 
 
-def _sharpest(nuisance: Array, columns: Array, old: Flags, n: int) -> IntArray:
+def _sharpest(nuisance: Floats, columns: Floats, old: Flags, n: int) -> Integers:
     """Choose the touches after which the parameters of interest are best known (D-optimal)."""
     new = np.flatnonzero(~old)
     d = np.concatenate([nuisance, columns], axis=1)
@@ -202,7 +203,7 @@ def _sharpest(nuisance: Array, columns: Array, old: Flags, n: int) -> IntArray:
 
 
 def _std(
-    d: Diagnosis, nuisance: Array, columns: Array, old: Flags, chosen: IntArray
+    d: Diagnosis, nuisance: Floats, columns: Floats, old: Flags, chosen: Integers
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Standard errors of the named causes' parameters before and after."""
     source = d.source
@@ -225,7 +226,7 @@ def _std(
     return out[0], out[1]
 
 
-def _ordered(touches: Touches, chosen: IntArray, old: Touches) -> Touches:
+def _ordered(touches: Touches, chosen: Integers, old: Touches) -> Touches:
     """Sort by position of the axes; let time run on."""
     letters = list(touches.rotary_deg)
     keys = [touches.rotary_deg[x][chosen] for x in letters]

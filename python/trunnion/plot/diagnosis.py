@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.diagnosis.protocol import Array, Covariate, Model
+from trunnion.base.units import Floats as Array
+from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.words import opening, table, unit
 

@@ -7,7 +7,6 @@ here and nowhere else.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,41 +15,13 @@ import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import PLACEMENT
+from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
-from trunnion.setup.names import canonical_error_name
+from trunnion.setup.names import canonical_error_name, iso_codes
 
-__all__ = ["EffectInfo", "ParameterInfo", "TouchModel", "catalogue"]
+__all__ = ["TouchModel", "catalogue"]
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ParameterInfo:
-    """A parameter of an effect: name with unit, unit, and how it is found.
-
-    `kind` is "linear" (least squares), "moment" (a time that is searched between touches) or
-    "duration" (searched over decades, then refined).
-    """
-
-    name: str
-    unit: str
-    kind: str
-
-
-@dataclass(frozen=True)
-class EffectInfo:
-    """An entry of the catalogue of effects on touches.
-
-    `owner` is "machine" (can be compensated), "probe", "artefact" or "time"; `needs` are columns
-    of the touches without which the effect cannot be told.
-    """
-
-    id: str
-    title: str
-    owner: str
-    parameters: tuple[ParameterInfo, ...]
-    needs: tuple[str, ...]
 
 
 def dimensions_mm(setup: Setup) -> tuple[str, list[float]]:
@@ -74,10 +45,12 @@ def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
     return tuple(
         EffectInfo(
             id=name,
-            title=title,
-            owner=owner,
+            label=title,
+            # what happens at a moment is of one set-up: the artefact slips on the table
+            owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
             parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
             needs=tuple(needs),
+            codes=iso_codes(name),
         )
         for name, title, owner, parameters, needs in entries
     )
