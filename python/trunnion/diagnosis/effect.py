@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.units import Floats, unit_of
-from trunnion.machine.effects import Motion, Owner, UserEffect
-from trunnion.setup.names import effect_ids
+from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
+from trunnion.setup.names import effect_ids, iso_codes
 
 __all__ = [
     "Effect",
@@ -143,6 +143,16 @@ class Effect:
     def values(self, numbers: Iterable[float]) -> Values:
         """Numbers, in the order of the parameters, as values by name."""
         return Values(zip((p.name for p in self.parameters), numbers, strict=True))
+
+    def info(self) -> EffectInfo:
+        """Return the entry of a catalogue."""
+        parameters = (
+            ParameterInfo(p.name, p.unit, "linear" if p.linear else "searched")
+            for p in self.parameters
+        )
+        return EffectInfo(
+            self.id, self.label, self.owner, tuple(parameters), self.needs, iso_codes(self.id)
+        )
 
     def columns(self, values: NamedValues) -> Floats:
         """Jacobian at ``values``, shape (n, k): as given, or by differences of ``change``."""

@@ -90,8 +90,8 @@ Effect: TypeAlias = str | UserEffect
 class ParameterInfo:
     """A parameter of an effect: name with unit, unit, and how it is found.
 
-    `kind` is "linear" (least squares), "moment" (a time that is searched between readings),
-    "duration" or "period" (searched over decades, then refined).
+    `kind` is "linear" (least squares) or "searched" (on a grid, then refined); in the model of
+    touches "moment" (searched between touches) or "duration" (searched over decades).
     """
 
     name: str

@@ -87,7 +87,7 @@ CAUSES = {
     "bending": "bending of the part away from the tool",
     "chuck_tilt": "tilt of chuck and spindle under the cut",
     "barrel": "barrel (bent slide)",
-    "chatter": "chatter",
+    "chatter": "chatter of the cut",
 }
 """Id → label."""
 

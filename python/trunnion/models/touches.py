@@ -196,10 +196,12 @@ class TouchDiagnosisModel(BaseModel):
 
     def _effect(self, info: EffectInfo) -> Effect:
         """Present an entry of the catalogue to the engine."""
+        bound = TouchChange(self, info.id)
         return Effect(
             info.id,
             tuple(self._parameter(p.name, p.unit, p.kind) for p in info.parameters),
-            TouchChange(self, info.id),
+            bound.change,
+            bound.jacobian,
             label=info.label,
             owner=info.owner,
             needs=info.needs,
@@ -353,11 +355,16 @@ class TouchChange:
     model: TouchDiagnosisModel
     name: str
 
-    def __call__(self, values: Mapping[str, float]) -> Floats:
+    def change(self, values: Mapping[str, float]) -> Floats:
         """Return the change, shape (n,)."""
         start = self.model.start
         plain = self.model.predict(start, {})
         return np.asarray(self.model.predict(start, {self.name: values}) - plain)
+
+    def jacobian(self, values: Mapping[str, float]) -> Floats:
+        """Return its derivative by each parameter, shape (n, k)."""
+        effect = self.model.effect(self.name)
+        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def build(

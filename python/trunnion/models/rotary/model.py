@@ -198,8 +198,15 @@ class SweepModel(BaseModel):
         return place, by, by_motion
 
     def _effect(self, name: str, motion: Motion) -> Effect:
-        change = MotionChange(self, name)
-        return Effect(name, motion.parameters, change, label=motion.label, owner=motion.owner)
+        bound = MotionChange(self, name)
+        return Effect(
+            name,
+            motion.parameters,
+            bound.change,
+            bound.jacobian,
+            motion.label,
+            motion.owner,
+        )
 
     # --- what the engine looks for structure in
 
@@ -355,11 +362,16 @@ class MotionChange:
     model: SweepModel
     name: str
 
-    def __call__(self, values: Mapping[str, float]) -> Floats:
+    def change(self, values: Mapping[str, float]) -> Floats:
         """Return the change, shape (n,), the axis and the targets where plain circles put them."""
-        start = np.zeros(len(self.model.nuisance))
+        start = self.model.start
         plain = self.model.predict(start, {})
         return np.asarray(self.model.predict(start, {self.name: values}) - plain)
+
+    def jacobian(self, values: Mapping[str, float]) -> Floats:
+        """Return its derivative by each parameter, shape (n, k)."""
+        effect = self.model.effect(self.name)
+        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def _alike(one: float, one_freedom: float, two: float, two_freedom: float) -> bool:
