@@ -175,7 +175,8 @@ def check_catalogue(model: Model, setup: Any) -> None:
     assert list(listed) == [e.id for e in model.effects]
     assert len(set(listed)) == len(model.effects)
     for info in listed.values():
-        assert info.label and info.label != info.id, info.id
+        assert info.label, info.id
+        assert info.label != info.id
         assert isinstance(info.owner, Owner)
         assert all(p.unit for p in info.parameters), info.id
         assert len({p.name for p in info.parameters}) == len(info.parameters), info.id
@@ -189,12 +190,12 @@ class Own:
     parameters = ("k_um",)
 
     def change(self, data: Any, values: Mapping[str, float]) -> Floats:
-        several = {
-            tn.Points: lambda: (len(data) * data.dimension,),
-            tn.Sweep: lambda: 3 * len(data),
-        }
-        shape = several.get(type(data), lambda: len(data))()
-        if isinstance(data, tn.AxisLog):
+        shape: tuple[int, ...] = (len(data),)
+        if isinstance(data, tn.Points):
+            shape = (len(data) * data.dimension,)
+        elif isinstance(data, tn.Sweep):
+            shape = (3 * len(data),)
+        elif isinstance(data, tn.AxisLog):
             shape = (len(data), len(data.axes))
         return values["k_um"] * np.ones(shape)
 
@@ -266,7 +267,7 @@ def check_not_identifiable_is_refused(model: Model, setup: Any) -> None:
         volumetric_error(setup, estimate({}), x_mm=(0.0, 10.0), y_mm=0.0, z_mm=0.0)
         accepted += 1
         for name in [*machine[:3], names[-1]]:
-            with pytest.raises(tn.TrunnionError, match="identif|determine|estimate"):
+            with pytest.raises(tn.TrunnionError, match=r"identif|determine|estimate"):
                 volumetric_error(
                     setup, estimate({name: np.inf}), x_mm=(0.0, 10.0), y_mm=0.0, z_mm=0.0
                 )

@@ -114,7 +114,7 @@ def test_what_cannot_be_seen_stays_and_is_named() -> None:
     found = identify_ballbar(data, machine, sigma_um=0.5)
     assert found.std_errors["e15_um"] == np.inf
     assert found.errors["e15_um"] == pytest.approx(7.0)
-    assert any("e15_um" in text for text in found.unseen)
+    assert any("e15_um" in text for text in found.not_identifiable)
     assert found.rms_um < 1e-3
     known = identify_ballbar(data, machine, sigma_um=0.5, tolerance=50.0)
     assert known.rank == 17

@@ -4,6 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
+from click import Command
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import trunnion as tn
@@ -37,14 +39,14 @@ def test_simulate_and_estimate_go_round(tmp_path: Path) -> None:
         "--placement", "dx_um=50", "--effect", "scale_x.ppm=20", "--noise-um", "0.1", "--seed", "1",
     )  # fmt: skip
     asked = ("--method", "least-squares", "--effects", "scale_x", "--json")
-    found = json.loads(run("estimate", SETUP, str(touches), *asked))["least-squares"]
+    found = json.loads(run("estimate", str(touches), SETUP, *asked))["least-squares"]
     assert found["errors"]["EX0C"] == pytest.approx(15.0, abs=0.3)
     assert found["errors"]["EA0A"] == pytest.approx(20.0, abs=2.0)
     assert found["effects"]["scale_x"]["ppm"] == pytest.approx(20.0, abs=6.0)
 
 
 def test_estimate_prints_readable_tables() -> None:
-    said = run("estimate", SETUP, TOUCHES, "--method", "printed,separating", "--per-position")
+    said = run("estimate", TOUCHES, SETUP, "--method", "printed,separating", "--per-position")
     for part in (
         "printed closed forms",
         "separating closed forms",
@@ -57,6 +59,61 @@ def test_estimate_prints_readable_tables() -> None:
     assert "rank" in json.loads(run("observe", SETUP, "--json"))
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("estimate", TOUCHES, SETUP),
+        ("simulate", TOUCHES, SETUP),
+        ("observe", TOUCHES, SETUP),
+        ("diagnose", TOUCHES, SETUP),
+    ],
+)
+def test_data_and_set_up_may_be_given_in_either_order(words: tuple[str, str, str]) -> None:
+    name, first, second = words
+    assert run(name, first, second, "--json") == run(name, second, first, "--json")
+
+
+def test_no_command_overwrites_a_file_unless_forced(tmp_path: Path) -> None:
+    kept = tmp_path / "touches.csv"
+    kept.write_text("measured yesterday")
+    commands = [
+        ("plan", SETUP, "--output", str(kept)),
+        ("plan", SETUP, "--program", str(kept)),
+        ("simulate", SETUP, "--output", str(kept)),
+        ("estimate", TOUCHES, SETUP, "--output", str(kept)),
+        ("diagnose", TOUCHES, SETUP, "--html", str(kept)),
+        ("contour", "simulate", "--output", str(kept)),
+    ]
+    for command in commands:
+        assert "touches.csv: the file exists already; give --force" in run(*command, code=2)
+        assert kept.read_text() == "measured yesterday"
+    run("plan", SETUP, "--output", str(kept), "--force")
+    assert len(tn.read_touches(kept)) == 72
+    assert list(tmp_path.iterdir()) == [kept]
+
+
+def test_every_command_has_the_same_options() -> None:
+    found = get_command(app)
+    commands: dict[str, Command] = {}
+    for name, entry in found.commands.items():  # type: ignore[attr-defined]
+        for sub, inner in getattr(entry, "commands", {name: entry}).items():
+            commands[f"{name} {sub}"] = inner
+    assert len(commands) > 12
+    for name, entry in commands.items():
+        options = {option for parameter in entry.params for option in parameter.opts}
+        assert {"--json", "--quiet", "-q", "--force"} <= options, name
+        assert "--out" not in options, name
+        assert entry.help, name
+
+
+def test_help_version_and_quiet() -> None:
+    assert run("-h") == run("--help")
+    assert run("turning", "correct", "-h").count("--force") == 1
+    assert run("--version").strip() == f"trunnion {tn.__version__}"
+    assert run("estimate", TOUCHES, SETUP, "--quiet") == ""
+    assert "--install-completion" in run("-h")
+
+
 def test_demo_shows_table_2() -> None:
     said = run("demo")
     for part in ("Table 2 of the paper", "21.5784", "printed forms", "separating forms"):
@@ -66,12 +123,15 @@ def test_demo_shows_table_2() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("estimate", SETUP, "nowhere.csv"), "nowhere.csv"),
-        (("estimate", SETUP, SETUP), "setup.toml:2:1"),
-        (("estimate", SETUP, TOUCHES, "--method", "guess"), "--method: got 'guess'"),
-        (("estimate", SETUP, TOUCHES, "--method", "least-squares", "--effects", "magic"), "magic"),
-        (("simulate", SETUP, "--error", "EX0C"), "--error: got 'EX0C', wanted name=number"),
-        (("simulate", SETUP, "--effect", "drift_z=3"), "wanted effect.parameter=number"),
+        (("estimate", "nowhere.csv", SETUP), "nowhere.csv: no such file"),
+        (
+            ("estimate", SETUP, SETUP),
+            "got 0 of touches and 2 set-ups (.toml), expected 1 of touches",
+        ),
+        (("estimate", TOUCHES, SETUP, "--method", "guess"), "--method: got 'guess'"),
+        (("estimate", TOUCHES, SETUP, "--method", "least-squares", "--effects", "magic"), "magic"),
+        (("simulate", SETUP, "--error", "EX0C"), "--error: got 'EX0C', expected name=number"),
+        (("simulate", SETUP, "--effect", "drift_z=3"), "expected effect.parameter=number"),
         (("simulate", SETUP, "--noise-um", "0.3"), "seed: got none"),
         (("plan", SETUP, "--c", "0,ninety"), "--c: got '0,ninety'"),
         (("plan", SETUP, "--c", "0:90:0"), "--c: got '0:90:0'"),

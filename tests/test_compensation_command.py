@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
-from trunnion.cli.compensate import read_estimate
+from trunnion.machine.estimate import read_estimate
 from trunnion.plot.volumetric import plot_over_poses, plot_share, plot_volumetric
 
 mpl.use("Agg")
@@ -29,9 +29,9 @@ def run(folder: Path, estimate: object, *more: str) -> str:
     (folder / "errors.json").write_text(json.dumps(estimate), encoding="utf-8")
     arguments = [
         "compensate",
-        str(folder / "setup.toml"),
         str(folder / "errors.json"),
-        "--out",
+        str(folder / "setup.toml"),
+        "--output",
         str(folder / "o"),
     ]
     result = CliRunner(env={"COLUMNS": "120"}).invoke(
@@ -81,9 +81,9 @@ def test_the_command_says_what_is_wrong_in_one_line(folder: Path) -> None:
     ("text", "message"),
     [
         ("{", ":1:2: got no JSON"),
-        ("[1]", "got list, wanted a table of errors"),
-        ('{"EX0C": "15"}', "errors.EX0C: got '15', wanted a finite number"),
-        ('{"errors": [1]}', "errors: got [1], wanted names with numbers"),
+        ("[1]", "got list, expected a table of errors"),
+        ('{"EX0C": "15"}', "errors.EX0C: got '15', expected a finite number"),
+        ('{"errors": [1]}', "errors: got [1], expected names with numbers"),
         ('{"errors": {}, "effects": 3}', "effects: got 3"),
     ],
 )

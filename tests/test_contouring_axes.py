@@ -7,7 +7,8 @@ import pytest
 
 import axis_log_twin as twin
 from trunnion import contouring as ct
-from trunnion._core import contour_axis_response
+from trunnion._core import contour_axis_response, contour_axis_responses
+from trunnion.base.errors import InputError
 
 SERVO = ct.Servo.paper()
 
@@ -64,3 +65,25 @@ def test_an_axis_sticks_below_breakaway_and_moves_above() -> None:
         assert bool(y[-1] != 0.0) is moves
         # It comes to rest short of the target, by no more than friction holds.
         assert abs(command[-1] - y[-1]) <= 4.0e-3 + 1e-12
+
+
+@pytest.mark.parametrize(("letter", "stride"), [("Y", 1), ("Y", 4), ("C", 7)])
+def test_many_responses_are_those_of_single_calls(letter: str, stride: int) -> None:
+    command = 3.0 * np.sin(np.linspace(0.0, 7.0, 1001))
+    rows = np.tile(ct.Servo.paper().row(letter), (5, 1))
+    rows[:, 10] = [0.0, 20.0, 35.0, 35.0, 80.0]  # Hz
+    rows[:, 11] = 0.05
+    found = contour_axis_responses(letter, rows, 1e-3, "motor", command, stride)
+    single = [contour_axis_response(letter, row, 1e-3, "motor", command)[::stride] for row in rows]
+    np.testing.assert_array_equal(found, single)
+
+
+def test_many_responses_of_a_wrong_shape_are_refused() -> None:
+    rows, command = np.tile(ct.Servo.paper().row("X"), (2, 1)), np.zeros(30)
+    with pytest.raises(InputError, match="stride: got 0"):
+        contour_axis_responses("X", rows, 1e-3, "motor", command, 0)
+    with pytest.raises(InputError, match=r"axes: got shape \(2, 12\)"):
+        contour_axis_responses("X", rows[:, 1:].copy(), 1e-3, "motor", command, 1)
+    command[3] = np.nan
+    with pytest.raises(InputError, match="command, row 3"):
+        contour_axis_responses("X", rows, 1e-3, "motor", command, 1)

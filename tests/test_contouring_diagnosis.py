@@ -3,6 +3,7 @@
 The full power table is made by ``tests/power/axis_logs.py``.
 """
 
+import pickle
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -20,16 +21,25 @@ import trunnion as tn
 from trunnion import contouring as ct
 from trunnion._core import contour_axis_response
 from trunnion.base.errors import DataError, FileFormatError, InputError, UnknownNameError
+from trunnion.diagnosis.noise import (
+    Autoregression,
+    fit_noise,
+    levinson,
+    partial_autocorrelations,
+)
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.models.axis_log import AxisLogModel, _levinson, _Noise, _noise, _partial
+from trunnion.models.axis_log import AxisLogModel, effects
 from trunnion.models.kinds import diagnose
 from trunnion.samples.truth import HIDDEN_BACKLASH_UM
-from trunnion.setup import Artefact, Setup
+from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
+from twin import forward
 
 SERVO = ct.Servo.paper()
 SETUP = Setup(artefact=Artefact("none"), servo=SERVO.to_table())
 BLIND_CASES = 9
 SEED = 20
+TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+OFFSETS = {"trt-ca": ("Y0A", "Z0A"), "trt-bc": ("X0B", "Z0B"), "table-c-head-b": ("X0B", "Z0B")}
 
 
 @cache
@@ -88,6 +98,75 @@ def test_rotary_centre_shows_in_the_tool_tip_only() -> None:
         assert d.causes[0].parameters[f"{name}_um"] == pytest.approx(value, abs=0.1)
 
 
+def tip_of_twin(
+    preset: str, length_mm: float, errors: Mapping[str, float], axes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Tool tip in the table's frame, (n, 3), for X, Y, Z (mm) and tilt, C (deg): the twin's."""
+    tilt, c = np.deg2rad(axes[:, 3:].T)
+    still = forward.Motion()
+    table = np.matmul(*forward.joint_poses(tilt, c, preset, errors, still, still))
+    setup = forward.Setup(preset=preset, probe_length_mm=length_mm)
+    tip = axes[:, :3] + forward.head_displacement(tilt, setup, errors)
+    if preset == "table-c-head-b":  # nominal: the tip swings about the pivot
+        tip = tip + length_mm * np.stack([-np.sin(tilt), 0 * tilt, 1 - np.cos(tilt)], axis=1)
+    return np.asarray(np.einsum("nji,nj->ni", table[:, :3, :3], tip - table[:, :3, 3]))
+
+
+@pytest.mark.parametrize(
+    ("preset", "against", "hidden"),
+    [
+        ("trt-ca", "A", {"EX0C": 12.0, "EZ0A": -8.0}),
+        ("trt-ca", "C", {"EX0C": 12.0, "EZ0A": -8.0}),
+        ("trt-ca", "XAC", {"EX0C": 12.0, "EY0A": 5.0}),
+        ("trt-bc", "", {"EX0C": 12.0, "EZ0B": -8.0}),
+        ("trt-bc", "B", {"EX0B": 12.0, "EY0C": 5.0}),
+        ("table-c-head-b", "", {"EX0C": 12.0, "EZ0B": -8.0}),
+        ("table-c-head-b", "B", {"EX0B": 12.0, "EY0C": 5.0}),
+    ],
+)
+def test_a_tool_tip_is_that_of_the_machine_of_the_set_up(
+    preset: str, against: str, hidden: dict[str, float]
+) -> None:
+    tilt = "A" if preset == "trt-ca" else "B"
+    run = ct.simulate(ct.Path.paper(offset_mm=(0, 0, 20)), 3000.0, controller="independent")
+    made = run.axis_log(noise_um=0.2, noise_arcsec=1.0, seed=4)
+    actual = np.stack([made.actual(letter) for letter in "xyzac"], axis=1)
+    tip = tip_of_twin(preset, 260.0, hidden, actual)
+    tip = tip + 2e-4 * np.random.default_rng(5).standard_normal(tip.shape)
+    columns = {"time_s": made.time_s, **dict(zip(TIPS, tip.T, strict=True))}
+    for letter, unit in zip("XYZAC", ("mm",) * 3 + ("deg",) * 2, strict=True):
+        name = tilt if letter == "A" else letter
+        sign = -1.0 if name in against else 1.0
+        columns[f"{name.lower()}_cmd_{unit}"] = sign * made.commanded(letter.lower())
+        columns[f"{name.lower()}_act_{unit}"] = sign * made.actual(letter.lower())
+    servo = {tilt if key == "A" else key: value for key, value in SERVO.to_table().items()}
+    setup = Setup(
+        artefact=Artefact("none"),
+        machine=Machine(preset),
+        axes={letter: AxisSetup(-1) for letter in against},
+        probe=Probe(length_mm=260.0),
+        servo=servo,
+    )
+    d = diagnose(tn.AxisLog(**columns), setup)
+    assert [c.id for c in d.causes] == ["rotary_centre"]
+    found = dict(d.causes[0].parameters)
+    assert found.keys() == {f"E{k}_um" for k in ("X0C", "Y0C", *OFFSETS[preset])}
+    truth = {name: hidden.get(name.removesuffix("_um"), 0.0) for name in found}
+    if preset == "table-c-head-b":  # a head and a table that are apart: their distance only
+        assert np.isinf([d.causes[0].std_errors[f"E{k}_um"] for k in ("X0B", "X0C")]).all()
+        apart = [v.pop("EX0C_um") - v.pop("EX0B_um") for v in (found, truth)]
+        assert apart[0] == pytest.approx(apart[1], abs=0.1)
+    assert found == pytest.approx(truth, abs=0.1)
+
+
+def test_a_tool_tip_of_other_axes_than_the_machines_is_refused() -> None:
+    log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
+    log = log.with_columns(**dict.fromkeys(TIPS, log.actual("x")))
+    setup = replace(SETUP, machine=Machine("trt-bc"))
+    with pytest.raises(InputError, match=r"got axes X, Y, Z, A, C, .* X, Y, Z, B, C .*trt-bc"):
+        AxisLogModel(log, setup)
+
+
 def test_autocorrelated_noise_is_no_effect() -> None:
     rng = np.random.default_rng(6)
     alarms = 0
@@ -118,6 +197,73 @@ def test_a_users_own_effect_competes() -> None:
     assert d.causes[0].parameters["rate_um_s"] == pytest.approx(1.0, abs=0.05)
 
 
+def test_a_model_and_its_diagnosis_can_be_sent_to_another_process() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    model = AxisLogModel(log, setup)
+    twin_model = pickle.loads(pickle.dumps(model))
+    for effect, copied in zip(model.effects, twin_model.effects, strict=True):
+        values = {p.name: p.grid[0] if p.grid else 0.5 for p in effect.parameters}
+        np.testing.assert_array_equal(copied.change(values), effect.change(values))
+    d = diagnose(log, setup)
+    assert pickle.loads(pickle.dumps(d)).to_dict() == d.to_dict()
+
+
+def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() -> None:
+    setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    model = AxisLogModel(log, setup, block=1)
+    before = ct.Servo.from_table(setup.servo)
+    for name, values in {
+        "gain_x": {"gain_percent": 2.0},
+        "time_constant_y": {"time_constant_ms": 0.5},
+        "loop_delay_z": {"delay_ms": 0.25},
+        "backlash_a": {"backlash_arcsec": 4.0},
+        "friction_x": {"coulomb_um": 2.0, "stribeck_um": 0.0, "speed_mm_s": 1.0},
+        "cyclic_c": {"cosine_arcsec": 3.0, "sine_arcsec": -4.0, "pitch_deg": 7.0},
+    }.items():
+        servo = model.extended(model.start, {name: values}).servo
+        changed = [letter for letter in before.axes if servo.axes[letter] != before.axes[letter]]
+        assert changed == [name[-1].upper()]
+        channel = model.axes.index(changed[0])
+        moved = model_readings(log, setup, before, channel)
+        moved = moved - model_readings(log, setup, servo, channel)
+        change = np.asarray(model.effect(name).change(values)).reshape(-1, len(log))
+        # Columns are chords at other values: they differ where a run starts.
+        assert np.linalg.norm(change[channel] - moved) < 0.1 * np.linalg.norm(moved)
+
+
+def test_an_effect_is_one_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    screw = effects.ServoEffect(
+        "screw",
+        "the screw of the {axis} axis has an error of its known pitch",
+        "screw_{small}",
+        ("cyclic_{small}",),
+    )
+    monkeypatch.setattr(effects, "AXIS_EFFECTS", (*effects.AXIS_EFFECTS, screw))
+    pitch = {letter: "pitch_mm" if letter in "XYZ" else "pitch_deg" for letter in "XYZAC"}
+    axes = {k: replace(SERVO.axes[k], **{name: 7.0}) for k, name in pitch.items()}  # type: ignore[arg-type]
+    known = replace(SERVO, axes=axes)
+    worn = replace(known, axes={**axes, "C": replace(axes["C"], cyclic_arcsec=9.0)})  # type: ignore[arg-type]
+    run = ct.simulate(ct.Path.paper(), 3000.0, controller="independent", servo=worn)
+    log = run.axis_log(noise_um=0.2, noise_arcsec=1.0, seed=9)
+    d = diagnose(log, replace(SETUP, servo=known.to_table()))
+    (cause,) = d.causes
+    assert cause.id == "screw_c"
+    assert cause.words == "the screw of the C axis has an error of its known pitch"
+    found, error = cause.parameters["screw_arcsec"], cause.std_errors["screw_arcsec"]
+    assert found == pytest.approx(9.0, abs=4 * error)
+    assert d.model.servo.axes["C"].cyclic_arcsec == found
+
+
+def model_readings(
+    log: tn.AxisLog, setup: Setup, servo: ct.Servo, channel: int
+) -> NDArray[np.float64]:
+    """Readings of one axis under another servo model."""
+    values = AxisLogModel(log, replace(setup, servo=servo.to_table()), block=1).readings.values
+    return np.asarray(values.reshape(-1, len(log))[channel])
+
+
 def test_bad_input() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     with pytest.raises(InputError, match="Setup"):
@@ -144,7 +290,7 @@ def test_memory_of_the_noise_is_not_lost_with_what_effects_absorb() -> None:
     for _ in range(20):
         start = rng.standard_normal(1) * memory / np.sqrt(1 - memory**2)
         y = lfilter([1.0], [1.0, -memory], rng.standard_normal(n), zi=start)[0]
-        noise = _noise(y, q, segments)
+        noise = fit_noise(y, q, segments)
         rest = y - q @ (q.T @ y)
         plain.append(float(rest[1:] @ rest[:-1] / (rest[:-1] @ rest[:-1])))
         seen.append(float(np.sum(noise.predictors[-1])))
@@ -157,11 +303,11 @@ def test_memory_of_the_noise_is_not_lost_with_what_effects_absorb() -> None:
 
 def test_whitening_of_a_known_noise_is_exact() -> None:
     partial = np.array([0.7, -0.3, 0.2])
-    predictors = _levinson(partial)
+    predictors = levinson(partial)
     ar = predictors[-1]
-    assert _partial(ar) == pytest.approx(partial, abs=1e-12)
+    assert partial_autocorrelations(ar) == pytest.approx(partial, abs=1e-12)
     left = np.cumprod(1 / np.sqrt(1 - partial[::-1] ** 2))[::-1]
-    noise = _Noise(predictors, (*(2.0 * left).tolist(), 2.0))
+    noise = Autoregression(predictors, (*(2.0 * left).tolist(), 2.0))
     # Autocovariances of the process by its impulse response; W V Wᵀ is the unit matrix.
     response = lfilter([2.0], np.r_[1.0, -ar], np.r_[1.0, np.zeros(4000)])
     lagged = [float(response[: len(response) - k] @ response[k:]) for k in range(12)]
@@ -203,7 +349,7 @@ def test_columns_that_cannot_be_an_axis_log_are_refused() -> None:
     with pytest.raises(DataError, match=r"a_act_deg: got 0\.0175 times the motion"):
         AxisLogModel(log.with_columns(a_act_deg=np.deg2rad(log.actual("a"))), SETUP)
     slow = replace(SETUP, servo={k: v for k, v in SETUP.servo.items() if k != "period_ms"})
-    with pytest.raises(DataError, match=r"samples every 1000 ms, wanted at most 24\.6 ms"):
+    with pytest.raises(DataError, match=r"samples every 1000 ms, expected at most 24\.6 ms"):
         AxisLogModel(log.with_columns(time_s=1e3 * log.time_s), slow)
     with pytest.raises(DataError, match=r"at most 100 times servo\.period_ms"):
         AxisLogModel(log, replace(SETUP, servo={**SETUP.servo, "period_ms": 1e-9}))
@@ -261,7 +407,7 @@ def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
 def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     x = log.actual("x")
-    with pytest.raises(DataError, match="got tip_x_mm, wanted all of"):
+    with pytest.raises(DataError, match="got tip_x_mm, expected all of"):
         AxisLogModel(log.with_columns(tip_x_mm=x), SETUP)
     gap = np.where(np.arange(len(x)) == 7, np.nan, x)
     with pytest.raises(DataError, match=r"tip_y_mm, row 7: got 'nan'"):

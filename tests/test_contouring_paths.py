@@ -95,7 +95,7 @@ def test_cli_simulates_and_diagnoses(tmp_path: object) -> None:
     )
     runner = CliRunner()
     log = str(folder / "axislog.csv")
-    simulate = ["contour", "simulate", "--controller", "independent", "--log", log]
+    simulate = ["contour", "simulate", "--controller", "independent", "--output", log]
     done = runner.invoke(app, [*simulate, "--noise-um", "0.2", "--noise-arcsec", "1"])
     assert done.exit_code == 0, done.output
     assert "7.107" in done.output

@@ -110,7 +110,7 @@ def test_other_machines_explain_their_touches(preset: str) -> None:
     assert np.abs(found.residuals_um).max() < 1e-7
     # Where a combination cannot be seen (the head's offsets and the table's), its place is a
     # choice, and that drags the others along at second order.
-    second_order = 1e-2 if found.unseen else AGREE
+    second_order = 1e-2 if found.not_identifiable else AGREE
     for name, size in {**truth.errors, **truth.placement}.items():
         if np.isfinite(found.std_errors[name]):
             assert found.values[name] == pytest.approx(size, abs=second_order)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.hybrid import Mechanism, ballbar_plan, identify_ballbar
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.models.kinds import model_of
 
 
@@ -131,3 +138,86 @@ def test_an_offset_of_the_rotary_axes_from_a_log_is_a_location_error() -> None:
     )
     assert found.errors == {"EX0C": 12.0, "EY0C": 0.0}
     assert tn.volumetric_error(setup, found).max_um == pytest.approx(12.0)
+
+
+@cache
+def estimates() -> dict[str, tn.Estimate]:
+    """One of each: every kind of measurement says what it says as an estimate."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    part, _ = only_c_turns()
+    found: dict[str, tn.Estimate] = {
+        "identify": tn.identify(touches, setup),
+        "identify a part": tn.identify(part, setup),
+        "printed": tn.closed_form(touches, setup, method="printed"),
+        "separating": tn.closed_form(touches, setup),
+        "touches": tn.diagnose(touches, setup).model,
+        "points": tn.diagnose(tn.read_points(tn.sample_path("plate/first.csv"))).model,
+        "sweep": tn.diagnose(tn.read_sweep(tn.sample_path("axis/sweep.csv"))).model,
+        "ball-bar": tn.diagnose(tn.read_ballbar(tn.sample_path("ballbar/circle.csv"))).model,
+    }
+    plan = ballbar_plan(Mechanism(), np.array([0.0, -350.0, -1400.0]), step_deg=15.0)
+    found["hybrid"] = identify_ballbar(plan, Mechanism())
+    return found
+
+
+@pytest.mark.parametrize("kind", list(estimates()))
+def test_every_measurement_gives_an_estimate_that_is_a_value(kind: str, tmp_path: Path) -> None:
+    found = estimates()[kind]
+    assert isinstance(found, tn.Estimate)
+    for again in (pickle.loads(pickle.dumps(found)), copy.deepcopy(found)):
+        assert again == found
+    path = tmp_path / "estimate.json"
+    found.to_json(path)
+    read = tn.read_estimate(path)
+    assert read.errors == found.errors
+    assert read.std_errors == found.std_errors
+    assert read.combinations == found.combinations
+    assert np.array_equal(read.covariance, found.covariance)
+    assert read.motions == found.motions
+    assert tn.Estimate.from_json(read.to_json()) == read
+    for parameter in found.parameters:
+        assert found[parameter.name] == parameter.value
+        assert isinstance(parameter.owner, Owner)
+        assert parameter.identifiable == (parameter.std_error != np.inf)
+    assert len(found.to_dataframe()) >= len(found.values)
+    assert "<table>" in found._repr_html_()
+    assert len(repr(found)) < 1000
+
+
+def test_an_identification_reads_back_as_itself() -> None:
+    part, setup = only_c_turns()
+    fit = tn.identify(part, setup)
+    assert tn.IdentificationResult.from_json(fit.to_json()) == fit
+    assert fit["EX0C"] == fit.errors["EX0C"]
+    with pytest.raises(tn.UnknownNameError, match="EX0Q"):
+        fit["EX0Q"]
+
+
+def test_what_is_not_identifiable_is_named_and_refused_after_a_file(tmp_path: Path) -> None:
+    part, setup = only_c_turns()
+    fit = tn.identify(part, setup)
+    assert "EY0A" in fit.not_identifiable
+    assert "EX0C" not in fit.not_identifiable
+    assert any("EY0A" in sentence for sentence in fit.not_identifiable)
+    assert "EY0A" in fit.summary()
+    fit.to_json(tmp_path / "fit.json")
+    for given in (fit, tn.read_estimate(tmp_path / "fit.json")):
+        with pytest.raises(tn.DataError, match="EY0A"):
+            tn.error_map(setup, given)
+
+
+def test_a_stored_straightness_still_bends_the_machine() -> None:
+    found = Estimate(
+        effects={"straightness_y_of_x": {"a2_um": 8.0, "a3_um": 0.0}},
+        motions={"straightness_y_of_x": LinearMotion("straightness_y_of_x", TRAVEL)},
+    )
+    again = Estimate.from_json(found.to_json())
+    assert again == found
+    bent = [
+        tn.volumetric_error(SETUP, e, x_mm=[0, 50, 100], y_mm=0, z_mm=0) for e in (found, again)
+    ]
+    assert bent[0].max_um == bent[1].max_um == pytest.approx(8.0)
+
+
+TRAVEL = Travel((0.0, 0.0), (100.0, 80.0))

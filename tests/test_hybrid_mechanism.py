@@ -188,7 +188,7 @@ def test_command_line() -> None:
     assert "13 of 17" in result.output
     result = runner.invoke(app, ["hybrid", "sensitivity", "--joints", "1,2"])
     assert result.exit_code == 2
-    assert "wanted 5 numbers" in result.output
+    assert "expected 5 numbers" in result.output
 
 
 def test_batches_of_thousands_come_back_whole_in_few_steps() -> None:

@@ -16,10 +16,9 @@ def test_the_papers_three_cycles() -> None:
     assert len(plan) == 72
     assert plan.point is not None
     assert plan.a_deg is not None
+    assert plan.c_deg is not None
     for c in (0, 90, 180, 270):
-        rows = (plan.a_deg == 0) & (
-            np.round(plan.c_deg or 0 if plan.c_deg is None else plan.c_deg) == c
-        )
+        rows = (plan.a_deg == 0) & (np.round(plan.c_deg) == c)
         assert plan.point[rows].tolist() == list(range(1, 17))
     for a in (90, -90):
         assert plan.point[np.round(plan.a_deg) == a].tolist() == [17, 18, 19, 20]

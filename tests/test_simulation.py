@@ -56,7 +56,7 @@ def test_errors_of_the_setup_are_the_default_and_given_ones_replace_them() -> No
     ("arguments", "message"),
     [
         ({"errors": {"EX0Q": 1.0}}, "EX0Q"),
-        ({"errors": {"EX0A": 1.0}}, "EX0A.*wanted one of EA0A"),
+        ({"errors": {"EX0A": 1.0}}, "EX0A.*expected one of EA0A"),
         ({"errors": {"EX0C": float("nan")}}, "EX0C: got nan"),
         ({"placement": {"dx": 1.0}}, "placement: got 'dx', wanted one of dx_um"),
         ({"effects": {"gravity": {"g": 1.0}}}, 'unknown effect "gravity"; wanted one of'),

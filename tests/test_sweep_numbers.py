@@ -245,18 +245,3 @@ def test_a_node_that_cannot_be_fails_alone() -> None:
     assert np.isfinite(found["identified_error"].sel(length_mm=100.0)).all()
     assert np.isnan(found["identified_error"].sel(length_mm=40.0)).all()
     assert "no touch 2" in str(found["failure_error"].values[0])
-
-
-def test_overhead_of_the_call_is_small() -> None:
-    import time
-
-    def study(rng: np.random.Generator) -> float:
-        return float(rng.random())
-
-    tn.sweep(study)
-    times = []
-    for _ in range(15):
-        begun = time.perf_counter()
-        tn.sweep(study)
-        times.append(time.perf_counter() - begun)
-    assert min(times) < 5e-3

@@ -54,23 +54,23 @@ def test_path(files: Path) -> None:
 
 def test_correct(files: Path) -> None:
     out = files / "corrected.ngc"
-    said = run("correct", files / "part.ngc", files / "diameters.csv", "-o", out)
+    said = run("correct", files / "diameters.csv", files / "part.ngc", "-o", out)
     assert "left if it repeats" in said
     assert "X70.0" in out.read_text()
-    told = json.loads(run("correct", files / "part.ngc", files / "diameters.csv", "--json"))
+    told = json.loads(run("correct", files / "diameters.csv", files / "part.ngc", "--json"))
     assert np.abs(told["remaining_um"]).max() < 4
-    bad = run("correct", files / "part.ngc", files / "diameters.csv", "--rule", "x", code=2)
+    bad = run("correct", files / "diameters.csv", files / "part.ngc", "--rule", "x", code=2)
     assert "unknown rule" in bad
 
 
 def test_diagnose(files: Path) -> None:
-    arguments = ("diagnose", files / "diameters.csv", "--setup", files / "setup.toml")
+    arguments = ("diagnose", files / "diameters.csv", files / "setup.toml")
     told = json.loads(run(*arguments, "--json"))
     assert told["verdict"] in ("explained", "ambiguous")
     named = {frozenset(s) for s in told["alternatives"]}
     assert frozenset({"tool_heating"}) in named
     said = run(*arguments)
-    assert ("To tell them apart" in said) == (told["verdict"] == "ambiguous")
+    assert ("To discriminate between them" in said) == (told["verdict"] == "ambiguous")
 
 
 def test_faults_are_told_with_file_and_place(files: Path) -> None:
@@ -87,9 +87,9 @@ def test_faults_are_told_with_file_and_place(files: Path) -> None:
         for arguments in (("path", bad), ("correct", bad, readings)):
             assert f"{bad}: {said}" in run(*arguments, code=2)
     bad.write_bytes(b"G7\n\xff\n")
-    assert f"{bad}: got byte 0xff at 3, wanted UTF-8 text" in run("path", bad, code=2)
+    assert f"{bad}: got byte 0xff at 3, expected UTF-8 text" in run("path", bad, code=2)
     told = run("path", files / "part.ngc", "--picture", files / "x.foo", code=2)
-    assert "picture: got 'x.foo', wanted a name that ends in one of" in told
+    assert "picture: got 'x.foo', expected a name that ends in one of" in told
     assert "machine code" in run("path", files / "part.ngc", "--machine-code", "45", code=2)
 
 
@@ -97,7 +97,7 @@ def test_diameters_for_errors_are_refused(files: Path) -> None:
     z = np.arange(60.0, 20.0, -1.0)
     Diameters(z_mm=z, error_um=70e3 + z).to_csv(files / "slip.csv")
     setup = files / "setup.toml"
-    assert "error_um (row 0)" in run("diagnose", files / "slip.csv", "--setup", setup, code=2)
+    assert "error_um (row 0)" in run("diagnose", files / "slip.csv", setup, code=2)
     assert "reading 0" in run("correct", files / "part.ngc", files / "slip.csv", code=2)
 
 
@@ -108,7 +108,7 @@ def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
     assert sorted(kept) == ["diameters.csv", "part.ngc", "passes.csv", "setup.toml"]
     for name, path in kept.items():
         assert sample_path(f"turning/{name}").read_text() == path.read_text()
-    told = json.loads(run("correct", kept["part.ngc"], kept["diameters.csv"], "--json"))
+    told = json.loads(run("correct", kept["diameters.csv"], kept["part.ngc"], "--json"))
     assert len(told["inserted"]) == 1
-    told = json.loads(run("diagnose", kept["passes.csv"], "--setup", kept["setup.toml"], "--json"))
+    told = json.loads(run("diagnose", kept["passes.csv"], kept["setup.toml"], "--json"))
     assert {"bending", "tool_heating"} in [set(s) for s in told["alternatives"]]

@@ -55,6 +55,7 @@ from .machine.effects import EffectInfo as EffectInfo
 # --- the machine: kinematics, effects, what a measurement says of it
 from .machine.effects import UserEffect as UserEffect
 from .machine.estimate import Estimate as Estimate
+from .machine.estimate import read_estimate as read_estimate
 from .machine.kinematics import forward_kinematics as forward_kinematics
 from .machine.kinematics import inverse_kinematics as inverse_kinematics
 from .machine.kinematics import kinematic_jacobian as kinematic_jacobian

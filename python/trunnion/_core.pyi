@@ -6,9 +6,10 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST_THREADS", "__version__"]
+__all__ = ["MOST_THREADS", "RANK_TOLERANCE", "__version__"]
 
 MOST_THREADS: int
+RANK_TOLERANCE: float
 __version__: str
 
 # --- trunnion (paper 000)
@@ -27,6 +28,14 @@ _Floats: TypeAlias = npt.NDArray[np.float64]
 _Integers: TypeAlias = npt.NDArray[np.int64]
 _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
+
+# --- statistics
+__all__ += ["linear_fit"]
+
+def linear_fit(
+    columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
+) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
+    """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
 
 def presets() -> list[str]: ...
 def closed_form_slips() -> list[str]: ...
@@ -427,6 +436,7 @@ __all__ += [
     "ContourPath",
     "contour_axis_margins",
     "contour_axis_response",
+    "contour_axis_responses",
     "contour_path_margins",
     "contour_simulate",
     "contour_sweep",
@@ -480,6 +490,14 @@ def contour_axis_response(
     period_s: float,
     feedback: str,
     command: _Floats,
+) -> _Floats: ...
+def contour_axis_responses(
+    letter: str,
+    axes: _Floats,
+    period_s: float,
+    feedback: str,
+    command: _Floats,
+    stride: int,
 ) -> _Floats: ...
 def contour_path_margins(
     path: ContourPath,

@@ -5,6 +5,7 @@ tick by tick, scipy's least squares on the same residuals and derivatives, the C
 the sweep written in plain numpy with scipy.
 """
 
+import resource
 import statistics
 import subprocess
 import sys
@@ -271,13 +272,75 @@ def fields() -> None:
     line("61 x 49 x 31 points at 37 x 73 poses, one by one", f"{took:.1f} s")
 
 
+def diagnosis() -> None:
+    """One diagnosis of 504 touches: wall time as a user has it, processor time on one core."""
+    plan = tn.plan(
+        SETUP, c_deg=range(0, 360, 30), a_deg=(30, -30, 60, -60, 90, -90), both_senses=True
+    )
+    hidden: list[tuple[str, dict[str, dict[str, float]]]] = [
+        ("nothing hidden", {}),
+        ("one effect", {"drift_z": {"rate_um_h": 6.0}}),
+        (
+            "two effects",
+            {"drift_z": {"rate_um_h": 6.0}, "c_positioning_2": {"a2_arcsec": 6.0, "b2_arcsec": -4}},
+        ),
+    ]
+    for name, effects in hidden:
+        data = tn.simulate(plan, SETUP, ERRORS, effects=effects, noise_um=0.3, seed=1)
+        wall = seconds(lambda data=data: tn.diagnose(data, SETUP), 9, wall=True)
+        line(f"diagnosis of {len(data)} touches, {name}", f"{wall * 1e3:.0f} ms", 50e-3 / wall, 1)
+        spent = seconds(lambda data=data: tn.diagnose(data, SETUP), 9)
+        line("  time of processors", f"{spent * 1e3:.0f} ms", 20e-3 / spent, 1)
+
+
+def turning() -> None:
+    """A finishing program of 100,000 blocks: parsed, corrected, written."""
+    z = 500 - np.arange(1, 100_001) * 4e-3
+    x = 40 + 2 * np.sin(z / 30)
+    blocks = "\n".join(f"X{a:.3f} Z{b:.3f}" for a, b in zip(x, z, strict=True))
+    text = f"G7 G90\nG0 X40 Z500\nG1 F0.1\n{blocks}\n"
+    at = np.arange(500, 100, -0.5)
+    error = 10 * np.sin(at / 20)
+
+    def correct() -> str:
+        program = tn.nc.Program.parse(text, "linuxcnc-lathe")
+        return tn.turning.correct(program, (at, error), window=1).program.text()
+
+    ours = seconds(correct, 3)
+    line("correction of a program of 100,000 blocks", f"{ours:.2f} s", 1.0 / ours, 1)
+
+
+def imports() -> None:
+    """Processor time of importing the package in a fresh process, against numpy and scipy."""
+
+    def spent(code: str) -> float:
+        def once() -> float:
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            subprocess.run([sys.executable, "-c", code], check=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+        return statistics.median(once() for _ in range(9))
+
+    bare = spent("pass")
+    peer = spent("import numpy, scipy.linalg") - bare
+    ours = spent("import trunnion") - bare
+    line("import trunnion, time of processors", f"{ours * 1e3:.0f} ms")
+    line("  import numpy, scipy.linalg", f"{peer * 1e3:.0f} ms", ours / peer, 1.5)
+    used = spent("import trunnion as tn; [getattr(tn, name) for name in dir(tn)]") - bare
+    line("  the same with every public name used", f"{used * 1e3:.0f} ms", used / peer)
+
+
 def main() -> None:
     """Everything."""
+    imports()
     kinematics()
     fields()
     sweeps()
     twins()
     identification()
+    diagnosis()
+    turning()
 
 
 if __name__ == "__main__":

@@ -1,13 +1,25 @@
-"""Command line: ``trunnion plan``, ``simulate``, ``estimate``, ... one file a group of commands."""
+"""Command line: ``trunnion plan``, ``simulate``, ``estimate``, ...; one file a group of commands.
+
+Grammar: ``trunnion COMMAND DATA... SETUP [options]``, data and set-up in either order.
+"""
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 
-from trunnion.cli import ballbar, calibration, contour, demo, diagnose, hybrid, turning
-from trunnion.cli.common import clean_errors
-from trunnion.cli.compensate import compensate
-from trunnion.cli.sweep import sweep_command
+from trunnion.cli import (
+    ballbar,
+    calibration,
+    compensate,
+    contour,
+    demo,
+    diagnose,
+    hybrid,
+    sweep,
+    turning,
+)
 
 __all__ = ["app"]
 
@@ -16,26 +28,27 @@ app = typer.Typer(
     help="Geometric accuracy of machine tools: plan, simulate, estimate, diagnose, compensate.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-# --- trunnion (paper 000)
-calibration.register(app)
-app.command("compensate")(clean_errors(compensate))
-demo.register(app)
 
-# --- diagnosis
-diagnose.register(app)
+def _version(asked: bool) -> None:
+    if asked:
+        from trunnion._core import __version__
 
-# --- turning (paper 001)
-app.add_typer(turning.app, name="turning")
+        typer.echo(f"trunnion {__version__}")
+        raise typer.Exit
 
-# --- hybrid machine and ball-bar (paper 004)
-hybrid.register(app)
-ballbar.register(app)
 
-# --- sweeps
-app.command("sweep")(clean_errors(sweep_command))
+@app.callback()
+def _main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    """Geometric accuracy of machine tools: plan, simulate, estimate, diagnose, compensate."""
+    del version
 
-# --- contouring (paper 003)
-contour.register(app)
+
+for part in (calibration, diagnose, compensate, turning, contour, ballbar, hybrid, sweep, demo):
+    part.register(app)

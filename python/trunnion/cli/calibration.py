@@ -4,50 +4,37 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
 import typer
 
-from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
-from trunnion.cli.common import clean_errors, named_values, numbers, say, show_json
-from trunnion.data.linuxcnc_log import read_probe_log
-from trunnion.data.touches import Touches, read_touches
-from trunnion.probing.closed_form import closed_form
-from trunnion.probing.identify import identify
-from trunnion.probing.observability import observability
-from trunnion.probing.plan import plan as make_plan
-from trunnion.probing.program import probing_program
-from trunnion.probing.result import IdentificationResult
-from trunnion.probing.simulate import simulate as simulate_plan
-from trunnion.setup import Setup, read_setup
+import trunnion as tn
+from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.values import named_values, names, numbers
+
+if TYPE_CHECKING:
+    from trunnion.data.touches import Touches
+    from trunnion.probing.result import IdentificationResult
+    from trunnion.setup import Setup
 
 __all__ = ["register"]
 
+ClosedForm: TypeAlias = Literal["printed", "separating"]
 METHODS = ("separating", "printed", "least-squares")
 
-SetupFile = Annotated[Path, typer.Argument(help="set-up file (TOML)", metavar="SETUP")]
-TouchFile = Annotated[Path, typer.Argument(help="touches (CSV)", metavar="TOUCHES")]
-Json = Annotated[bool, typer.Option("--json", help="print JSON instead of tables")]
-PlanFile = Annotated[
-    Path | None,
-    typer.Option("--plan", help="plan or touches (CSV); the paper's plan if absent"),
-]
+SetupFile = Annotated[Path, typer.Argument(help="set-up (TOML)", metavar="SETUP")]
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    app.command("plan")(clean_errors(plan))
-    app.command("simulate")(clean_errors(simulate))
-    app.command("estimate")(clean_errors(estimate))
-    app.command("observe")(clean_errors(observe))
+    for function in (plan, simulate, estimate, observe):
+        command(app)(function)
 
 
 def plan(
     setup: SetupFile,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="write the plan as CSV")
-    ] = None,
+    output: Output = None,
     program: Annotated[
         Path | None, typer.Option(help="write the probing cycle as a LinuxCNC program")
     ] = None,
@@ -57,45 +44,43 @@ def plan(
     feeds: Annotated[str, typer.Option(help="feeds of the approaches, mm/min")] = "600",
     both_senses: Annotated[bool, typer.Option(help="approach positions from both senses")] = False,
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
-    json_output: Json = False,
-) -> None:
+) -> Answer:
     """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
-    made = _plan(read_setup(setup), c, tilt, feeds, both_senses, repeats)
-    if output is not None:
-        made.to_csv(output)
-    if program is not None:
-        program.write_text(probing_program(made, read_setup(setup), log).text(), encoding="utf-8")
-    minutes = 0.0 if made.time_s is None else float(made.time_s[-1]) / 60
-    if json_output:
-        show_json({"touches": len(made), "minutes": minutes, "columns": list(made.columns)})
-    elif output is None and program is None:
-        say(made.to_csv())
-    else:
-        say(f"{len(made)} touches, about {minutes:.1f} min of moves.")
+    from trunnion.machine.chain import Chain
+    from trunnion.probing.program import probing_program
 
-
-def _plan(setup: Setup, c: str, tilt: str, feeds: str, both_senses: bool, repeats: int) -> Touches:
-    angles: dict[str, Any] = {"c_deg": numbers("--c", c)}
-    letter = "a_deg" if setup.machine.preset == "trt-ca" else "b_deg"
-    angles[letter] = numbers("--tilt", tilt)
-    return make_plan(
-        setup,
+    made = tn.read_setup(setup)
+    letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
+    planned = tn.plan(
+        made,
         feeds_mm_min=numbers("--feeds", feeds),
         both_senses=both_senses,
         repeats=repeats,
-        **angles,
+        c_deg=numbers("--c", c),
+        **{letter: numbers("--tilt", tilt)},  # type: ignore[arg-type]
     )
+    shown = []
+    if output is not None:
+        shown.append(save(output, planned.to_csv))
+    if program is not None:
+        text = probing_program(planned, made, log).text()
+        shown.append(save(program, lambda path: path.write_text(text, encoding="utf-8")))
+    minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
+    values = {"touches": len(planned), "minutes": minutes, "columns": list(planned.columns)}
+    if not shown:
+        return Answer(values, (planned.to_csv().rstrip("\n"),))
+    return Answer(values, (f"{len(planned)} touches, about {minutes:.1f} min of moves.", *shown))
 
 
 def simulate(
-    setup: SetupFile,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="write the touches as CSV")
-    ] = None,
-    touches: Annotated[
-        Path | None,
-        typer.Option("--plan", help="plan or touches (CSV); the paper's plan if absent"),
-    ] = None,
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[PLAN] SETUP",
+            help="plan or touches (CSV; the paper's plan if absent) and the set-up (TOML)",
+        ),
+    ],
+    output: Output = None,
     error: Annotated[
         list[str] | None, typer.Option(help="true location error, EX0C=15 (µm or arcsec)")
     ] = None,
@@ -110,36 +95,43 @@ def simulate(
         float | None, typer.Option(help="tick of the trigger; the set-up's if absent")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of the noise")] = None,
-) -> None:
+) -> Answer:
     """Simulate a measurement on a machine with errors."""
-    made = read_setup(setup)
-    planned = make_plan(made) if touches is None else read_touches(touches)
+    setup, planned = _plan_and_set_up(files)
     effects: dict[str, dict[str, float]] = {}
-    for name, value in named_values("--effect", effect or []).items():
+    for name, value in named_values("--effect", effect).items():
         owner, dot, parameter = name.partition(".")
         if not dot:
-            raise UnknownNameError(f"--effect: got {name!r}, wanted effect.parameter=number")
+            raise tn.UnknownNameError(f"--effect: got {name!r}, expected effect.parameter=number")
         effects.setdefault(owner, {})[parameter] = value
-    measured = simulate_plan(
+    measured = tn.simulate(
         planned,
-        made,
-        errors=named_values("--error", error or []),
-        placement=named_values("--placement", placement or []),
+        setup,
+        errors=named_values("--error", error),
+        placement=named_values("--placement", placement),
         effects=effects,
         noise_um=noise_um,
         tick_um=tick_um,
         seed=seed,
     )
+    values = {"touches": len(measured), "columns": list(measured.columns)}
     if output is None:
-        say(measured.to_csv())
-    else:
-        measured.to_csv(output)
-        say(f"{len(measured)} touches written to {output}")
+        return Answer(values, (measured.to_csv().rstrip("\n"),))
+    return Answer(values, (f"{len(measured)} touches", save(output, measured.to_csv)))
+
+
+def _plan_and_set_up(files: list[Path]) -> tuple[Setup, Touches]:
+    """Return the set-up and the plan among the files; the paper's plan if there is none."""
+    plans, file = one_set_up(files, (0, 1), "plans")
+    setup = tn.read_setup(file)
+    return setup, tn.read_touches(plans[0]) if plans else tn.plan(setup)
 
 
 def estimate(
-    setup: SetupFile,
-    touches: TouchFile,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="TOUCHES SETUP", help="touches (CSV) and the set-up (TOML)"),
+    ],
     method: Annotated[
         str | None,
         typer.Option(
@@ -157,61 +149,66 @@ def estimate(
     per_position: Annotated[
         bool, typer.Option(help="also the paper's estimates at every A and C")
     ] = False,
-    json_output: Json = False,
-) -> None:
-    """Estimate the location errors from touches."""
-    made = read_setup(setup)
-    data = read_touches(touches)
+    output: Output = None,
+) -> Answer:
+    """Estimate the location errors from touches; --output keeps the estimate as JSON."""
+    measured, file = one_set_up(files, (1, 1), "touches")
+    setup = tn.read_setup(file)
+    data = tn.read_touches(measured[0])
     if probe_log is not None:
-        data = read_probe_log(probe_log, data)
-    chosen = [part.strip() for part in effects.split(",") if part.strip()]
+        data = tn.read_probe_log(probe_log, data)
+    results = _estimates(data, setup, method, names(effects))
+    shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
+    if per_position:
+        shown += tn.closed_form(data, setup).per_position.tables()
+    answer = Answer({name: result.to_dict() for name, result in results.items()}, tuple(shown))
+    if output is None:
+        return answer
+    text = answer.json() + "\n"
+    said = save(output, lambda path: path.write_text(text, encoding="utf-8"))
+    return Answer(answer.values, (*answer.shown, said))
+
+
+def _estimates(
+    data: Touches, setup: Setup, method: str | None, effects: list[str]
+) -> dict[str, IdentificationResult]:
+    """Return the result of each method, by name."""
     results: dict[str, IdentificationResult] = {}
     if method is None:
         method = "least-squares"
-        with contextlib.suppress(TrunnionError):
-            results["separating"] = closed_form(data, made, "separating")
-    methods = [part.strip() for part in method.split(",")]
-    if chosen and "least-squares" not in methods:
-        raise InputError(
-            f"--effects: got {', '.join(chosen)}, wanted none: only least-squares estimates effects"
+        with contextlib.suppress(tn.TrunnionError):
+            results["separating"] = tn.closed_form(data, setup, "separating")
+    methods = names(method)
+    if effects and "least-squares" not in methods:
+        raise tn.InputError(
+            f"--effects: got {', '.join(effects)}, expected none: only least-squares estimates "
+            "effects"
         )
     for name in methods:
-        if name not in METHODS:
-            raise UnknownNameError(f"--method: got {name!r}, wanted one of {', '.join(METHODS)}")
         if name == "least-squares":
-            results[name] = identify(data, made, chosen)
+            results[name] = tn.identify(data, setup, effects)
+        elif name in METHODS:
+            results[name] = tn.closed_form(data, setup, cast("ClosedForm", name))
         else:
-            results[name] = closed_form(
-                data, made, "printed" if name == "printed" else "separating"
+            raise tn.UnknownNameError(
+                f"--method: got {name!r}, expected one of {', '.join(METHODS)}"
             )
-    if json_output:
-        show_json({name: result.to_dict() for name, result in results.items()})
-        return
-    for result in results.values():
-        say(result.summary() + "\n")
-    if per_position:
-        for table in closed_form(data, made).per_position.tables():
-            say(table.text())
+    return results
 
 
 def observe(
-    setup: SetupFile,
-    touches: Annotated[
-        Path | None,
-        typer.Option("--plan", help="plan or touches (CSV); the paper's plan if absent"),
-    ] = None,
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="[PLAN] SETUP",
+            help="plan or touches (CSV; the paper's plan if absent) and the set-up (TOML)",
+        ),
+    ],
     effects: Annotated[str, typer.Option(help="effects to estimate as well")] = "",
     noise_um: Annotated[
         float | None, typer.Option(help="standard deviation of one reading")
     ] = None,
-    json_output: Json = False,
-) -> None:
-    """Tell what a plan can see, before anything is measured."""
-    made = read_setup(setup)
-    planned = make_plan(made) if touches is None else read_touches(touches)
-    chosen = [part.strip() for part in effects.split(",") if part.strip()]
-    seen = observability(planned, made, chosen, noise_um=noise_um)
-    if json_output:
-        show_json(seen.to_dict())
-    else:
-        say(seen.summary())
+) -> Answer:
+    """Say what a plan can determine, before anything is measured."""
+    setup, planned = _plan_and_set_up(files)
+    return Answer.of(tn.observability(planned, setup, names(effects), noise_um=noise_um))

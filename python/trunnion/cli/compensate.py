@@ -3,152 +3,115 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
-from rich.console import Console
 
-from trunnion.base.errors import FileFormatError
+import trunnion as tn
 from trunnion.base.report import Table
-from trunnion.compensation import (
-    CncParameters,
-    Compensation,
-    InverseCompensation,
-    MachineErrors,
-    ModelCompensation,
-    ResidualInterval,
-    VolumetricError,
-    cnc_parameters,
-    error_map,
-    residual_interval,
-    volumetric_error,
-)
-from trunnion.compensation.machine import chain_letters
-from trunnion.machine.estimate import Estimate
-from trunnion.plot.axes import new_figure
-from trunnion.plot.volumetric import plot_over_poses, plot_volumetric
-from trunnion.setup import Setup, read_setup
+from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
 
-__all__ = ["compensate"]
+if TYPE_CHECKING:
+    from trunnion.compensation import (
+        CncParameters,
+        Compensation,
+        MachineErrors,
+        ResidualInterval,
+        VolumetricError,
+    )
+    from trunnion.machine.estimate import Estimate
+    from trunnion.setup import Setup
+
+__all__ = ["register"]
 
 # Between the nodes of a map in steps of 15°, where it is at its worst.
 _TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
 _POINTS = (7, 7, 5)
 
 
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    command(app)(compensate)
+
+
 def compensate(
-    setup_file: Annotated[Path, typer.Argument(metavar="SETUP.TOML", help="set-up file")],
-    errors_file: Annotated[
-        Path,
+    files: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="ERRORS.JSON",
-            help="what `trunnion estimate --json` writes, or a table of names and values "
-            '({"EX0C": 15.0, ...}, µm and arcsec)',
+            metavar="ERRORS SETUP",
+            help="what `trunnion estimate --json` writes, or names and values as JSON "
+            '({"EX0C": 15.0, ...}, µm and arcsec), and the set-up (TOML)',
         ),
     ],
-    out: Annotated[Path, typer.Option(help="folder for the files")] = Path("compensation"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="folder for the files")] = Path(
+        "compensation"
+    ),
     linear_step_mm: Annotated[float, typer.Option(help="largest step of the map's X, Y, Z")] = 50.0,
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
     seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
-) -> None:
+) -> Answer:
     """Compute corrections from an estimate: what each kind leaves, and the files of them.
 
     Writes error_map.csv, parameters.json, volumetric.json and compensation.png into the folder.
     """
-    setup = read_setup(setup_file)
-    estimate = read_estimate(errors_file)
+    from trunnion.compensation import MachineErrors
+
+    estimates, file = one_set_up(files, (1, 1), "estimates")
+    setup = tn.read_setup(file)
+    estimate = tn.read_estimate(estimates[0])
     known = MachineErrors.of(setup, estimate)
-    table = error_map(setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg)
-    parameters = cnc_parameters(setup, known)
+    table = tn.error_map(
+        setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
+    )
+    parameters = tn.cnc_parameters(setup, known)
     kinds: dict[str, Compensation | None] = {
         "nothing compensated": None,
         "error map": table,
-        "linear axes, exact": ModelCompensation(known),
+        "linear axes, exact": tn.ModelCompensation(known),
         "CNC parameters": parameters,
         "CNC parameters, rounded": parameters.rounded(setup),
-        "all axes, exact": InverseCompensation(known),
+        "all axes, exact": tn.InverseCompensation(known),
     }
     at_zero = {name: _field(setup, known, kind, over=False) for name, kind in kinds.items()}
     over = {name: _field(setup, known, kind, over=True) for name, kind in kinds.items()}
-    interval = _interval(setup, estimate, seed)
-
-    console = Console()
-    console.print(_table(at_zero, over).to_rich())
-    console.print(_set_to(parameters).to_rich())
-    console.print(_removable(parameters).to_rich())
-    if interval is not None:
-        console.print(interval.table().to_rich())
-    console.print(table.summary())
-
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "error_map.csv")
-    _write(out / "parameters.json", parameters.to_dict())
     found = {"at_zero": _plain(at_zero), "over_range": _plain(over)}
+    shown: list[Any] = [_table(at_zero, over), _set_to(parameters), _removable(parameters)]
+    interval = _interval(setup, estimate, seed)
     if interval is not None:
+        shown.append(interval.table())
         found["predicted_interval_over_range"] = interval.to_dict()
-    _write(out / "volumetric.json", found)
-    _picture(setup, known, table, parameters, over, out / "compensation.png")
-    for name in ("error_map.csv", "parameters.json", "volumetric.json", "compensation.png"):
-        console.print(f"wrote {out / name}")
+
+    names = ("error_map.csv", "parameters.json", "volumetric.json", "compensation.png")
+    check_outputs(*(output / name for name in names))
+    output.mkdir(parents=True, exist_ok=True)
+    shown += [
+        table.summary(),
+        save(output / "error_map.csv", table.to_csv),
+        save(output / "parameters.json", _json(parameters.to_dict())),
+        save(output / "volumetric.json", _json(found)),
+        save(
+            output / "compensation.png",
+            lambda path: _picture(setup, known, table, parameters, over, path),
+        ),
+    ]
+    return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
 
 
-def read_estimate(path: Path) -> Estimate:
-    """Read an estimate: the dictionary of a result, or names and values alone.
+def _tilting(setup: Setup) -> str | None:
+    from trunnion.machine.chain import Chain
 
-    Raises
-    ------
-    FileFormatError
-        If the file is not JSON, or holds neither.
-    """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: got bytes that are not UTF-8 at {error.start}") from None
-    except json.JSONDecodeError as error:
-        raise FileFormatError(
-            f"{path}:{error.lineno}:{error.colno}: got no JSON ({error.msg}), wanted an estimate"
-        ) from None
-    wanted = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'
-    if not isinstance(content, dict):
-        raise FileFormatError(f"{path}:1:1: got {type(content).__name__}, wanted {wanted}")
-    # What `trunnion estimate --json` writes: results by method, the most general one first.
-    for method in ("least-squares", "separating"):
-        if isinstance(content.get(method), dict):
-            content = content[method]
-    if "errors" not in content:
-        return Estimate(errors=_numbers(path, "errors", content))
-    effects = content.get("effects") or {}
-    if not isinstance(effects, dict):
-        raise FileFormatError(f"{path}: effects: got {effects!r}, wanted id → parameter → value")
-    std_errors, covariance = content.get("std_errors") or {}, content.get("covariance")
-    return Estimate(
-        errors=_numbers(path, "errors", content["errors"]),
-        effects={name: _numbers(path, f"effects.{name}", v) for name, v in effects.items()},
-        std_errors={name: float(value) for name, value in std_errors.items()},
-        names=tuple(content.get("names", ())),
-        covariance=None if covariance is None else np.asarray(covariance, dtype=float),
-        degrees_of_freedom=float(content.get("degrees_of_freedom", float("inf"))),
-    )
-
-
-def _numbers(path: Path, what: str, values: object) -> dict[str, float]:
-    if not isinstance(values, dict):
-        raise FileFormatError(f"{path}: {what}: got {values!r}, wanted names with numbers")
-    for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise FileFormatError(f"{path}: {what}.{name}: got {value!r}, wanted a finite number")
-    return {name: float(value) for name, value in values.items()}
+    return Chain(setup).tilting
 
 
 def _field(
     setup: Setup, known: MachineErrors, kind: Compensation | None, *, over: bool
 ) -> VolumetricError:
     if not over:
-        return volumetric_error(setup, known, compensation=kind, points=_POINTS)
-    tilt = "A" if "A" in chain_letters(setup) else "B"
-    return volumetric_error(
+        return tn.volumetric_error(setup, known, compensation=kind, points=_POINTS)
+    tilt = _tilting(setup)
+    return tn.volumetric_error(
         setup,
         known,
         a_deg=_TILTS if tilt == "A" else 0,
@@ -161,10 +124,10 @@ def _field(
 
 def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
     """Predicted interval over the whole range, where the estimate has a covariance."""
-    if estimate.covariance is None or not estimate.names:
+    if not estimate.names:
         return None
-    tilt = "A" if "A" in chain_letters(setup) else "B"
-    return residual_interval(
+    tilt = _tilting(setup)
+    return tn.residual_interval(
         setup,
         estimate,
         a_deg=_TILTS if tilt == "A" else 0,
@@ -211,8 +174,10 @@ def _plain(fields: dict[str, VolumetricError]) -> dict[str, Any]:
     return {name: value.to_dict() for name, value in fields.items()}
 
 
-def _write(path: Path, content: Any) -> None:
-    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+def _json(content: Any) -> Callable[[Path], object]:
+    """Return what writes the content to a path."""
+    text = json.dumps(content, indent=2) + "\n"
+    return lambda path: path.write_text(text, encoding="utf-8")
 
 
 def _picture(
@@ -224,19 +189,21 @@ def _picture(
     path: Path,
 ) -> None:
     """Sections at zero and the largest error over the poses, before and after, one scale."""
+    from matplotlib.figure import Figure
+
     shown = {"nothing compensated": None, "error map": table, "CNC parameters": parameters}
     top = max(value.max_um for value in over.values())
     scale = (0.01, top) if top > 0.01 else None
-    figure = new_figure(13.0, 7.0)
+    figure = Figure(figsize=(13.0, 7.0), layout="constrained")
     panels = figure.subplots(2, 3)
     for column, (name, kind) in enumerate(shown.items()):
-        section = volumetric_error(setup, known, compensation=kind)
-        plot_volumetric(
+        section = tn.volumetric_error(setup, known, compensation=kind)
+        tn.plot.plot_volumetric(
             section, plane="xz", at_mm=0.0, scale_um=scale, colorbar=False, ax=panels[0, column]
         )
         upper = panels[0, column]
         upper.set_title(f"{name}, all axes at zero\n{upper.get_title()}", fontsize="medium")
-        plot_over_poses(over[name], scale_um=scale, colorbar=False, ax=panels[1, column])
+        tn.plot.plot_over_poses(over[name], scale_um=scale, colorbar=False, ax=panels[1, column])
         lower = panels[1, column]
         lower.set_title(f"{name}, over the range\n{lower.get_title()}", fontsize="medium")
     image = panels[0, 0].collections[0]

@@ -2,44 +2,50 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
 
-import trunnion.contouring as contouring
-import trunnion.nc as nc
-from trunnion.base.errors import InputError
-from trunnion.cli.common import clean_errors, named_values, say, show_diagnosis, show_json
-from trunnion.data.axis_log import read_axis_log
-from trunnion.models.kinds import diagnose as diagnose_data
-from trunnion.setup import read_setup
+import trunnion as tn
+from trunnion.base.report import Table
+from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.diagnose import diagnose_as
+from trunnion.cli.values import named_values
+
+if TYPE_CHECKING:
+    from trunnion.contouring import ContourRun
 
 __all__ = ["register"]
 
-app = typer.Typer(
-    no_args_is_help=True, help="Five-axis contouring: simulate the loop, diagnose an axis log."
-)
 CONTROLLERS = ("independent", "existing", "proposed")
+FEEDS_MM_MIN = (1000.0, 3000.0)
+FIGURES = {
+    "contour_max_um": "contour, max µm",
+    "contour_rms_um": "rms µm",
+    "orientation_max_arcsec": "orientation, max arcsec",
+}
 
 
-def register(parent: typer.Typer) -> None:
+def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    parent.add_typer(app, name="contour")
+    group = typer.Typer(
+        no_args_is_help=True, help="Five-axis contouring: simulate the loop, diagnose an axis log."
+    )
+    command(group)(simulate)
+    command(group, "diagnose")(diagnose_as("axislog"))
+    app.add_typer(group, name="contour")
 
 
-@app.command("simulate")
-@clean_errors
 def simulate(
-    setup: Annotated[
-        Path | None, typer.Option(help="set-up with a table \\[servo]; else the paper's Table 1")
-    ] = None,
-    program: Annotated[
-        Path | None,
-        typer.Option(help="part program (G1 G2 G3, tool-centre-point); else the paper's eq. (8)"),
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[PROGRAM] [SETUP]",
+            help="part program (G1 G2 G3, tool-centre-point; else the paper's eq. (8)) and set-up "
+            "(TOML) with a table \\[servo] (else the paper's Table 1)",
+        ),
     ] = None,
     controller: Annotated[
         list[str] | None, typer.Option(help=f"{', '.join(CONTROLLERS)}; may be repeated")
@@ -50,81 +56,80 @@ def simulate(
     ] = (0.0, 0.0, 0.0),
     decelerate: Annotated[bool, typer.Option(help="slow down at the end")] = False,
     normal_acceleration: Annotated[
-        float, typer.Option(help="largest normal acceleration, mm/s^2")
+        float, typer.Option(help="largest normal acceleration, mm/s²")
     ] = float("inf"),
     error: Annotated[
-        list[str] | None, typer.Option(help="location error as it is, NAME=value (um, arcsec)")
+        list[str] | None, typer.Option(help="location error as it is, NAME=value (µm, arcsec)")
     ] = None,
-    believed: Annotated[
+    assumed: Annotated[
         list[str] | None, typer.Option(help="location error that the control knows, NAME=value")
-    ] = None,
-    axis_log: Annotated[
-        Path | None, typer.Option("--log", help="write the runs as an axis log (CSV) here")
     ] = None,
     noise_um: Annotated[float, typer.Option(help="noise of the log, linear axes")] = 0.0,
     noise_arcsec: Annotated[float, typer.Option(help="noise of the log, rotary axes")] = 0.0,
     seed: Annotated[int, typer.Option(help="of the noise")] = 0,
-    json_output: Annotated[
-        bool, typer.Option("--json", help="print JSON instead of a table")
-    ] = False,
-) -> None:
-    """Simulate runs along a path and report true contour and orientation errors."""
-    servo = contouring.Servo.paper()
-    if setup is not None:
-        servo = contouring.read_servo(setup)
-    if program is None:
-        path = contouring.Path.paper(offset_mm=offset_mm)
+    output: Output = None,
+) -> Answer:
+    """Simulate runs along a path: contour and orientation errors; --output keeps an axis log."""
+    programs, set_ups = sort_files(files or [], (0, 1), (0, 1), "part programs")
+    contouring = tn.contouring
+    servo = contouring.read_servo(set_ups[0]) if set_ups else contouring.Servo.paper()
+    if programs:
+        text = programs[0].read_text(encoding="utf-8")
+        path = contouring.Path.from_program(tn.nc.Program.parse(text, "linuxcnc"))
+        path = path.shifted(offset_mm)
     else:
-        text = program.read_text(encoding="utf-8")
-        path = contouring.Path.from_program(nc.Program.parse(text, "linuxcnc")).shifted(offset_mm)
-    runs = []
-    for feed in feed_mm_min or [1000.0, 3000.0]:
-        for name in controller or CONTROLLERS:
-            run = contouring.simulate(
+        path = contouring.Path.paper(offset_mm=offset_mm)
+    runs = [
+        (
+            feed,
+            name,
+            contouring.simulate(
                 path,
                 contouring.Feed(
-                    feed,
-                    decelerate=decelerate,
-                    normal_acceleration_mm_s2=normal_acceleration,
+                    feed, decelerate=decelerate, normal_acceleration_mm_s2=normal_acceleration
                 ),
                 controller=name,  # type: ignore[arg-type]
                 servo=servo,
-                errors=named_values("--error", error or []),
-                believed=named_values("--believed", believed or []),
-            )
-            runs.append((feed, name, run))
-    if axis_log is not None:
-        _write_log(axis_log, runs, noise_um, noise_arcsec, seed)
-    if json_output:
-        show_json([_plain(feed, name, run) for feed, name, run in runs])
-        return
-    shown = Table("feed mm/min", "controller", "contour max µm", "rms µm", "orientation arcsec")
-    for feed, name, run in runs:
-        f = run.figures
-        keys = ("contour_max_um", "contour_rms_um", "orientation_max_arcsec")
-        told = ["diverged"] * 3 if run.diverged else [f"{f[key]:.3f}" for key in keys]
-        shown.add_row(f"{feed:g}", name, *told)
-    Console(highlight=False).print(shown)
-    if axis_log is not None:
-        say(f"axis log: {axis_log}")
+                errors=named_values("--error", error),
+                believed=named_values("--assumed", assumed),
+            ),
+        )
+        for feed in feed_mm_min or FEEDS_MM_MIN
+        for name in controller or CONTROLLERS
+    ]
+    shown: list[Any] = [_table(runs)]
+    if output is not None:
+        shown.append(_save_log(output, runs, noise_um, noise_arcsec, seed))
+    return Answer([_plain(*run) for run in runs], tuple(shown))
 
 
-def _plain(feed: float, name: str, run: contouring.ContourRun) -> dict[str, Any]:
+def _table(runs: list[tuple[float, str, ContourRun]]) -> Table:
+    rows = [
+        (
+            f"{feed:g} mm/min, {name}",
+            *("diverged" if run.diverged else run.figures[key] for key in FIGURES),
+        )
+        for feed, name, run in runs
+    ]
+    return Table.of("Errors of the tool tip and axis", ("", *FIGURES.values()), rows, digits=3)
+
+
+def _plain(feed: float, name: str, run: ContourRun) -> dict[str, Any]:
     """Figures as plain values; null where the loop diverged."""
-    figures = {k: v if np.isfinite(v) else None for k, v in run.figures.items()}
+    figures = {k: v if math.isfinite(v) else None for k, v in run.figures.items()}
     return {"feed_mm_min": feed, "controller": name, "diverged": run.diverged, **figures}
 
 
-def _write_log(
+def _save_log(
     file: Path,
-    runs: list[tuple[float, str, contouring.ContourRun]],
+    runs: list[tuple[float, str, ContourRun]],
     noise_um: float,
     noise_arcsec: float,
     seed: int,
-) -> None:
+) -> str:
     for feed, name, run in runs:
         if run.diverged:
-            raise InputError(f"--log: {name} at {feed:g} mm/min diverged; nothing of it is logged")
+            raise tn.InputError(f"{name} at {feed:g} mm/min: diverged; nothing of it is logged")
     logs = [
         run.axis_log(
             noise_um=noise_um,
@@ -134,28 +139,4 @@ def _write_log(
         )
         for i, (feed, name, run) in enumerate(runs)
     ]
-    type(logs[0]).concatenate(logs).to_csv(file)
-
-
-@app.command("diagnose")
-@clean_errors
-def diagnose(
-    files: Annotated[
-        list[Path], typer.Argument(help="axis log (CSV) and the set-up (TOML) with \\[servo]")
-    ],
-    html: Annotated[Path | None, typer.Option(help="write a page with pictures here")] = None,
-    json_output: Annotated[
-        bool, typer.Option("--json", help="print JSON instead of a table")
-    ] = False,
-) -> None:
-    """Say what in the servo model an axis log contradicts, by name."""
-    setups = [f for f in files if f.suffix.lower() == ".toml"]
-    logs = [f for f in files if f.suffix.lower() != ".toml"]
-    if len(setups) != 1 or len(logs) != 1:
-        raise InputError(
-            f"files: got {len(logs)} logs and {len(setups)} set-ups, wanted one axis log and one "
-            "set-up (.toml)"
-        )
-    contouring.read_servo(setups[0])  # a fault of the table with its place
-    d = diagnose_data(read_axis_log(logs[0]), read_setup(setups[0]))
-    show_diagnosis(d, html=html, json_output=json_output)
+    return save(file, tn.AxisLog.concatenate(logs).to_csv)

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import typer
 
-from trunnion.cli.common import clean_errors, say
-from trunnion.demo import sections
+from trunnion.cli.command import Answer, command
 
 __all__ = ["register"]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    app.command("demo")(clean_errors(demo))
+    command(app)(demo)
 
 
-def demo() -> None:
+def demo() -> Answer:
     """Show the main job: from touches to the eight errors of a tilting rotary table."""
-    for section in sections():
-        say(section + "\n")
+    from trunnion.demo import sections
+
+    found = [section + "\n" for section in sections()]
+    return Answer({"sections": found}, tuple(found))

@@ -1,75 +1,107 @@
 """``trunnion diagnose``: whether a measurement fits its model, and if not, why."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 
-from trunnion.base.errors import InputError
-from trunnion.cli.common import clean_errors, show_diagnosis
-from trunnion.files.text import decode
-from trunnion.models.kinds import Kind, kind_of_columns, kinds
-from trunnion.models.kinds import diagnose as diagnose_data
-from trunnion.models.next_touches import prospect
-from trunnion.setup import read_setup
+import trunnion as tn
+from trunnion.cli.command import Answer, Output, command, save, sort_files
 
-__all__ = ["register"]
+if TYPE_CHECKING:
+    from trunnion.diagnosis.result import Diagnosis
+    from trunnion.models.kinds import Kind
 
-NAMES = ", ".join(kind.name for kind in kinds())
+__all__ = ["diagnose_as", "register"]
 
-
-def kind_of(path: Path) -> Kind:
-    """Return the kind of data, from the header line."""
-    try:
-        with path.open(encoding="utf-8-sig") as lines:
-            header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
-    except UnicodeDecodeError:
-        decode(str(path), path.read_bytes())
-        raise
-    kind = kind_of_columns({name.strip() for name in header.split(",")})
-    if kind is None:
-        raise InputError(f"{path}: got columns {header.strip()!r}, expected those of {NAMES}")
-    return kind
+DataAndSetup = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="DATA [SETUP]",
+        help="measured data (CSV), and the set-up (TOML) where the kind of data needs one",
+    ),
+]
+Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    app.command("diagnose")(clean_errors(diagnose))
+    command(app)(diagnose)
 
 
 def diagnose(
-    files: Annotated[
-        list[Path],
-        typer.Argument(help="measured data (CSV), and the set-up (TOML) where it needs one"),
-    ],
-    kind: Annotated[str, typer.Option(help=f"{NAMES}; by default detected from the columns")] = "",
-    html: Annotated[Path | None, typer.Option(help="write a page with pictures here")] = None,
-    next_touches: Annotated[
-        int, typer.Option("--next", help="plan this many touches that part the alternatives")
+    files: DataAndSetup,
+    kind: Annotated[
+        str, typer.Option(help="kind of data; by default detected from the columns")
+    ] = "",
+    html: Html = None,
+    next_: Annotated[
+        int,
+        typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
     ] = 0,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", help="where the plan of --next goes")
-    ] = Path("next.csv"),
-    json_output: Annotated[
-        bool, typer.Option("--json", help="print JSON instead of tables")
-    ] = False,
-) -> None:
-    """Say whether the model explains a measurement, and if not, what is wrong, by name."""
-    setups = [f for f in files if f.suffix.lower() == ".toml"]
-    data = [f for f in files if f.suffix.lower() != ".toml"]
-    if len(data) != 1 or len(setups) > 1:
-        raise InputError(
-            f"files: got {len(data)} of data and {len(setups)} set-ups, wanted one of data and at "
-            "most one set-up (.toml)"
-        )
-    if kind and kind not in {known.name for known in kinds()}:
-        raise InputError(f"kind: got {kind!r}, expected one of {NAMES}")
-    chosen = next((k for k in kinds() if k.name == kind), None) or kind_of(data[0])
-    d = diagnose_data(chosen.read(data[0]), read_setup(setups[0]) if setups else None)
-    show_diagnosis(d, html=html, json_output=json_output)
-    if next_touches:
-        found = prospect(d, next_touches)
-        found.plan.to_csv(output)
-        if not json_output:
-            Console(highlight=False).print(found.summary())
+    output: Output = None,
+) -> Answer:
+    """Say whether the model explains a measurement, and if not, what is wrong, by name.
+
+    With --next, --output is where the plan of further touches goes (next.csv if absent).
+    """
+    d = _diagnosis(files, kind)
+    shown: list[Any] = [d]
+    values = d.to_dict()
+    if html is not None:
+        shown.append(save(html, d.to_html))
+    if next_:
+        found = tn.prospect(d, next_)
+        shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
+    elif isinstance(_source(d), tn.Diameters):
+        passes = tn.next_passes(d)
+        values["next_passes"] = [one.to_dict() for one in passes]
+        if passes:
+            best = passes[0]
+            shown.append(
+                f"To discriminate between them: {best}"
+                if best.parts
+                else "To discriminate between them: none of the passes that were tried would do."
+            )
+    return Answer(values, tuple(shown))
+
+
+def diagnose_as(kind: str) -> Any:
+    """Return a command that diagnoses data of one kind."""
+
+    def run(files: DataAndSetup, html: Html = None) -> Answer:
+        return diagnose(files, kind=kind, html=html)
+
+    run.__doc__ = f"Diagnose data of the kind {kind}: the same as `trunnion diagnose`."
+    return run
+
+
+def _diagnosis(files: list[Path], kind: str) -> Diagnosis:
+    data, set_ups = sort_files(files, (1, 1), (0, 1))
+    read = _kind(data[0], kind).read(data[0])
+    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+
+
+def _kind(path: Path, name: str) -> Kind:
+    """Return the kind of this name, or by the header line of the file."""
+    from trunnion.files.text import decode
+    from trunnion.models.kinds import kind_of_columns, kinds
+
+    known = ", ".join(kind.name for kind in kinds())
+    if name:
+        found = next((kind for kind in kinds() if kind.name == name), None)
+        if found is None:
+            raise tn.InputError(f"kind: got {name!r}, expected one of {known}")
+        return found
+    lines = decode(str(path), path.read_bytes()).splitlines()
+    header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
+    found = kind_of_columns({column.strip() for column in header.split(",")})
+    if found is None:
+        raise tn.InputError(f"{path}: got columns {header.strip()!r}, expected those of {known}")
+    return found
+
+
+def _source(d: Diagnosis) -> Any:
+    return getattr(d.source, "data", None)

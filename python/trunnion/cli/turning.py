@@ -5,27 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from trunnion.base.errors import InputError, ProgramError
-from trunnion.cli.common import clean_errors, say, show_json
-from trunnion.data.diameters import read_diameters
-from trunnion.nc import DIALECTS, Program
-from trunnion.plot import plot_correction, plot_probe_path
-from trunnion.setup import read_setup
-from trunnion.turning import Profile, TurningProbe, correct, probe_path
-from trunnion.turning.correction import Rule
-from trunnion.turning.profile import Follows
+import trunnion as tn
+from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.diagnose import diagnose_as
 
-app = typer.Typer(
-    help="Probe a turned part, correct its finishing program, explain its diameter error.",
-    no_args_is_help=True,
-)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure, SubFigure
 
-ProgramFile = Annotated[Path, typer.Argument(exists=True, help="finishing program")]
-Dialect = Annotated[str, typer.Option(help="dialect: " + ", ".join(DIALECTS))]
+    from trunnion.nc import Program
+    from trunnion.turning.correction import Rule
+    from trunnion.turning.profile import Follows
+
+__all__ = ["register"]
+
+ProgramFile = Annotated[Path, typer.Argument(metavar="PROGRAM", help="finishing program")]
+Dialect = Annotated[str, typer.Option(help="dialect of the program")]
 Holds = Annotated[str, typer.Option(help="what it holds: contour, nose-centre or tip")]
 Nose = Annotated[float, typer.Option(help="radius of the nose, mm")]
 FeedInForce = Annotated[float | None, typer.Option(help="feed in force before the program")]
@@ -33,9 +31,19 @@ Codes = Annotated[
     list[str] | None,
     typer.Option("--machine-code", help="a code of this machine that moves no axis, as G4503"),
 ]
-Out = Annotated[Path | None, typer.Option("--out", "-o", help="write the program here")]
 Picture = Annotated[Path | None, typer.Option(help="write a picture here")]
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group to the application."""
+    group = typer.Typer(
+        help="Probe a turned part, correct its finishing program, explain its diameter error.",
+        no_args_is_help=True,
+    )
+    command(group)(path)
+    command(group)(correct)
+    command(group, "diagnose")(diagnose_as("diameters"))
+    app.add_typer(group, name="turning")
 
 
 def _codes(codes: list[str] | None) -> list[tuple[str, float]]:
@@ -44,7 +52,7 @@ def _codes(codes: list[str] | None) -> list[tuple[str, float]]:
         try:
             out.append((code[:1].upper(), float(code[1:])))
         except ValueError:
-            raise InputError(f"machine code: got {code!r}, wanted one as G4503") from None
+            raise tn.InputError(f"machine code: got {code!r}, expected one as G4503") from None
     return out
 
 
@@ -53,27 +61,25 @@ def _naming(path: Path) -> Iterator[None]:
     """Put the file's name before the line and column of a program's fault."""
     try:
         yield
-    except ProgramError as error:
-        raise ProgramError(f"{path}: {error}") from None
+    except tn.ProgramError as error:
+        raise tn.ProgramError(f"{path}: {error}") from None
     except UnicodeDecodeError as error:
         got = f"byte {error.object[error.start]:#04x} at {error.start}"
-        raise ProgramError(f"{path}: got {got}, wanted UTF-8 text") from None
+        raise tn.ProgramError(f"{path}: got {got}, expected UTF-8 text") from None
 
 
 def _read(path: Path, dialect: str) -> Program:
-    return Program.parse(path.read_text(encoding="utf-8"), dialect)
+    return tn.nc.Program.parse(path.read_text(encoding="utf-8"), dialect)
 
 
-def _write(program: Program, out: Path | None) -> None:
-    if out is None:
-        say(program.text().rstrip("\n"))
-    else:
-        out.write_text(program.text(), encoding="utf-8")
-        say(f"program: {out}")
+def _written(program: Program, output: Path | None) -> str:
+    """Write the program, or return its text where there is no file to write to."""
+    text = program.text()
+    if output is None:
+        return text.rstrip("\n")
+    return save(output, lambda path: path.write_text(text, encoding="utf-8"))
 
 
-@app.command()
-@clean_errors
 def path(
     program: ProgramFile,
     dialect: Dialect = "linuxcnc-lathe",
@@ -87,22 +93,21 @@ def path(
     allowance_mm: Annotated[float, typer.Option(help="still on the part, mm")] = 0.5,
     chuck_radius_mm: Annotated[float, typer.Option(help="0: no chuck to watch")] = 0.0,
     probe_feed: Annotated[float, typer.Option(help="measuring feed, mm/min")] = 120.0,
-    out: Out = None,
+    output: Output = None,
     picture: Picture = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Lay out the probe's path along the part of a finishing program; write the probe program."""
     with _naming(program):
-        profile = Profile.from_program(
+        profile = tn.turning.Profile.from_program(
             _read(program, dialect),
-            follows=cast(Follows, follows),
+            follows=cast("Follows", follows),
             nose_mm=nose_mm,
             feed=feed,
             machine_codes=_codes(machine_code),
         )
-    found = probe_path(
+    found = tn.turning.probe_path(
         profile,
-        TurningProbe(ball_diameter_mm, contact_angle_deg, body_diameter_mm),
+        tn.turning.TurningProbe(ball_diameter_mm, contact_angle_deg, body_diameter_mm),
         allowance_mm=allowance_mm,
         chuck_radius_mm=chuck_radius_mm,
     )
@@ -113,22 +118,21 @@ def path(
     head = [] if plain else [*modes, [per_minute]]
     tail = [] if plain else [[("M", 2 if linuxcnc else 30)]]
     written = found.program(dialect, feed=probe_feed, head=head, tail=tail)
+    shown: list[Any] = [found]
     if picture is not None:
-        _save(plot_probe_path(found).figure, picture)
-    if as_json:
-        show_json(found.to_dict() | {"program": written.text()})
-        if out is not None:
-            out.write_text(written.text(), encoding="utf-8")
-        return
-    say(found.summary())
-    _write(written, out)
+        shown.append(_save_picture(picture, tn.plot.plot_probe_path(found).figure))
+    shown.append(_written(written, output))
+    return Answer(found.to_dict() | {"program": written.text()}, tuple(shown))
 
 
-@app.command(name="correct")
-@clean_errors
-def correct_(
-    program: ProgramFile,
-    diameters: Annotated[Path, typer.Argument(exists=True, help="diameters.csv of one pass")],
+def correct(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIAMETERS PROGRAM",
+            help="diameters of one pass (CSV) and the finishing program, in either order",
+        ),
+    ],
     dialect: Dialect = "linuxcnc-lathe",
     rule: Annotated[str, typer.Option(help="bounded, paper, every-window or mid-run")] = "bounded",
     unit_um: Annotated[float, typer.Option(help="smallest correction, µm on the diameter")] = 1.0,
@@ -139,73 +143,44 @@ def correct_(
     nose_mm: Nose = 0.0,
     feed: FeedInForce = None,
     machine_code: Codes = None,
-    out: Out = None,
+    output: Output = None,
     picture: Picture = None,
-    as_json: AsJson = False,
-) -> None:
+) -> Answer:
     """Correct a finishing program for measured diameters; say what that leaves."""
+    both, _ = sort_files(files, (2, 2), (0, 0), "diameters and program")
+    found = [file for file in both if file.suffix.lower() == ".csv"]
+    if len(found) != 1:
+        raise tn.InputError(
+            f"files: got {len(found)} that end in .csv, expected one (the diameters) and a program"
+        )
+    program = next(file for file in both if file != found[0])
     with _naming(program):
-        got = correct(
+        got = tn.turning.correct(
             _read(program, dialect),
-            read_diameters(diameters),
-            rule=cast(Rule, rule),
+            tn.read_diameters(found[0]),
+            rule=cast("Rule", rule),
             unit_um=unit_um,
             bound_um=bound_um,
             window=window,
             look_ahead=look_ahead,
-            follows=cast(Follows, follows),
+            follows=cast("Follows", follows),
             nose_mm=nose_mm,
             feed=feed,
             machine_codes=_codes(machine_code),
         )
+    shown: list[Any] = [got]
     if picture is not None:
-        _save(plot_correction(got).figure, picture)
-    if as_json:
-        show_json(got.to_dict())
-        if out is not None:
-            out.write_text(got.program.text(), encoding="utf-8")
-        return
-    say(got.summary())
-    _write(got.program, out)
+        shown.append(_save_picture(picture, tn.plot.plot_correction(got).figure))
+    shown.append(_written(got.program, output))
+    return Answer(got, tuple(shown))
 
 
-@app.command()
-@clean_errors
-def diagnose(
-    diameters: Annotated[Path, typer.Argument(exists=True, help="diameters.csv")],
-    setup: Annotated[Path, typer.Option(exists=True, help="setup.toml with \\[turning]")],
-    html: Annotated[Path | None, typer.Option(help="write a page here")] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Name the cause of a diameter error, or what to turn next to tell causes apart."""
-    from trunnion.models.kinds import diagnose as run
-    from trunnion.models.next_passes import next_passes
-
-    told = read_setup(setup)
-    found = run(read_diameters(diameters), told)
-    advice = next_passes(found)
-    if html is not None:
-        found.to_html(html)
-    if as_json:
-        passes = [a.to_dict() for a in advice]
-        show_json(found.to_dict() | {"next_passes": passes})
-        return
-    say(found.summary())
-    for one in advice[:1]:
-        if one.parts:
-            say(f"To tell them apart: {one}")
-        else:
-            say("To tell them apart: none of the passes that were tried would do.")
-
-
-def _save(figure: object, target: Path) -> None:
-    from matplotlib.figure import Figure
-
-    if isinstance(figure, Figure):
-        known = figure.canvas.get_supported_filetypes()
-        if target.suffix.lstrip(".").lower() not in known:
-            raise InputError(
-                f"picture: got {target.name!r}, wanted a name that ends in one of "
-                + ", ".join(sorted(known))
-            )
-        figure.savefig(target, dpi=130)
+def _save_picture(target: Path, figure: Figure | SubFigure) -> str:
+    whole = figure.get_figure(root=True)
+    known = whole.canvas.get_supported_filetypes()
+    if target.suffix.lstrip(".").lower() not in known:
+        raise tn.InputError(
+            f"picture: got {target.name!r}, expected a name that ends in one of "
+            + ", ".join(sorted(known))
+        )
+    return save(target, lambda path: whole.savefig(path, dpi=130))

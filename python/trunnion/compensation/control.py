@@ -24,8 +24,8 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    chain_letters,
 )
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = [
@@ -75,7 +75,7 @@ class ModelCompensation:
 
     def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the identified machine; no zeros are changed."""
-        return self.known.core(setup), [0.0] * len(chain_letters(setup))
+        return self.known.core(setup), [0.0] * Chain(setup).count
 
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z of the identified machine, rotary axes as commanded."""
@@ -253,22 +253,8 @@ def inverse_compensation(
     points = np.atleast_2d(np.asarray(points_mm, dtype=float))
     if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
         raise InputError(f"points_mm: got shape {points.shape}, wanted finite (n, 3)")
-    letters = chain_letters(setup)
-    given = {letter.upper(): value for letter, value in rotary_deg.items()}
-    if set(given) != set(letters):
-        raise InputError(
-            f"rotary_deg: got axes {', '.join(sorted(given)) or 'none'}, wanted "
-            f"{', '.join(letters)} (machine {setup.machine.preset})"
-        )
-    columns = []
-    for letter in letters:
-        column = np.asarray(given[letter], dtype=float)
-        if column.ndim > 1 or (column.ndim == 1 and len(column) != len(points)):
-            raise InputError(f"rotary_deg {letter}: got shape {column.shape}, wanted one a point")
-        if not np.all(np.isfinite(column)):
-            raise InputError(f"rotary_deg {letter}: got {given[letter]!r}, wanted finite numbers")
-        columns.append(np.broadcast_to(column, len(points)) * setup.sense(letter))
-    rotary = np.column_stack(columns)
+    chain = Chain(setup)
+    rotary = chain.to_machine(rotary_deg, len(points))
     left: Floats | None = None
     singular: NDArray[np.bool_] | None = None
     if axes == "all":
@@ -280,5 +266,4 @@ def inverse_compensation(
         raise InputError(f'axes: got {axes!r}, wanted "all" or "linear"')
     if rounded:
         commands = rounded_commands(setup, commands)
-    turned = {letter: commands[:, 3 + i] * setup.sense(letter) for i, letter in enumerate(letters)}
-    return AxisCommands(commands[:, :3], turned, left, singular)
+    return AxisCommands(commands[:, :3], chain.to_control(commands[:, 3:]), left, singular)

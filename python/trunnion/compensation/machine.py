@@ -1,4 +1,4 @@
-"""The machine with its errors, as the core wants it, and the axes of its grids."""
+"""The machine with its errors, as the core wants it."""
 
 from __future__ import annotations
 
@@ -8,31 +8,28 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 import trunnion._core as _core
-from trunnion.base.checks import instance
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.machine.chain import Chain
 from trunnion.machine.effects import (
     PLACEMENT,
     Motion,
     MotionPose,
     Moving,
+    Owner,
     effect_id,
     split_effects,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
-from trunnion.setup.names import canonical_error_name
 
 __all__ = [
     "Effects",
     "Floats",
     "Known",
     "MachineErrors",
-    "axis_nodes",
-    "chain_letters",
-    "rotary_nodes",
 ]
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -95,7 +92,7 @@ class MachineErrors:
         DataError
             An estimate with a location error or an effect that its data do not identify.
         """
-        instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+        chain = Chain(setup)
         if isinstance(errors, MachineErrors):
             if effects or placement:
                 raise InputError("effects, placement: got both them and MachineErrors, wanted one")
@@ -111,8 +108,7 @@ class MachineErrors:
                     f"{what}: got {type(value).__name__}, expected names with values, or an "
                     "estimate: the result of an identification, the model of a diagnosis"
                 )
-        named = {canonical_error_name(k): v for k, v in setup.machine.errors.items()}
-        named |= {canonical_error_name(name): value for name, value in (errors or {}).items()}
+        named = chain.named_errors(errors)
         for name in placement or {}:
             if name not in PLACEMENT:
                 raise UnknownNameError(
@@ -120,15 +116,13 @@ class MachineErrors:
                 )
         machine, own, ignored = _sorted_effects(setup, effects or {}, estimates)
         _refuse_unseen(std_errors, {*named, *machine, *(moving.id for moving in own)})
-        state = cls(
+        return cls(
             errors={name: _finite(name, value) for name, value in named.items()},
             effects=machine,
             own=own,
             placement={k: _finite(k, v) for k, v in (placement or {}).items()},
             ignored=ignored,
         )
-        state.core(setup)  # unknown location errors are refused here, by the machine's list
-        return state
 
     def core(
         self,
@@ -137,35 +131,22 @@ class MachineErrors:
         senses: Mapping[str, float] | None = None,
     ) -> _core.MachineModel:
         """Return the core's model of this machine; `senses` by letter in the control's sign."""
-        letters = chain_letters(setup)
-        turned = {letter.upper(): value for letter, value in (senses or {}).items()}
-        for letter in turned:
-            if letter not in letters:
-                raise InputError(f"senses: got axis {letter}, wanted among {', '.join(letters)}")
-        effects = []
-        parameters = _effect_parameters(setup)
-        for name, values in self.effects.items():
-            effects.append((name, [float(values.get(p, 0.0)) for p in parameters[name][1]]))
-        return _core.MachineModel(
-            setup.machine.preset,
-            setup.probe.length_mm,
-            list(self.errors.items()),
+        known = Chain(setup).effects
+        return Chain(setup).model(
+            self.errors,
             [float(self.placement.get(name, 0.0)) for name in PLACEMENT],
-            effects,
-            [float(value) for value in direction],
-            [turned.get(letter, 0.0) * setup.sense(letter) for letter in letters],
+            [
+                (name, [float(values.get(p.name, 0.0)) for p in known[name].parameters])
+                for name, values in self.effects.items()
+            ],
+            direction,
+            senses,
         )
 
     def motion_mm(self, setup: Setup, position_mm: Floats, rotary_deg: Floats) -> Floats:
         """Sum of the user's own motions, mm, machine frame; rotary in the contract's sign."""
         moved = np.zeros((len(position_mm), 3))
-        letters = chain_letters(setup)
-        pose = MotionPose(
-            position_mm,
-            MappingProxyType(
-                {letter: rotary_deg[:, i] * setup.sense(letter) for i, letter in enumerate(letters)}
-            ),
-        )
+        pose = MotionPose(position_mm, MappingProxyType(Chain(setup).to_control(rotary_deg)))
         for effect in self.own:
             change = np.asarray(effect.motion(pose, effect.values), dtype=np.float64)
             if change.shape != moved.shape or not np.all(np.isfinite(change)):
@@ -206,13 +187,6 @@ def _finite(name: str, value: object) -> float:
     return number
 
 
-def _effect_parameters(setup: Setup) -> dict[str, tuple[str, list[str]]]:
-    """Owner and parameter names of every effect on this machine."""
-    # Effects of the machine do not depend on the artefact, which a set-up may lack.
-    entries = _core.catalogue(setup.machine.preset, "cross", [2.0, 1.0, 1.0])
-    return {name: (owner, [p[0] for p in ps]) for name, _, owner, ps, _ in entries}
-
-
 def _sorted_effects(
     setup: Setup, effects: Mapping[Any, Mapping[str, float]], estimates: Sequence[Estimate]
 ) -> tuple[dict[str, dict[str, float]], tuple[OwnMotion, ...], tuple[str, ...]]:
@@ -220,7 +194,7 @@ def _sorted_effects(
     split_effects(effects)
     motions = {k: v for estimate in estimates for k, v in estimate.motions.items()}
     idle = {name for estimate in estimates for name in estimate.not_compensable}
-    known = _effect_parameters(setup)
+    known = Chain(setup).effects
     machine: dict[str, dict[str, float]] = {}
     own: list[OwnMotion] = []
     ignored: list[str] = []
@@ -233,84 +207,17 @@ def _sorted_effects(
         elif not isinstance(effect, str) or name in idle:
             ignored.append(name)
         elif name in known:
-            owner, parameters = known[name]
+            parameters = [p.name for p in known[name].parameters]
             for parameter in values:
                 if parameter not in parameters:
                     raise UnknownNameError(
                         f"parameter of effect {name!r}: got {parameter!r}, wanted one of "
                         f"{', '.join(parameters)}"
                     )
-            if owner == "machine":
+            if known[name].owner is Owner.MACHINE:
                 machine[name] = numbers
             else:
                 ignored.append(name)
-        elif name == "artefact_diameter":
-            # A sphere has effects that a cross lacks; they belong to the artefact.
-            ignored.append(name)
         else:
             raise UnknownNameError(f"effect: got {name!r}, wanted one of {', '.join(known)}")
     return machine, tuple(own), tuple(ignored)
-
-
-def chain_letters(setup: Setup) -> str:
-    """Letters of the rotary axes in the machine's order, "AC" for ``trt-ca``."""
-    return _core.Machine(setup.machine.preset, setup.probe.length_mm, []).letters
-
-
-# --- axes of grids
-
-
-def axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
-    """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = _numbers(name, given)
-    if nodes.ndim == 0:
-        nodes = nodes[None]
-    if len(nodes) == 2 and nodes[0] < nodes[1]:
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InputError(f"points along {name}: got {count!r}, wanted a whole number from 2")
-        return np.linspace(nodes[0], nodes[1], int(count))
-    if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
-        raise InputError(f"{name}: got {given!r}, wanted (low, high) or rising nodes, in mm")
-    return nodes
-
-
-def rotary_nodes(
-    setup: Setup, given: Mapping[str, ArrayLike | None]
-) -> tuple[dict[str, Floats], tuple[int, ...]]:
-    """Positions of each rotary axis by letter (control's sign) and the shape of their grid.
-
-    An axis that is not given stands at zero; a number takes no part in the shape.
-    """
-    letters = chain_letters(setup)
-    for letter, value in given.items():
-        if letter not in letters and value is not None and np.any(np.asarray(value) != 0):
-            raise InputError(
-                f"{letter.lower()}_deg: got {value!r}, wanted none: machine "
-                f"{setup.machine.preset} has the rotary axes {', '.join(letters)}"
-            )
-    nodes: dict[str, Floats] = {}
-    shape: list[int] = []
-    for letter in letters:
-        value = given.get(letter)
-        positions = _numbers(f"{letter.lower()}_deg", 0.0 if value is None else value)
-        if positions.ndim > 1 or positions.size == 0:
-            raise InputError(f"{letter.lower()}_deg: got {value!r}, wanted a number or a sequence")
-        shape.extend(positions.shape)
-        nodes[letter] = np.atleast_1d(positions)
-    return nodes, tuple(shape)
-
-
-def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
-    """Every combination of positions, contract's sign, shape (m, axes), last axis fastest."""
-    axes = [nodes[letter] * setup.sense(letter) for letter in chain_letters(setup)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
-
-
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{name}: got {given!r}, wanted finite numbers")
-    return values

@@ -33,15 +33,13 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    axis_nodes,
-    chain_letters,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.files.columns import ColumnError, Number, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 from trunnion.files.text import decode
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["ErrorMap", "error_map", "read_error_map"]
@@ -136,15 +134,14 @@ class ErrorMap:
 
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """Nominal commands plus the correction at them, rounded to the map's resolution."""
-        letters = chain_letters(setup)
-        if set(letters) != set(self.rotary_deg):
+        chain = Chain(setup)
+        if set(chain.letters) != set(self.rotary_deg):
             raise InputError(
                 f"error map: got one for axes {', '.join(self.rotary_deg)}, wanted "
-                f"{', '.join(letters)} (machine {setup.machine.preset})"
+                f"{', '.join(chain.letters)} (machine {setup.machine.preset})"
             )
         commands = nominal_commands(setup, points_mm, rotary_deg)
-        turned = {k: rotary_deg[:, i] * setup.sense(k) for i, k in enumerate(letters)}
-        correction = self.correction_um(commands[:, :3], turned)
+        correction = self.correction_um(commands[:, :3], chain.to_control(rotary_deg))
         if self.resolution_um > 0:
             correction = np.rint(correction / self.resolution_um) * self.resolution_um
         commands[:, :3] += 1e-3 * correction
@@ -275,14 +272,15 @@ def error_map(
     if not (np.isfinite(least) and least >= 0):
         raise InputError(f"resolution_um: got {resolution_um!r}, wanted 0 or above")
     known = MachineErrors.of(setup, errors, effects)
-    letters = chain_letters(setup)
+    letters = Chain(setup).letters
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
     spread = {
         letter: _stepped(f"{letter.lower()}_deg", given[letter], rotary_step_deg)
         for letter in letters
     }
-    rotary, _ = rotary_nodes(setup, spread)
-    box = [axis_nodes(n, v, 2) for n, v in zip(("x", "y", "z"), (x_mm, y_mm, z_mm), strict=True)]
+    where = Workspace(x_mm, y_mm, z_mm, spread.get("A"), spread.get("C"), spread.get("B"))
+    rotary, _ = where.rotary(setup)
+    box = list(where.ends())
     low, high = _reach(setup, rotary, box)
     linear = [
         np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
@@ -336,10 +334,12 @@ def _corrections(
     setup: Setup, known: MachineErrors, rotary: Mapping[str, Floats], linear: list[Floats]
 ) -> Floats:
     """Exact corrections in µm on a grid of axis positions, (rotary ..., nx, ny, nz, 3)."""
-    axes = [rotary[letter] * setup.sense(letter) for letter in chain_letters(setup)]
+    chain = Chain(setup)
+    axes = [rotary[letter] for letter in chain.letters]
     shape = [len(nodes) for nodes in (*axes, *linear)]
     grid = np.stack(np.meshgrid(*axes, *linear, indexing="ij"), axis=-1).reshape(-1, len(shape))
-    turned, position = np.ascontiguousarray(grid[:, : len(axes)]), grid[:, len(axes) :]
+    turned = np.ascontiguousarray(grid[:, : chain.count] * chain.senses)
+    position = grid[:, chain.count :]
     point = NOMINAL.core(setup).reached(np.hstack([position, turned]), None)[:, :3]
     wanted = ModelCompensation(known).commands(setup, np.ascontiguousarray(point), turned)[:, :3]
     corrections: Floats = ((wanted - position) * 1e3).reshape(*shape, 3)

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import InputError
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
-from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors, chain_letters
+from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors
 from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain
 from trunnion.machine.effects import Effect
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
@@ -111,12 +112,8 @@ def remeasure(
     }
     if compensation is None:
         return simulate(plan, setup, **truth)
-    letters = chain_letters(setup)
-    missing = [k for k in letters if k.lower() not in plan.rotary_deg]
-    if missing:
-        raise DataError(f"column {missing[0].lower()}_deg: got none, wanted its positions")
-    signs = np.array([setup.sense(letter) for letter in letters], dtype=float)
-    rotary = np.column_stack([plan.rotary_deg[k.lower()] for k in letters]) * signs
+    chain = Chain(setup)
+    rotary = chain.to_machine(plan.rotary_deg, len(plan))
     axes = _Axes(setup, compensation, rotary)
     held = axes.commands(plan.position_mm)[:, 3:]
     target = axes.sent_at(plan.position_mm, held)
@@ -130,7 +127,7 @@ def remeasure(
     direction = way / np.linalg.norm(way, axis=1)[:, None]
     columns |= {f"{axis}_mm": target[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"dir_{axis}": direction[:, i] for i, axis in enumerate("xyz")}
-    columns |= {f"{k.lower()}_deg": held[:, i] * signs[i] for i, k in enumerate(letters)}
+    columns |= {f"{k.lower()}_deg": angle for k, angle in chain.to_control(held).items()}
     recorded = simulate(plan.with_columns(**columns), setup, **truth)
     shown = axes.shown_at(recorded.position_mm, held)
     return plan.with_columns(x_mm=shown[:, 0], y_mm=shown[:, 1], z_mm=shown[:, 2])

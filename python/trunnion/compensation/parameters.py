@@ -30,11 +30,9 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    axis_nodes,
-    chain_letters,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Workspace, pose_grid
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["CncParameters", "PrintedZeros", "Removable", "cnc_parameters", "printed_zeros"]
@@ -93,12 +91,12 @@ class CncParameters:
     def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the machine that the control reckons with, and its zeros."""
         core = MachineErrors(errors=self.centres_um, placement=self.work).core(setup)
-        letters = chain_letters(setup)
+        chain = Chain(setup)
         for letter in self.zeros_arcsec:
-            if letter not in letters:
-                raise InputError(f"zeros_arcsec: got axis {letter}, wanted {', '.join(letters)}")
-        zeros = [self.zeros_arcsec.get(k, 0.0) * setup.sense(k) for k in letters]
-        return core, zeros
+            if letter not in chain.letters:
+                raise InputError(f"zeros_arcsec: got axis {letter}, wanted among {chain.name}")
+        zeros = chain.to_machine({k: self.zeros_arcsec.get(k, 0.0) for k in chain.letters})[0]
+        return core, zeros.tolist()
 
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z by the control's transformation, rotary axes with their zeros added."""
@@ -225,30 +223,29 @@ def cnc_parameters(
         return _direct(setup, known, groups)
     if method != "least-squares":
         raise InputError(f'method: got {method!r}, wanted "least-squares" or "direct"')
-    task = _Fit(setup, known, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg}, groups)
-    return task.solve()
+    return _Fit(setup, known, Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg), groups).solve()
 
 
 def _direct(setup: Setup, known: MachineErrors, groups: Sequence[str]) -> CncParameters:
     names = known.core(setup).control_parameters
-    letters = chain_letters(setup)
+    chain = Chain(setup)
     zeros, centres, work = {}, {}, {}
     if "zeros" in groups:
         # A zero can stand against a location error that does the same at zero of all axes: EA0A
         # against A, EC0A against C on a trt-ca.
-        nominal, none = NOMINAL.core(setup), [0.0] * len(letters)
-        pose = np.zeros((1, len(letters)))
+        nominal, none = NOMINAL.core(setup), [0.0] * chain.count
+        pose = np.zeros((1, chain.count))
         errors = nominal.truth_rates(nominal, none, pose).reshape(-1, 12)
-        turns = nominal.control_rates(nominal, none, pose).reshape(-1, 12)[: len(letters)]
-        for letter, turn in zip(letters, turns, strict=True):
-            zero = 0.0
+        turns = nominal.control_rates(nominal, none, pose).reshape(-1, 12)[: chain.count]
+        against = np.zeros(chain.count)
+        for axis, (letter, turn) in enumerate(zip(chain.letters, turns, strict=True)):
             for (name, _), column in zip(nominal.parameters, errors, strict=True):
                 ratio = (column @ turn) / (turn @ turn) if turn.any() else 0.0
                 if ratio != 0.0 and np.abs(column - ratio * turn).max() < 1e-9:
-                    zero -= ratio * known.errors.get(name, 0.0)
+                    against[axis] -= ratio * known.errors.get(name, 0.0)
             if letter == "C":
-                zero -= known.placement.get("rc_arcsec", 0.0)
-            zeros[letter] = zero * setup.sense(letter)
+                against[axis] -= known.placement.get("rc_arcsec", 0.0)
+        zeros = {letter: float(zero) for letter, zero in chain.to_control(against).items()}
     if "centres" in groups:
         centres = {k: v for k, v in known.errors.items() if k in names}
     if "work" in groups:
@@ -263,23 +260,21 @@ class _Fit:
         self,
         setup: Setup,
         known: MachineErrors,
-        box: tuple[ArrayLike, ArrayLike, ArrayLike],
-        rotary: Mapping[str, ArrayLike],
+        where: Workspace,
         groups: Sequence[str],
     ) -> None:
         self.setup = setup
-        letters = chain_letters(setup)
+        self.chain = Chain(setup)
         self.truth = known.core(setup)
-        given = {letter: rotary[letter] for letter in letters}
-        self.poses = pose_grid(setup, rotary_nodes(setup, given)[0])
-        ends = [axis_nodes(n, v, 2) for n, v in zip("xyz", box, strict=True)]
+        self.poses = pose_grid(setup, where.rotary(setup, spare=True)[0])
+        ends = where.ends()
         self.middle = np.array([0.5 * (e[0] + e[-1]) for e in ends])
         # Standard deviation of a coordinate over the solid box: a mean square over the box is
         # |M m + t|² + Σ |M_j|² σ_j², so these twelve numbers a pose are the residuals.
         self.spread = np.array([(e[-1] - e[0]) / np.sqrt(12.0) for e in ends])
         names = self.truth.control_parameters
-        kinds = ["zeros"] * len(letters)
-        others = names[len(letters) :]
+        kinds = ["zeros"] * self.chain.count
+        others = names[self.chain.count :]
         kinds += ["work" if name in ("dx", "dy", "dz") else "centres" for name in others]
         self.names = names
         self.used = [i for i, kind in enumerate(kinds) if kind in groups]
@@ -298,11 +293,11 @@ class _Fit:
         return self.residuals(np.moveaxis(flat.reshape(len(self.poses), count, 12), 1, 2))
 
     def parameters(self, values: Floats) -> CncParameters:
-        letters = chain_letters(self.setup)
         named = {self.names[i]: float(values[i]) for i in self.used}
-        zeros = {
-            k: named.pop(f"zero_{k}") * self.setup.sense(k) for k in letters if f"zero_{k}" in named
-        }
+        zeros = {}
+        if "zero_" + self.chain.letters[0] in named:
+            found = np.array([named.pop(f"zero_{k}") for k in self.chain.letters])
+            zeros = {k: float(v) for k, v in self.chain.to_control(found).items()}
         work = {f"{k}_um": named.pop(k) for k in ("dx", "dy", "dz") if k in named}
         return CncParameters(zeros, named, work)
 
@@ -324,7 +319,7 @@ class _Fit:
 
     def removable(self) -> tuple[Removable, ...]:
         """What parameters can remove of one unit of each error: projection, nominal machine."""
-        nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(chain_letters(self.setup))
+        nominal, zeros = NOMINAL.core(self.setup), [0.0] * self.chain.count
         listed = self.truth.parameters
         errors = self.rates(self.truth.truth_rates(nominal, zeros, self.poses), len(listed))
         columns = self.truth.control_rates(nominal, zeros, self.poses)

@@ -22,10 +22,8 @@ from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import (
     Known,
     MachineErrors,
-    axis_nodes,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
@@ -156,12 +154,12 @@ def residual_interval(
     index = [listed.index(name) for name in used]
     part = matrix[np.ix_(index, index)]
 
-    rotary, _ = rotary_nodes(setup, {"A": a_deg, "B": b_deg, "C": c_deg})
-    poses = pose_grid(setup, rotary)
+    where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
+    poses = pose_grid(setup, where.rotary(setup)[0])
     believed, zeros = ModelCompensation(known).belief(setup)
     rates = core.truth_rates(believed, zeros, poses).reshape(len(poses), len(parameters), 3, 4)
     rates = rates[:, [parameters.index(name) for name in used]]
-    ends = [axis_nodes(n, v, 2)[[0, -1]] for n, v in zip("xyz", (x_mm, y_mm, z_mm), strict=True)]
+    ends = where.ends()
     corners = np.stack(np.meshgrid(*ends, [1.0], indexing="ij"), axis=-1).reshape(-1, 4)
     at_corners = np.einsum("mpij,kj->pmki", rates, corners)
     # Mean square over the solid box: value in the middle and gains times standard deviations.
@@ -199,8 +197,8 @@ def _covariance(
 ) -> tuple[Floats, list[str]]:
     given, listed = covariance, names
     if isinstance(estimate, Estimate):
-        given = estimate.covariance if given is None else given
-        listed = (estimate.names or None) if listed is None else listed
+        given = estimate.covariance if given is None and estimate.names else given
+        listed = estimate.names if listed is None and estimate.names else listed
     if given is None or listed is None:
         raise InputError("covariance: got none, wanted a result that has one, or it and names")
     matrix = np.asarray(given, dtype=float)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,11 +24,9 @@ from trunnion.compensation.machine import (
     Floats,
     Known,
     MachineErrors,
-    axis_nodes,
-    chain_letters,
-    pose_grid,
-    rotary_nodes,
 )
+from trunnion.compensation.workspace import Where, Workspace, pose_grid
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 __all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
@@ -270,9 +268,13 @@ def volumetric_error(
     25.0
     """
     task = _Task.of(
-        setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
-        placement, compensation, rounded, points, approach, senses,
-    )  # fmt: skip
+        setup,
+        MachineErrors.of(setup, errors, effects, placement),
+        Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg, points),
+        compensation,
+        rounded,
+        _Reached(approach, senses or {}),
+    )
     shape = task.shape
     common = {
         "rotary_deg": task.rotary,
@@ -280,7 +282,7 @@ def volumetric_error(
         "y_mm": task.nodes[1],
         "z_mm": task.nodes[2],
         "ignored": task.state.ignored,
-        "idle": task.idle(approach, senses),
+        "idle": task.idle(),
     }
     if task.is_affine:
         fields, directions = task.affine_fields()
@@ -315,28 +317,25 @@ def error_fields(
     setup: Setup,
     errors: Known = None,
     effects: Effects = None,
-    x_mm: ArrayLike = (-150, 150),
-    y_mm: ArrayLike = (-120, 120),
-    z_mm: ArrayLike = (0, 150),
-    a_deg: ArrayLike = 0,
-    c_deg: ArrayLike = 0,
     *,
-    b_deg: ArrayLike | None = None,
     placement: Mapping[str, float] | None = None,
     compensation: Compensation | None = None,
     rounded: bool = False,
-    points: tuple[int, int, int] = (31, 25, 16),
     approach: Sequence[float] = (0.0, 0.0, 0.0),
     senses: Mapping[str, float] | None = None,
     threads: int | None = None,
+    **where: Unpack[Where],
 ) -> Iterator[PoseField]:
     """Fields pose by pose, for grids that do not fit in memory; arguments as `volumetric_error`."""
     task = _Task.of(
-        setup, errors, effects, (x_mm, y_mm, z_mm), {"A": a_deg, "B": b_deg, "C": c_deg},
-        placement, compensation, rounded, points, approach, senses,
-    )  # fmt: skip
-    letters = chain_letters(setup)
-    signs = [setup.sense(letter) for letter in letters]
+        setup,
+        MachineErrors.of(setup, errors, effects, placement),
+        Workspace(**where),
+        compensation,
+        rounded,
+        _Reached(approach, senses or {}),
+    )
+    chain = Chain(setup)
     shape = (*(len(axis) for axis in task.nodes), 3)
     if task.is_affine:
         fields, directions = task.affine_fields()
@@ -348,8 +347,16 @@ def error_fields(
     else:
         each = task.sampled_fields()
     for pose, (field, direction) in zip(task.poses, each, strict=True):
-        rotary = {k: float(q * s) for k, q, s in zip(letters, pose, signs, strict=True)}
+        rotary = {k: float(q) for k, q in chain.to_control(pose).items()}
         yield PoseField(rotary, field.reshape(shape), direction)
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """How a pose is reached: direction of travel, and sense of the last turn by letter."""
+
+    approach: Sequence[float]
+    senses: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -365,28 +372,19 @@ class _Task:
     poses: Floats
     compensation: Compensation | None
     rounded: bool
+    travelling: _Reached
 
     @classmethod
     def of(
         cls,
         setup: Setup,
-        errors: Known,
-        effects: Effects,
-        box: tuple[ArrayLike, ArrayLike, ArrayLike],
-        rotary: Mapping[str, ArrayLike | None],
-        placement: Mapping[str, float] | None,
+        state: MachineErrors,
+        where: Workspace,
         compensation: Compensation | None,
         rounded: bool,
-        points: tuple[int, int, int],
-        approach: Sequence[float],
-        senses: Mapping[str, float] | None,
+        travelling: _Reached,
     ) -> _Task:
-        state = MachineErrors.of(setup, errors, effects, placement)
-        nodes = tuple(
-            axis_nodes(name, given, count)
-            for name, given, count in zip(("x_mm", "y_mm", "z_mm"), box, points, strict=True)
-        )
-        positions, shape = rotary_nodes(setup, rotary)
+        positions, shape = where.rotary(setup)
         if compensation is not None and not isinstance(compensation, Compensation):
             raise InputError(
                 f"compensation: got {type(compensation).__name__}, wanted a compensation or None"
@@ -394,13 +392,14 @@ class _Task:
         return cls(
             setup=setup,
             state=state,
-            truth=state.core(setup, approach, senses),
-            nodes=cast(tuple[Floats, Floats, Floats], nodes),
+            truth=state.core(setup, travelling.approach, travelling.senses),
+            nodes=where.nodes(),
             rotary=positions,
             shape=shape,
             poses=pose_grid(setup, positions),
             compensation=compensation,
             rounded=rounded,
+            travelling=travelling,
         )
 
     @property
@@ -410,16 +409,16 @@ class _Task:
         by_model = self.compensation is None or isinstance(self.compensation, Belief)
         return by_model and not self.rounded and not own
 
-    def idle(
-        self, approach: Sequence[float], senses: Mapping[str, float] | None
-    ) -> tuple[str, ...]:
+    def idle(self) -> tuple[str, ...]:
         """Effects that have values and still move nothing at any of the poses."""
         nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
         found = []
         for name, values in self.state.effects.items():
             if not any(values.values()):
                 continue
-            alone = MachineErrors(effects={name: values}).core(self.setup, approach, senses)
+            alone = MachineErrors(effects={name: values}).core(
+                self.setup, self.travelling.approach, self.travelling.senses
+            )
             fields, directions = alone.fields(nominal, zeros, self.poses)
             if not np.any(fields) and not np.any(directions):
                 found.append(name)
@@ -452,6 +451,5 @@ class _Task:
 
     def _on_work(self, moved: Floats, rotary_deg: Floats) -> Floats:
         """Displacements in the machine frame, in the frame of the nominal table."""
-        machine = _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, [])
-        poses = machine.table_pose(rotary_deg).reshape(-1, 3, 4)[:, :, :3]
-        return cast(Floats, np.einsum("nji,nj->ni", poses, moved))
+        turn, _ = Chain(self.setup).table_pose(rotary_deg)
+        return cast(Floats, np.einsum("nji,nj->ni", turn, moved))

@@ -457,7 +457,7 @@ def for_compensation(
     why_not
         Why an effect of the machine that has no ``motion`` cannot be compensated.
     """
-    motions, not_compensable = {}, {}
+    motions, not_compensable, owners = {}, {}, {}
     whose = {
         Owner.INSTRUMENT: "it belongs to the instrument",
         Owner.WORKPIECE: "it belongs to the part",
@@ -466,8 +466,9 @@ def for_compensation(
     for e in effects:
         if e.id not in found:
             continue
+        owners[e.id] = e.owner
         if e.motion is not None:
             motions[e.id] = e.motion
         elif e.id not in catalogued or e.owner is not Owner.MACHINE:
             not_compensable[e.id] = whose.get(e.owner, why_not)
-    return {"motions": motions, "not_compensable": not_compensable}
+    return {"motions": motions, "not_compensable": not_compensable, "owners": owners}

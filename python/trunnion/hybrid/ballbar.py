@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table, number
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
+from trunnion.machine.estimate import CODE, Estimate, named_combination
 
 __all__ = [
     "BallbarIdentification",
@@ -35,6 +36,7 @@ Floats = NDArray[np.float64]
 PLANES: Mapping[str, tuple[int, int]] = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0), "XZ": (0, 2)}
 #: Relative singular values below this are zero: the exact nulls come out at 1e-13 and less.
 RANK_TOLERANCE = 1e-9
+NAMED_SHARE = 0.1  # of the largest component of a combination, from which one is named
 #: A direction with a smaller standard error (µm or arcsec) counts as well determined.
 WELL_UM = 5.0
 #: Identification leaves a combination alone that it would find no better than this (µm, arcsec).
@@ -441,100 +443,48 @@ def identifiability(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class BallbarIdentification:
-    """Errors of the hybrid machine estimated from ball-bar readings.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class BallbarIdentification(Estimate):
+    """Errors of the hybrid machine estimated from ball-bar readings: an :class:`Estimate`.
+
+    Of combinations that are not identifiable, the smallest change from the nominal machine is
+    taken; the covariance is that of the part that is.
 
     Attributes
     ----------
-    errors
-        Estimates by name, µm or arcsec; of combinations that cannot be seen, the smallest change
-        from the nominal machine is taken.
-    std_errors
-        By name; inf for what cannot be seen.
-    covariance
-        Of the part that can be seen, (k, k), in the order of `errors`.
     centres_mm
         Ball centre of each set-up.
     residuals_um
         Measured minus modelled length, (n,).
-    sigma_um
-        Noise of one reading: given, or from the residuals.
-    degrees_of_freedom
-        Readings less what was determined.
     rank
         Combinations of errors that were determined.
-    unseen
-        Combinations that were not, as text.
     converged
         Whether the last step was within rounding.
     mechanism
         The machine with the estimated errors.
     """
 
-    errors: dict[str, float]
-    std_errors: dict[str, float]
-    covariance: Floats
     centres_mm: dict[str, tuple[float, float, float]]
     residuals_um: Floats
-    sigma_um: float
-    degrees_of_freedom: int
     rank: int
-    unseen: tuple[str, ...]
     converged: bool
-    mechanism: Mechanism
+    mechanism: Mechanism = field(metadata=CODE)
 
     @property
     def rms_um(self) -> float:
         """Root mean square of the residuals."""
         return float(np.sqrt(np.mean(self.residuals_um**2)))
 
-    def table(self) -> Table:
-        """Estimates with standard errors."""
-        rows = [
-            (
-                name,
-                number(value) if np.isfinite(self.std_errors[name]) else "–",
-                number(self.std_errors[name]),
-            )
-            for name, value in self.errors.items()
-        ]
-        return Table.of("Errors from ball-bar readings", ("", "estimate", "std. error"), rows)
-
     def sentences(self) -> list[str]:
         """What is worth saying beside the table."""
         lines = [
-            f"{len(self.residuals_um)} readings, {self.degrees_of_freedom} degrees of freedom, "
+            f"{len(self.residuals_um)} readings, {self.degrees_of_freedom:g} degrees of freedom, "
             f"residuals {self.rms_um:.4f} µm rms, one reading {self.sigma_um:.4f} µm (1 σ); "
             f"{self.rank} of {len(self.errors)} combinations determined."
         ]
         if not self.converged:
             lines.append("Did NOT converge: do not use these numbers.")
-        lines.extend(f"Cannot be seen: {text}." for text in self.unseen)
-        return lines
-
-    def summary(self) -> str:
-        """Table and sentences as text."""
-        return "\n".join([self.table().text(), *self.sentences()])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return self.table().html() + lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values; infinities as strings "inf"."""
-        return {
-            "errors": dict(self.errors),
-            "std_errors": {k: _plain(v) for k, v in self.std_errors.items()},
-            "covariance": self.covariance.tolist(),
-            "centres_mm": {k: list(v) for k, v in self.centres_mm.items()},
-            "residuals_um": self.residuals_um.tolist(),
-            "sigma_um": self.sigma_um,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "rank": self.rank,
-            "unseen": list(self.unseen),
-            "converged": self.converged,
-        }
+        return [*lines, *super().sentences()]
 
 
 def identify_ballbar(
@@ -653,6 +603,7 @@ def identify_ballbar(
     return BallbarIdentification(
         errors=dict(zip(names, map(float, x[:count]), strict=True)),
         std_errors=dict(zip(names, map(float, spectrum.std_errors(sigma)), strict=True)),
+        names=names,
         covariance=spectrum.covariance(sigma),
         centres_mm={
             label: (float(c[0]), float(c[1]), float(c[2]))
@@ -662,7 +613,7 @@ def identify_ballbar(
         sigma_um=sigma,
         degrees_of_freedom=freedom,
         rank=spectrum.rank,
-        unseen=tuple(_combination(v, names) for v in hidden),
+        combinations=tuple(named_combination(names, v, NAMED_SHARE) for v in hidden),
         converged=bool(found.success),
         mechanism=machine(x),
     )

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 
 __all__ = [
     "PLACEMENT",
@@ -25,8 +23,6 @@ __all__ = [
     "effect_id",
     "split_effects",
 ]
-
-Floats: TypeAlias = NDArray[np.float64]
 
 PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
 """Placement of the artefact on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc)."""

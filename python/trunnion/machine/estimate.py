@@ -2,24 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trunnion.base.errors import UnknownNameError
-from trunnion.machine.effects import Motion, effect_id
+from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
+from trunnion.base.report import Result, Table, plain, same
+from trunnion.base.units import Floats, unit_of
+from trunnion.machine.effects import Moving, Owner, effect_id
+from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
 
-__all__ = ["Estimate"]
+__all__ = [
+    "CODE",
+    "Combinations",
+    "Estimate",
+    "Parameter",
+    "in_words",
+    "named_combination",
+    "read_estimate",
+]
 
-Floats: TypeAlias = NDArray[np.float64]
+SECOND_ORDER = 1e-3
+"""Components below this share of a combination are second-order and not named."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Estimate:
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an estimate.
+
+    Attributes
+    ----------
+    name
+        ``EX0C``, ``dx_um``, ``drift_z.rate_um_h``.
+    value
+        In `unit`.
+    std_error
+        Standard uncertainty; inf where the data do not identify it, None where nobody said.
+    owner
+        What it belongs to.
+    """
+
+    name: str
+    value: float
+    std_error: float | None
+    unit: str
+    owner: Owner
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the data say anything of it."""
+        return self.std_error is None or bool(np.isfinite(self.std_error))
+
+
+class Combinations(tuple[str, ...]):
+    """Sentences that name the combinations of parameters which the data do not identify.
+
+    ``"EY0A" in estimate.not_identifiable`` asks whether a parameter takes part in one.
+    """
+
+    __slots__ = ()
+
+    def __contains__(self, what: object) -> bool:
+        """Whether it is one of the sentences, or a parameter named in one."""
+        if not isinstance(what, str):
+            return False
+        return any(what == text or what in text.rstrip(".").split() for text in self)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Estimate(Result):
     """Errors of a machine with their uncertainty, and what the data do not identify.
+
+    The result of an identification, a closed form or a ball-bar identification is one, as is the
+    model of a diagnosis and what :func:`read_estimate` reads; compensation, simulation and
+    uncertainty take one. ``estimate["EX0C"]`` is a value.
 
     Attributes
     ----------
@@ -34,13 +95,18 @@ class Estimate:
         Standard uncertainty by name (an effect's as "id.parameter"); inf for what the data do not
         identify.
     names
-        Order of the rows of `covariance`.
+        Order of the rows of `covariance`; none where it is unknown.
     covariance
-        Of what can be identified, (p, p), in products of the parameters' units; None: unknown.
+        Of what can be identified, (p, p), in products of the parameters' units.
     sigma_um
         Standard deviation of one reading.
     degrees_of_freedom
         Of the variance that the covariance rests on; inf where it was known beforehand.
+    combinations
+        What the data do not identify: parameter → component, for each combination that changes no
+        reading, in the parameters' units.
+    owners
+        Effect's id → whose it is; of the machine where nothing is said.
     motions
         Id → how an effect that is not in the catalogue of the machine moves the tool.
     not_compensable
@@ -52,11 +118,20 @@ class Estimate:
     effects: dict[Any, dict[str, float]] = field(default_factory=dict)
     std_errors: dict[str, float] = field(default_factory=dict)
     names: tuple[str, ...] = ()
-    covariance: Floats | None = None
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     sigma_um: float = 0.0
     degrees_of_freedom: float = np.inf
-    motions: Mapping[str, Motion] = field(default_factory=dict, repr=False)
-    not_compensable: Mapping[str, str] = field(default_factory=dict)
+    combinations: tuple[dict[str, float], ...] = ()
+    owners: dict[str, Owner] = field(default_factory=dict)
+    motions: dict[str, Any] = field(default_factory=dict)
+    not_compensable: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Keep the shape of a covariance of nothing."""
+        if not self.names:
+            object.__setattr__(self, "covariance", np.zeros((0, 0)))
+
+    # --- by name
 
     @property
     def values(self) -> dict[str, float]:
@@ -81,3 +156,171 @@ class Estimate:
     def __iter__(self) -> Iterator[str]:
         """Names of all parameters."""
         return iter(self.values)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Every parameter with its uncertainty, unit and owner."""
+        return tuple(
+            Parameter(name, value, self.std_errors.get(name), unit_of(name), self._owner(name))
+            for name, value in self.values.items()
+        )
+
+    def _owner(self, name: str) -> Owner:
+        if name in self.errors:
+            return Owner.MACHINE
+        effect, dot, _ = name.partition(".")
+        return self.owners.get(effect, Owner.MACHINE) if dot else Owner.PLACEMENT
+
+    @property
+    def not_identifiable(self) -> Combinations:
+        """Sentences that name what the data do not identify, one a combination."""
+        return Combinations(map(in_words, self.combinations))
+
+    # --- reports
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same class with equal data; code is not compared."""
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(same(getattr(self, f.name), getattr(other, f.name)) for f in _data(self))
+
+    __hash__ = Result.__hash__
+
+    def tables(self) -> tuple[Table, ...]:
+        """Estimates with standard errors."""
+        rows = [
+            (p.name, p.value if p.identifiable else None, p.std_error, p.unit)
+            for p in self.parameters
+        ]
+        return (Table.of("Estimates", ("", "estimate", "std. error", "unit"), rows),)
+
+    def sentences(self) -> list[str]:
+        """What the data do not identify, and what no compensation follows."""
+        return [
+            *self.not_identifiable,
+            *(f"{name} is not compensated: {why}." for name, why in self.not_compensable.items()),
+        ]
+
+    def headline(self) -> str:
+        """Return how many parameters there are, and how many are not identifiable."""
+        lost = sum(not p.identifiable for p in self.parameters)
+        return f"{len(self.values)} parameters, {lost or 'none'} not identifiable"
+
+    def derived(self) -> Mapping[str, Any]:
+        """What is not identifiable, in words."""
+        return {"not_identifiable": list(self.not_identifiable)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain values; what a user's own effect does is code and is left out."""
+        stored = {k: v for k, v in self.motions.items() if isinstance(v, STORED)}
+        lost = {e.id for e in self.effects if isinstance(e, Moving)}
+        lost |= set(self.motions) - set(stored)
+        why = "its motion is code of the user's own, which is not stored"
+        code = {f.name for f in fields(self)} - {f.name for f in _data(self)}
+        return {
+            **{k: v for k, v in super().to_dict().items() if k not in code},
+            "effects": {effect_id(effect): dict(v) for effect, v in self.effects.items()},
+            "motions": plain(stored),
+            "not_compensable": self.not_compensable | dict.fromkeys(sorted(lost), why),
+        }
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Self:
+        """Return the estimate that `to_dict` described."""
+        if not isinstance(values, Mapping) or not isinstance(values.get("motions", {}), Mapping):
+            return super().from_dict(values)
+        found = super().from_dict({**values, "motions": {}})
+        try:
+            motions = {k: motion_from_dict(v) for k, v in values.get("motions", {}).items()}
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"motions: got values that are not those of a motion: {error}"
+            ) from error
+        return replace(found, motions=motions)
+
+
+STORED = (LinearMotion, FieldMotion)
+CODE = {"code": True}
+"""Metadata of a field that holds a model: neither compared nor stored."""
+
+
+def _data(estimate: Estimate) -> list[Field[Any]]:
+    return [item for item in fields(estimate) if not item.metadata.get("code")]
+
+
+def named_combination(
+    names: Sequence[str], direction: Floats, least: float = SECOND_ORDER
+) -> dict[str, float]:
+    """Parameters of a direction that changes no reading, with their components, largest 1.
+
+    Parameters
+    ----------
+    names
+        Parameters.
+    direction
+        Components in their units, (p,).
+    least
+        Share of the largest component below which one is not named.
+    """
+    share = np.abs(direction) / np.abs(direction).max()
+    scaled = direction / np.abs(direction).max()
+    pairs = zip(names, scaled, share, strict=True)
+    return {name: float(component) for name, component, part in pairs if part > least}
+
+
+def in_words(combination: Mapping[str, float]) -> str:
+    """A combination that changes no reading, as a sentence."""
+    if len(combination) == 1:
+        return f"Not identifiable: {next(iter(combination))}."
+    parts = (f"{k} ({v:+.4g} {unit_of(k)})".replace(" )", ")") for k, v in combination.items())
+    return f"Not identifiable: {' together with '.join(parts)}."
+
+
+def read_estimate(path: str | PathLike[str]) -> Estimate:
+    """Read an estimate: the dictionary of a result, or names and values alone.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not JSON, or holds neither.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: got bytes that are not UTF-8 at {error.start}") from None
+    except json.JSONDecodeError as error:
+        raise FileFormatError(
+            f"{path}:{error.lineno}:{error.colno}: got no JSON ({error.msg}), expected an estimate"
+        ) from None
+    expected = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'
+    if not isinstance(content, dict):
+        raise FileFormatError(f"{path}:1:1: got {type(content).__name__}, expected {expected}")
+    # What `trunnion estimate --json` writes: results by method, the most general one first.
+    for method in ("least-squares", "separating"):
+        if isinstance(content.get(method), dict):
+            content = content[method]
+    if "errors" not in content:
+        return Estimate(errors=_numbers(path, "errors", content))
+    effects = content.get("effects") or {}
+    if not isinstance(effects, dict):
+        raise FileFormatError(f"{path}: effects: got {effects!r}, expected id → parameter → value")
+    known = {k: v for k, v in content.items() if k in {item.name for item in fields(Estimate)}}
+    try:
+        return Estimate.from_dict(
+            {
+                **known,
+                "errors": _numbers(path, "errors", content["errors"]),
+                "effects": {k: _numbers(path, f"effects.{k}", v) for k, v in effects.items()},
+            }
+        )
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+
+
+def _numbers(path: str | PathLike[str], what: str, values: object) -> dict[str, float]:
+    if not isinstance(values, dict):
+        raise FileFormatError(f"{path}: {what}: got {values!r}, expected names with numbers")
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise FileFormatError(f"{path}: {what}.{name}: got {value!r}, expected a finite number")
+    return {name: float(value) for name, value in values.items()}

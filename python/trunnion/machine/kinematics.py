@@ -14,11 +14,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import trunnion._core as _core
-from trunnion.base.checks import instance
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-from trunnion.setup.names import canonical_error_name
 
 __all__ = ["AxisSolution", "forward_kinematics", "inverse_kinematics", "kinematic_jacobian"]
 
@@ -41,14 +39,6 @@ class AxisSolution(NamedTuple):
     singular: NDArray[np.bool_]
 
 
-def core_machine(setup: Setup, errors: Mapping[str, float] | None = None) -> _core.Machine:
-    """The core's machine with given location errors (µm, arcsec); those of the set-up if None."""
-    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    given = setup.machine.errors if errors is None else errors
-    named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
-    return _core.Machine(setup.machine.preset, setup.probe.length_mm, named)
-
-
 def forward_kinematics(
     setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
 ) -> tuple[Floats, Floats]:
@@ -66,7 +56,7 @@ def forward_kinematics(
     point_mm, direction
         (n, 3) each.
     """
-    machine = core_machine(setup, errors)
+    machine = Chain(setup).machine(errors)
     tools = machine.forward(_rows("axes", axes, 3 + len(machine.letters)))
     return tools[:, :3], tools[:, 3:]
 
@@ -82,7 +72,7 @@ def kinematic_jacobian(
         (n, 6, 5): rows are the tool point (mm) and direction, columns X, Y, Z (per mm) and the
         rotary axes (per degree).
     """
-    machine = core_machine(setup, errors)
+    machine = Chain(setup).machine(errors)
     width = 3 + len(machine.letters)
     return machine.jacobian(_rows("axes", axes, width)).reshape(-1, 6, width)
 
@@ -117,7 +107,7 @@ def inverse_kinematics(
         A direction the machine cannot take, for instance inside the cone around the second rotary
         axis that a squareness error makes unreachable.
     """
-    machine = core_machine(setup, errors)
+    machine = Chain(setup).machine(errors)
     axes_count = len(machine.letters)
     points = _rows("point_mm", point_mm, 3)
     directions = _rows("direction", direction, 3)

@@ -60,7 +60,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
 from trunnion.setup import Setup
 
 __all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions_of"]
@@ -326,7 +326,7 @@ def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -
     return [_Cause(name, data, conditions, reference).effect() for name in CAUSES]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DiameterLaw(Estimate):
     """The extended model of a diagnosis of diameters: what a planned pass would come out as.
 
@@ -337,7 +337,7 @@ class DiameterLaw(Estimate):
     """
 
     offset_um: Mapping[str, float]
-    source: DiameterModel = field(repr=False)
+    source: DiameterModel = field(metadata=CODE)
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Floats:
         """Predict the error of the diameter along a planned pass.

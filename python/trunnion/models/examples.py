@@ -21,6 +21,7 @@ from trunnion.data.points import Points
 from trunnion.data.sweep import Sweep
 from trunnion.data.touches import Touches
 from trunnion.hybrid import Mechanism, ballbar_plan
+from trunnion.machine.chain import Chain
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Setup
@@ -145,7 +146,12 @@ def axis_log() -> tuple[AxisLog, Setup]:
         )[::8]
         for i, feed in enumerate((3000.0, 6000.0))
     ]
-    return AxisLog.concatenate(logs), Setup(artefact=Artefact("none"), servo=table)
+    log = AxisLog.concatenate(logs)
+    setup = Setup(artefact=Artefact("none"), servo=table)
+    chain = Chain(setup)
+    axes = np.column_stack([log.actual(letter) for letter in f"xyz{chain.letters.lower()}"])
+    tip = chain.machine({"EX0C": 5.0, "EZ0A": -8.0}).forward(axes)[:, :3]
+    return log.with_columns(**{f"tip_{a}_mm": tip[:, i] for i, a in enumerate("xyz")}), setup
 
 
 def _normal(shape: tuple[int, ...]) -> Floats:

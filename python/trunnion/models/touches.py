@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
@@ -28,6 +27,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.machine.chain import Chain
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import known_sigma_um
@@ -43,13 +43,12 @@ MAX_DISTANCE_UM = 5000.0
 UNITS = {"um": "µm", "um/h": "µm/h"}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedTouchModel(Estimate):
     """What a diagnosis of touches says of the machine, ready for the other functions.
 
-    ``tn.identify(data, m.setup, effects=m.effects)``,
-    ``tn.simulate(plan, m.setup, m.errors, m.placement, m.effects)`` and
-    ``tn.volumetric_error(m.setup, m.errors, m.effects)`` take its parts.
+    ``tn.identify(data, m.setup, effects=m)``, ``tn.simulate(plan, m.setup, m)`` and
+    ``tn.volumetric_error(m.setup, m)`` take it.
 
     Attributes
     ----------
@@ -63,7 +62,7 @@ class ExtendedTouchModel(Estimate):
         """Simulate a plan on this machine; ``more`` goes to :func:`trunnion.simulate`."""
         from trunnion.probing.simulate import simulate
 
-        return simulate(plan, self.setup, self.errors, self.placement, self.effects, **more)
+        return simulate(plan, self.setup, self, **more)
 
 
 class TouchDiagnosisModel(BaseModel):
@@ -291,13 +290,8 @@ class TouchDiagnosisModel(BaseModel):
     def _faces(self) -> NDArray[np.str_]:
         """Name of the touched face, from the nominal pose: "+X arm, top", "+Y side", ..."""
         setup, data = self.setup, self.data
-        machine = _core.Machine(setup.machine.preset, setup.probe.length_mm, [])
-        letters = machine.letters.lower()
-        rotary = np.column_stack(
-            [data.rotary_deg[x] * float(setup.sense(x.upper())) for x in letters]
-        )
-        pose = machine.table_pose(np.ascontiguousarray(rotary, dtype=float)).reshape(-1, 3, 4)
-        turn, shift = pose[:, :, :3], pose[:, :, 3]
+        chain = Chain(setup)
+        turn, shift = chain.table_pose(chain.to_machine(data.rotary_deg, len(data)))
         contact = data.position_mm + setup.probe.ball_radius_mm * data.direction - shift
         at = np.einsum("nji,nj->ni", turn, contact)
         normal = -np.einsum("nji,nj->ni", turn, data.direction)
@@ -334,6 +328,7 @@ class TouchDiagnosisModel(BaseModel):
             errors={n.name: named[n.name] for n in self.nuisance if n.owner is Owner.MACHINE},
             placement={n.name: named[n.name] for n in self.nuisance if n.owner.of_setup},
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
+            owners={e.id: e.owner for e in self.effects if e.id in effects},
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
             **({} if uncertainty is None else uncertainty.fields()),
         )

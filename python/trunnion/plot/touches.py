@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
-from trunnion.machine.kinematics import core_machine
+from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
 from trunnion.probing.observability import Observability
 from trunnion.probing.result import IdentificationResult
@@ -58,12 +58,8 @@ def plot_artefact(
     ax = axes_or_new(ax, 7.5, 6.5, "3d")
     axes: Any = ax
     _draw_solid(axes, setup)
-    machine = core_machine(setup)
-    angles = np.column_stack(
-        [touches.rotary_deg[letter.lower()] * setup.sense(letter) for letter in machine.letters]
-    )
-    poses = machine.table_pose(np.ascontiguousarray(angles, dtype=float)).reshape(-1, 3, 4)
-    rotation, shift = poses[:, :, :3], poses[:, :, 3]
+    chain = Chain(setup)
+    rotation, shift = chain.table_pose(chain.to_machine(touches.rotary_deg, len(touches)))
     centre = np.einsum("nji,nj->ni", rotation, touches.position_mm - shift)
     direction = np.einsum("nji,nj->ni", rotation, touches.direction)
     contact = centre + direction * setup.probe.ball_radius_mm

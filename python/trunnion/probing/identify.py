@@ -11,9 +11,9 @@ from scipy import optimize
 
 from trunnion._core import Moves
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, UserEffect, split_effects
+from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.model import TouchModel
 from trunnion.probing.result import IdentificationResult, LackOfFit, lack_of_fit
 from trunnion.setup import Setup
@@ -32,7 +32,7 @@ HUBER_KNEE = 1.345
 def identify(
     data: Touches,
     setup: Setup,
-    effects: Sequence[Effect] = (),
+    effects: Sequence[Effect] | Estimate = (),
     *,
     loss: Literal["squares", "huber"] = "squares",
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -52,7 +52,7 @@ def identify(
         results are totals that include them. With `probe.repeatability_um` known, standard errors
         come from it (and from the tick); else from the residuals.
     effects
-        Ids of the catalogue, or effects of the user's own.
+        Ids of the catalogue, or effects of the user's own; of an estimate, those that it has.
     loss
         "huber" lowers the weight of readings beyond 1.345 standard deviations (robust).
     priors
@@ -77,6 +77,7 @@ def identify(
     """
     if loss not in ("squares", "huber"):
         raise UnknownNameError(f"loss: got {loss!r}, wanted 'squares' or 'huber'")
+    effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
@@ -103,6 +104,7 @@ def identify(
             for n, v in zip(PLACEMENT, values[count : count + len(PLACEMENT)], strict=True)
         },
         effects=model.effects_of(values),
+        owners=model.owners,
         std_errors={
             name: _moment_error(data, value) if kind == "moment" else float(error)
             for name, kind, value, error in zip(
@@ -115,7 +117,7 @@ def identify(
         sigma_um=fit["sigma_um"],
         degrees_of_freedom=fit["degrees_of_freedom"],
         converged=fit["converged"],
-        unseen=tuple(combination_in_words(model.names, row) for row in null),
+        combinations=tuple(named_combination(model.names, row) for row in null),
         at_bound=_at_end_of_search(model, data, values),
         weights=fit["weights"],
         lack_of_fit=_lack_of_fit(data, fit["residuals_um"], len(values) - len(null)),
@@ -172,31 +174,6 @@ def known_sigma_um(setup: Setup) -> float:
     if setup.probe.repeatability_um == 0:
         return 0.0
     return float(np.hypot(setup.probe.repeatability_um, setup.probe.tick_um / np.sqrt(12)))
-
-
-def combination_in_words(names: Sequence[str], direction: Floats) -> str:
-    """A direction that the data cannot see, as a sentence.
-
-    Parameters
-    ----------
-    names
-        Parameters.
-    direction
-        Components in their units, (p,).
-    """
-    kept = [
-        (name, component)
-        for name, component in zip(names, direction, strict=True)
-        if abs(component) > SECOND_ORDER * np.abs(direction).max()
-    ]
-    if len(kept) == 1:
-        return f"These data cannot see {kept[0][0]}."
-    listed = ", ".join(f"{component:+.4g} {unit_of(name)} of {name}" for name, component in kept)
-    first, *others = [name for name, _ in kept]
-    return (
-        f"These data cannot tell {first} from {' and '.join(others)}: {listed} together change no "
-        "reading."
-    )
 
 
 def reduced_rows(null_space: Floats) -> Floats:
@@ -399,6 +376,7 @@ def _identify_own(
             for n, v in zip(PLACEMENT, found.x[count : count + len(PLACEMENT)], strict=True)
         },
         effects=effects,
+        owners=model.owners,
         std_errors={name: float(value) for name, value in zip(names, spread, strict=True)},
         names=tuple(names),
         covariance=covariance,
@@ -406,6 +384,6 @@ def _identify_own(
         sigma_um=sigma,
         degrees_of_freedom=freedom,
         converged=bool(found.status > 0),
-        unseen=tuple(combination_in_words(names, row / np.abs(row).max()) for row in null),
+        combinations=tuple(named_combination(names, row / np.abs(row).max()) for row in null),
         lack_of_fit=_lack_of_fit(data, left, len(names) - len(null)),
     )

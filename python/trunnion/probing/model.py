@@ -1,8 +1,4 @@
-"""Bridge from set-ups and touches to the core's model: the one place where both meet.
-
-The control's sign of an axis (``sense = -1`` in the set-up file) is turned into the contract's sign
-here and nowhere else.
-"""
+"""Touches of an artefact as the core models them."""
 
 from __future__ import annotations
 
@@ -15,45 +11,18 @@ import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner, ParameterInfo
+from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
-from trunnion.setup.names import canonical_error_name, iso_codes
 
 __all__ = ["TouchModel", "catalogue"]
 
 Floats = NDArray[np.float64]
 
 
-def dimensions_mm(setup: Setup) -> tuple[str, list[float]]:
-    """Kind of the artefact and its dimensions as the core wants them."""
-    artefact = setup.artefact
-    if artefact.kind == "none":
-        raise InputError(
-            "artefact: got none in the set-up, wanted [artefact] with kind cross, cuboid or sphere"
-        )
-    if artefact.kind == "sphere":
-        diameter, centre = artefact.diameter_mm, artefact.centre_mm
-        if diameter is None or centre is None:
-            raise InputError("sphere: got no diameter_mm or centre_mm, wanted both")
-        return "sphere", [diameter, *centre]
-    return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]
-
-
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
     """Every effect that can act on touches of this artefact on this machine."""
-    entries = _core.catalogue(setup.machine.preset, *dimensions_mm(setup))
-    return tuple(
-        EffectInfo(
-            id=name,
-            label=title,
-            # what happens at a moment is of one set-up: the artefact slips on the table
-            owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
-            parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
-            needs=tuple(needs),
-            codes=iso_codes(name),
-        )
-        for name, title, owner, parameters, needs in entries
-    )
+    return Chain(setup).catalogue()
 
 
 class TouchModel:
@@ -75,11 +44,12 @@ class TouchModel:
     def __init__(
         self, setup: Setup, effects: Sequence[str] = (), *, tick_um: float | None = None
     ) -> None:
-        self.setup = instance("setup", setup, Setup, "a Setup, as read_setup gives it")
+        self.chain = Chain(setup)
+        self.setup = setup
         self.core = _core.TouchModel(
             setup.machine.preset,
             setup.probe.length_mm,
-            *dimensions_mm(setup),
+            *artefact_dimensions(setup),
             setup.probe.ball_radius_mm,
             setup.probe.tick_um if tick_um is None else tick_um,
             list(effects),
@@ -89,63 +59,31 @@ class TouchModel:
         self.kinds = tuple(kind for _, _, kind in self.core.parameters)
         self.error_names = self.names[: self.core.error_count]
         self.effect_ids = tuple(effects)
-        self._letters = self.core.letters.lower()
-        known = {canonical_error_name(name): v for name, v in setup.machine.errors.items()}
-        self._check_errors(known)
-        self._known = known
 
-    def _check_errors(self, errors: Mapping[str, float]) -> None:
-        for name in errors:
-            if name not in self.error_names:
-                raise UnknownNameError(
-                    f"location error: got {name!r}, wanted one of {', '.join(self.error_names)} "
-                    f"(machine {self.setup.machine.preset})"
-                )
+    @property
+    def owners(self) -> dict[str, Owner]:
+        """Whose each of the effects is."""
+        return {name: self.chain.effects[name].owner for name in self.effect_ids}
 
     def moves(self, touches: Touches, *, from_start: bool = False) -> _core.Moves:
         """Rows of the touches in the core's units; points are recorded positions or starts."""
         instance("touches", touches, Touches, "Touches, as read_touches or plan gives them")
-        columns = []
-        for letter in self._letters:
-            if letter not in touches.rotary_deg:
-                raise DataError(
-                    f"column {letter}_deg: got none, wanted the position of rotary axis "
-                    f"{letter.upper()} (machine {self.setup.machine.preset})"
-                )
-            columns.append(touches.rotary_deg[letter] * self.setup.sense(letter.upper()))
         self._check_needs(touches)
-        spare = set(touches.rotary_deg) - set(self._letters)
-        if spare:
-            letter = min(spare).upper()
-            raise DataError(
-                f"column {letter.lower()}_deg: got positions of axis {letter}, wanted only "
-                f"{', '.join(self._letters.upper())} (machine {self.setup.machine.preset})"
-            )
-        senses = [
-            touches.rotary_dir[letter] * self.setup.sense(letter.upper())
-            if letter in touches.rotary_dir
-            else None
-            for letter in self._letters
-        ]
-        # Missing senses are refused by the effects that need them; for all others 0 will do.
-        sense = None
-        if any(column is not None for column in senses):
-            zeros = np.zeros(len(touches))
-            sense = np.column_stack([zeros if column is None else column for column in senses])
         point = touches.start_mm if from_start else touches.position_mm
         if point is None:
             raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, wanted a plan")
         return _core.Moves(
-            np.column_stack(columns).astype(float),
+            self.chain.to_machine(touches.rotary_deg, len(touches)),
             point,
             touches.direction,
             touches.feed_mm_min,
             touches.time_s,
-            None if sense is None else sense.astype(float),
+            # Missing senses are refused by the effects that need them; for all others 0 will do.
+            self.chain.turning(touches.rotary_dir, len(touches)),
         )
 
     def _check_needs(self, touches: Touches) -> None:
-        for effect in catalogue(self.setup) if self.effect_ids else ():
+        for effect in self.chain.catalogue() if self.effect_ids else ():
             if effect.id not in self.effect_ids:
                 continue
             for column in effect.needs:
@@ -166,16 +104,8 @@ class TouchModel:
         else that is not given is zero.
         """
         values = dict.fromkeys(self.names, 0.0)
-        values.update(self._known)
-        given: dict[str, float] = {}
         wanted = "names with values, {'EX0C': 15.0}"
-        for spelling, value in named("errors", errors, wanted).items():
-            name = canonical_error_name(spelling)
-            if name in given:
-                raise InputError(f"location error {name}: got two spellings, wanted it once")
-            given[name] = value
-        self._check_errors(given)
-        values.update(given)
+        values.update(self.chain.named_errors(named("errors", errors, wanted)))
         wanted = "names with values, {'dx_um': 50.0}"
         for name, value in named("placement", placement, wanted).items():
             if name not in PLACEMENT:

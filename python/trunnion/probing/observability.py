@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -13,11 +12,12 @@ from numpy.typing import NDArray
 
 from trunnion.base.checks import finite, instance
 from trunnion.base.errors import InputError
-from trunnion.base.report import Table, number
+from trunnion.base.report import Result, Table
 from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
-from trunnion.probing.identify import combination_in_words, known_sigma_um, reduced_rows
+from trunnion.machine.estimate import Combinations, in_words, named_combination
+from trunnion.probing.identify import known_sigma_um, reduced_rows
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
@@ -36,8 +36,8 @@ ALIKE_SHARE = 1e-6
 LARGEST_SET = 4
 
 
-@dataclass(frozen=True, eq=False)
-class Observability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Observability(Result):
     """What a plan can tell.
 
     Attributes
@@ -55,8 +55,9 @@ class Observability:
         Standard deviation of one reading that `std_errors` are told for.
     std_errors
         Expected standard error of every parameter (Cramér-Rao bound); inf for what cannot be seen.
-    unseen
-        Sentences that name the combinations which change no reading.
+    combinations
+        What the plan does not identify: parameter → component, for each combination that changes
+        no reading.
     invisible
         Ids of effects that leave nothing once the plain model is fitted.
     alike
@@ -74,23 +75,28 @@ class Observability:
     singular_values: Floats
     noise_um: float
     std_errors: dict[str, float]
-    unseen: tuple[str, ...]
+    combinations: tuple[dict[str, float], ...]
     invisible: tuple[str, ...]
     alike: tuple[frozenset[str], ...]
     untestable: dict[str, str]
     share_left: dict[str, float]
 
-    def table(self) -> Table:
+    @property
+    def not_identifiable(self) -> Combinations:
+        """Sentences that name the combinations which change no reading."""
+        return Combinations(map(in_words, self.combinations))
+
+    def tables(self) -> tuple[Table, ...]:
         """Expected standard errors."""
-        rows = [(name, number(error, 4), unit_of(name)) for name, error in self.std_errors.items()]
+        rows = [(name, error, unit_of(name)) for name, error in self.std_errors.items()]
         title = f"Expected standard errors at {self.noise_um:g} µm a reading (1 σ)"
-        return Table.of(title, ("", "std. error", "unit"), rows)
+        return (Table.of(title, ("", "std. error", "unit"), rows),)
 
     def sentences(self) -> list[str]:
         """Rank, condition, and what cannot be told, in words."""
         condition = "inf" if np.isinf(self.condition) else f"{self.condition:.3g}"
         lines = [f"Rank {self.rank} of {len(self.names)}, condition {condition} (columns scaled)."]
-        lines.extend(self.unseen)
+        lines.extend(self.not_identifiable)
         if self.invisible:
             lines.append(f"Invisible once the errors are fitted: {', '.join(self.invisible)}.")
         groups, sums = self._grouped()
@@ -121,33 +127,9 @@ class Observability:
         shown = sorted((sorted(members) for members in sums), key=lambda s: (len(s), s))
         return sorted(sorted(group) for group in groups), shown
 
-    def summary(self) -> str:
-        """Table and sentences as text."""
-        return "\n".join([self.table().text(), *self.sentences()])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return self.table().html() + lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values; infinities as strings "inf"."""
-
-        def plain(value: float) -> float | str:
-            return float(value) if np.isfinite(value) else "inf"
-
-        return {
-            "names": list(self.names),
-            "rank": self.rank,
-            "condition": plain(self.condition),
-            "singular_values": self.singular_values.tolist(),
-            "noise_um": self.noise_um,
-            "std_errors": {name: plain(value) for name, value in self.std_errors.items()},
-            "unseen": list(self.unseen),
-            "invisible": list(self.invisible),
-            "alike": [sorted(group) for group in self.alike],
-            "untestable": dict(self.untestable),
-            "share_left": dict(self.share_left),
-        }
+    def derived(self) -> Mapping[str, Any]:
+        """What is not identifiable, in words."""
+        return {"not_identifiable": list(self.not_identifiable)}
 
 
 def observability(
@@ -213,7 +195,7 @@ def observability(
         singular_values=singular,
         noise_um=float(sigma),
         std_errors={name: float(value) for name, value in zip(names, errors, strict=True)},
-        unseen=tuple(combination_in_words(names, row / np.abs(row).max()) for row in null),
+        combinations=tuple(named_combination(names, row) for row in null),
         invisible=tuple(name for name, share in shares.items() if share <= VISIBLE_SHARE),
         alike=dependent_sets(visible),
         untestable=untestable,

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 import trunnion._core as _core
-from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
-from trunnion.probing.model import dimensions_mm
+from trunnion.machine.chain import Chain, artefact_dimensions
 from trunnion.setup import Setup
 
 __all__ = ["plan"]
@@ -81,15 +80,14 @@ def plan(
     DataError
         No face can be reached.
     """
-    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    letters = _core.Machine(setup.machine.preset, setup.probe.length_mm, []).letters
-    tilting = next((letter for letter in letters if letter != "C"), None)
+    chain = Chain(setup)
+    tilting = chain.tilting
     given = {"A": a_deg, "B": b_deg}
     for letter, angles in given.items():
         if angles is not None and letter != tilting:
             raise InputError(
                 f"{letter.lower()}_deg: got angles, wanted none: machine {setup.machine.preset} "
-                f"has the rotary axes {', '.join(letters)}"
+                f"has the rotary axes {', '.join(chain.letters)}"
             )
     tilt = given.get(tilting or "")
     if tilt is None:
@@ -97,8 +95,8 @@ def plan(
     for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
         if isinstance(feed, int | float) and not 0 < feed < float("inf"):
             raise InputError(f"feeds_mm_min: got {feed!r}, wanted positive numbers")
-    sense = {letter: setup.sense(letter) for letter in letters}
-    tilt_sense = sense.get(tilting or "", 1)
+    sense = dict(zip(chain.letters, chain.senses, strict=True))
+    tilt_sense = sense.get(tilting or "", 1.0)
     stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
     if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MOST_STOPS:
         raise InputError(
@@ -108,10 +106,10 @@ def plan(
     found = _core.plan(
         setup.machine.preset,
         setup.probe.length_mm,
-        *dimensions_mm(setup),
-        c_deg=_angles("c_deg", c_deg, sense.get("C", 1)),
+        *artefact_dimensions(setup),
+        c_deg=_angles("c_deg", c_deg, sense.get("C", 1.0)),
         tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
-        pairs_deg=[(t * tilt_sense, c * sense.get("C", 1)) for t, c in positions_deg],
+        pairs_deg=[(t * tilt_sense, c * sense.get("C", 1.0)) for t, c in positions_deg],
         feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
         both_senses=both_senses,
         repeats=_count(repeats),
@@ -130,11 +128,10 @@ def plan(
         all_faces=all_faces,
     )
     columns: dict[str, object] = {}
-    for index, letter in enumerate(letters):
-        # + 0.0 turns -0.0 into 0.0, which would otherwise stand in files.
-        columns[f"{letter.lower()}_deg"] = found["rotary_deg"][:, index] * sense[letter] + 0.0
-        turned = found["sense"][:, index] * sense[letter]
-        columns[f"{letter.lower()}_dir"] = turned.astype(np.int64)
+    turned = chain.to_control(found["sense"])
+    for letter, positions in chain.to_control(found["rotary_deg"]).items():
+        columns[f"{letter.lower()}_deg"] = positions
+        columns[f"{letter.lower()}_dir"] = turned[letter].astype(np.int64)
     for index, axis in enumerate("xyz"):
         columns[f"{axis}_mm"] = found["contact_mm"][:, index]
         columns[f"dir_{axis}"] = found["direction"][:, index] + 0.0
@@ -148,14 +145,14 @@ def _length(values: Sequence[object]) -> int:
     return len(values) if hasattr(values, "__len__") else 0
 
 
-def _numbers(what: str, values: Sequence[float], factor: int) -> list[float]:
+def _numbers(what: str, values: Sequence[float], factor: float) -> list[float]:
     try:
         return [float(value) * factor for value in values]
     except (TypeError, ValueError):
         raise InputError(f"{what}: got {values!r}, wanted a sequence of numbers") from None
 
 
-def _angles(what: str, values: Sequence[float], factor: int) -> list[float]:
+def _angles(what: str, values: Sequence[float], factor: float) -> list[float]:
     angles = _numbers(what, values, factor)
     for angle in angles:
         if not abs(angle) <= MOST_DEG:

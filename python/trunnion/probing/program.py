@@ -14,8 +14,8 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain, artefact_dimensions
 from trunnion.nc import Program
-from trunnion.probing.model import dimensions_mm
 from trunnion.setup import Setup
 
 __all__ = ["probing_program"]
@@ -52,13 +52,13 @@ def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Pr
     starts = plan.start_mm
     if starts is None or plan.feed_mm_min is None:
         raise DataError("plan: got no starts or feeds, wanted the plan of trunnion.plan")
-    letters = _core.Machine(setup.machine.preset, setup.probe.length_mm, []).letters
+    chain = Chain(setup)
     if setup.machine.preset == "table-c-head-b":
         raise InputError(
             "probing program: got machine table-c-head-b, wanted one with its rotary axes under "
             "the table"
         )
-    swing, levels = safe_levels(plan, setup, letters)
+    swing, levels = safe_levels(plan, setup)
     ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
     blocks: list[Block] = [
         "Touches of a rotary table with an artefact; origin: centre of the table top",
@@ -68,7 +68,7 @@ def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Pr
     ]
     at: dict[str, float] = {}
     for row in range(len(plan)):
-        angles = {letter: float(plan.rotary_deg[letter.lower()][row]) for letter in letters}
+        angles = {letter: float(plan.rotary_deg[letter.lower()][row]) for letter in chain.letters}
         if angles != at:
             blocks.append([("G", 0), ("Z", swing)])
             blocks.extend(_turns(plan, row, at, angles))
@@ -87,17 +87,14 @@ def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Pr
 
 
 def safe_levels(
-    plan: Touches, setup: Setup, letters: str
+    plan: Touches, setup: Setup
 ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     """Z above all that swings, and Z above everything at each row's posture, mm."""
-    angles = np.column_stack(
-        [plan.rotary_deg[letter.lower()] * setup.sense(letter) for letter in letters]
-    )
     return _core.safe_levels(
         setup.machine.preset,
         setup.probe.length_mm,
-        *dimensions_mm(setup),
-        np.ascontiguousarray(angles, dtype=float),
+        *artefact_dimensions(setup),
+        Chain(setup).to_machine(plan.rotary_deg, len(plan)),
         setup.probe.ball_radius_mm,
         setup.plan.clearance_mm,
         setup.table.radius_mm,

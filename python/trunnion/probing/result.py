@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from trunnion.base.report import Table, number
+from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.estimate import Estimate
 
@@ -82,7 +81,7 @@ def lack_of_fit(
     )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class IdentificationResult(Estimate):
     """Location errors, placement and effects estimated from touches: an :class:`Estimate`.
 
@@ -96,8 +95,6 @@ class IdentificationResult(Estimate):
         Recorded minus modelled coordinate along the approach, (n,).
     converged
         Whether the last step was within rounding.
-    unseen
-        Sentences that name the combinations the data cannot see.
     at_bound
         Parameters that stand at a bound or at the end of their search.
     weights
@@ -107,10 +104,8 @@ class IdentificationResult(Estimate):
     """
 
     method: str
-    covariance: Floats
     residuals_um: Floats
     converged: bool
-    unseen: tuple[str, ...] = ()
     at_bound: tuple[str, ...] = ()
     weights: Floats | None = None
     lack_of_fit: LackOfFit | None = None
@@ -123,7 +118,7 @@ class IdentificationResult(Estimate):
 
     @property
     def correlations(self) -> Floats:
-        """Correlation matrix of the estimates, (p, p); zero where something cannot be seen."""
+        """Correlation matrix of the estimates, (p, p); zero for what is not identifiable."""
         spread = np.sqrt(np.diag(self.covariance))
         scale: Floats = np.where(spread > 0, 1.0 / np.where(spread > 0, spread, 1.0), 0.0)
         correlations: Floats = self.covariance * np.outer(scale, scale)
@@ -137,41 +132,34 @@ class IdentificationResult(Estimate):
         value = self.values[name]
         return value - half, value + half
 
-    def table(self) -> Table:
+    def tables(self) -> tuple[Table, ...]:
         """Estimates with standard errors; the differences that the paper prints come last."""
-        rows = []
-        for name, value in self.values.items():
-            error = self.std_errors.get(name)
-            seen = error is None or np.isfinite(error)
-            rows.append((name, number(value) if seen else "–", number(error), unit_of(name)))
-        for first, second in DIFFERENCES:
-            if first in self.errors and second in self.errors:
-                rows.append(self._difference(first, second))
-        return Table.of(f"Estimates ({self.method})", ("", "estimate", "std. error", "unit"), rows)
+        (plain,) = super().tables()
+        pairs = [pair for pair in DIFFERENCES if set(pair) <= set(self.errors)]
+        rows = [*plain.rows, *(self._difference(*pair) for pair in pairs)]
+        return (Table.of(f"Estimates ({self.method})", plain.columns, rows),)
 
-    def _difference(self, first: str, second: str) -> tuple[str, str, str, str]:
-        value = self.errors[first] - self.errors[second]
+    def _difference(self, first: str, second: str) -> tuple[Cell, ...]:
+        value: float | None = self.errors[first] - self.errors[second]
         error = None
-        if first in self.names and second in self.names:
-            contrast = np.zeros(len(self.names))
-            contrast[self.names.index(first)] = 1.0
-            contrast[self.names.index(second)] = -1.0
-            error = float(np.sqrt(contrast @ self.covariance @ contrast))
+        if {first, second} <= set(self.names):
+            at = [self.names.index(first), self.names.index(second)]
+            own = self.covariance[np.ix_(at, at)]
+            error = float(np.sqrt(own[0, 0] + own[1, 1] - 2 * own[0, 1]))
             if not (np.isfinite(self.std_errors[first]) and np.isfinite(self.std_errors[second])):
-                error = float("inf")
-        shown = "–" if error == float("inf") else number(value)
-        return (f"{first}−{second}", shown, number(error), unit_of(first))
+                value, error = None, float("inf")
+        return (f"{first}−{second}", value, error, unit_of(first))
 
     def sentences(self) -> list[str]:
         """What is worth saying beside the table."""
         lines = [
-            f"{len(self.residuals_um)} touches, {self.degrees_of_freedom} degrees of freedom, "
+            f"{len(self.residuals_um)} touches, {self.degrees_of_freedom:g} degrees of freedom, "
             f"residuals {self.rms_um:.4f} µm rms, one reading {self.sigma_um:.4f} µm (1 σ)."
         ]
         if not self.converged:
             lines.append("Did NOT converge: do not use these numbers.")
         lines.extend(self._doubts())
-        lines.extend(self.unseen)
+        lines.extend(Estimate.sentences(self))
         lines.extend(f"{name} stands at the end of its range." for name in self.at_bound)
         if self.lack_of_fit is not None:
             fit = self.lack_of_fit
@@ -200,49 +188,13 @@ class IdentificationResult(Estimate):
             ]
         return []
 
-    def summary(self) -> str:
-        """Table and sentences as text."""
-        return "\n".join([self.table().text(), *self.sentences()])
-
-    def _repr_html_(self) -> str:
-        lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return self.table().html() + lines
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values, for JSON and sweeps; infinities as strings "inf"."""
-
-        def plain(value: float) -> float | str:
-            return float(value) if np.isfinite(value) else "inf"
-
-        found: dict[str, Any] = {
-            "method": self.method,
-            "errors": dict(self.errors),
-            "placement": None if self.placement is None else dict(self.placement),
-            "effects": {name: dict(values) for name, values in self.effects.items()},
-            "std_errors": {name: plain(value) for name, value in self.std_errors.items()},
-            "names": list(self.names),
-            "covariance": self.covariance.tolist(),
-            "residuals_um": self.residuals_um.tolist(),
-            "sigma_um": self.sigma_um,
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "converged": self.converged,
-            "unseen": list(self.unseen),
-            "at_bound": list(self.at_bound),
-            "notes": [*self._doubts(), *self.notes],
-        }
-        if self.lack_of_fit is not None:
-            fit = self.lack_of_fit
-            found["lack_of_fit"] = {
-                "f": fit.f,
-                "p_value": fit.p_value,
-                "pure_error_um": fit.pure_error_um,
-                "degrees_of_freedom": list(fit.degrees_of_freedom),
-            }
-        return found
+    def derived(self) -> Mapping[str, Any]:
+        """What is worth saying beside the numbers."""
+        return {**super().derived(), "doubts": self._doubts()}
 
 
-@dataclass(frozen=True)
-class PerPosition:
+@dataclass(frozen=True, eq=False, repr=False)
+class PerPosition(Result):
     """The paper's estimates at every position before they are averaged.
 
     Attributes
@@ -254,15 +206,15 @@ class PerPosition:
         One dict a position of A (C = 0): `a_deg` and EB_A (arcsec), EY_A (µm) by (9), (10).
     """
 
-    c: tuple[Mapping[str, float], ...]
-    a: tuple[Mapping[str, float], ...]
+    c: tuple[dict[str, float], ...]
+    a: tuple[dict[str, float], ...]
 
     def tables(self) -> tuple[Table, Table]:
         """One table for C, one for A."""
 
-        def table(title: str, rows: tuple[Mapping[str, float], ...]) -> Table:
+        def table(title: str, rows: tuple[dict[str, float], ...]) -> Table:
             columns = list(rows[0]) if rows else []
-            cells = [[number(row[column]) for column in columns] for row in rows]
+            cells = [[row[column] for column in columns] for row in rows]
             return Table.of(title, columns, cells)
 
         return (
@@ -271,7 +223,7 @@ class PerPosition:
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ClosedFormResult(IdentificationResult):
     """Result of a closed form.
 
@@ -289,7 +241,7 @@ class ClosedFormResult(IdentificationResult):
     """
 
     per_position: PerPosition = field(default_factory=lambda: PerPosition((), ()))
-    checks_um: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    checks_um: dict[str, tuple[float, float]] = field(default_factory=dict)
     sees: str = ""
     slips: tuple[str, ...] = ()
 
@@ -303,15 +255,3 @@ class ClosedFormResult(IdentificationResult):
                 else f"Check {name} = {value:+.4f} µm."
             )
         return [*super().sentences(), *lines]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        found = super().to_dict()
-        found["per_position"] = {
-            "c": [dict(row) for row in self.per_position.c],
-            "a": [dict(row) for row in self.per_position.a],
-        }
-        found["checks_um"] = {name: list(pair) for name, pair in self.checks_um.items()}
-        found["sees"] = self.sees
-        found["slips"] = list(self.slips)
-        return found

@@ -11,6 +11,7 @@ from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
+from trunnion.machine.estimate import Estimate
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
@@ -22,7 +23,7 @@ OFF_SURFACE_MM = 5.0
 def simulate(
     plan: Touches,
     setup: Setup,
-    errors: Mapping[str, float] | None = None,
+    errors: Estimate | Mapping[str, float] | None = None,
     placement: Mapping[str, float] | None = None,
     effects: Mapping[Any, Mapping[str, float]] | None = None,
     noise_um: float = 0.0,
@@ -45,7 +46,8 @@ def simulate(
     setup
         Machine, artefact and probe.
     errors
-        True location errors, µm and arcsec, by name; those of the set-up where not given.
+        True location errors, µm and arcsec, by name; those of the set-up where not given. Or an
+        estimate, with the placement and the effects that it has unless they are given.
     placement
         True placement of the artefact on the table, `dx_um` ... `rc_arcsec`.
     effects
@@ -72,6 +74,10 @@ def simulate(
     DataError
         A move that does not meet the artefact, a column that an effect needs and the plan lacks.
     """
+    if isinstance(errors, Estimate):
+        placement = errors.placement if placement is None else placement
+        effects = errors.effects if effects is None else effects
+        errors = errors.errors
     wanted = "effect → parameter → value, {'drift_z': {'rate_um_h': 5.0}}"
     effects = named("effects", effects, wanted)
     if finite("noise_um", noise_um) < 0:

@@ -28,11 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.machine.chain import Chain
+from trunnion.machine.estimate import named_combination
 from trunnion.probing.result import IdentificationResult
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
-    from trunnion.setup import Setup
+    from trunnion.machine.chain import Chain
+from trunnion.setup import Setup
 
 __all__ = ["identify", "linearise"]
 
@@ -232,11 +235,14 @@ class _Rows:
                 if getattr(data, column) is None:
                     raise InputError(f"{id_}: got touches without {column}, wanted that column")
 
+        chain = Chain(setup)
+        sense = dict(zip(chain.letters, chain.senses, strict=True))
+
         def turned(name: str) -> Floats:
             angle = getattr(data, f"{name.lower()}_deg")
             if angle is None:
                 raise InputError(f"touches: got no {name.lower()}_deg, wanted it for {preset}")
-            return np.asarray(setup.sense(name) * np.radians(angle))
+            return np.asarray(sense[name] * np.radians(angle))
 
         def optional(name: str, factor: float = 1.0) -> Floats:
             values = getattr(data, name)
@@ -247,8 +253,8 @@ class _Rows:
             direction=np.stack([data.dir_x, data.dir_y, data.dir_z], axis=1),
             first=turned(letter),
             second=turned("C"),
-            first_dir=optional(f"{letter.lower()}_dir", setup.sense(letter)),
-            second_dir=optional("c_dir", setup.sense("C")),
+            first_dir=optional(f"{letter.lower()}_dir", sense[letter]),
+            second_dir=optional("c_dir", sense["C"]),
             feed=optional("feed_mm_min", 1 / 60),
             time=optional("time_s"),
         )
@@ -807,15 +813,5 @@ def _result(model: _Model, rows: _Rows, found: _Solution, method: str) -> Identi
         sigma_um=float(np.sqrt(variance)),
         degrees_of_freedom=freedom,
         converged=found.converged,
-        unseen=tuple(_in_words(names, direction / scale) for direction in vt[rank:]),
+        combinations=tuple(named_combination(names, row / scale) for row in vt[rank:]),
     )
-
-
-def _in_words(names: tuple[str, ...], direction: Floats) -> str:
-    size = np.abs(direction).max()
-    parts = [
-        f"{part / size:+.3g} {name}"
-        for name, part in zip(names, direction, strict=True)
-        if abs(part) > _RANK_TOLERANCE * size
-    ]
-    return f"These data cannot see {' '.join(parts)}."

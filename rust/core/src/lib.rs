@@ -47,6 +47,7 @@
 //! | [`effects`] | the catalogue: id → parameters → places |
 //! | [`plan`] | which touches, in which order; clearance |
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
+//! | [`linear`] | linear least squares, what data do not identify |
 //! | [`identification`] | closed forms, least squares |
 //! | [`compensation`] | volumetric error, corrected commands |
 //! | [`studies`] | many virtual calibrations and compensations at once |
@@ -61,6 +62,7 @@ pub mod effects;
 pub mod error;
 pub mod hybrid;
 pub mod identification;
+pub mod linear;
 pub mod machine;
 pub mod moves;
 pub mod plan;

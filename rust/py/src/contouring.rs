@@ -6,12 +6,13 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
-use trunnion_core::contouring::face::{FIGURES, Trace, response};
+use trunnion_core::contouring::face::{FIGURES, Trace};
 use trunnion_core::contouring::margins::{axis_margins, coupled_gain_margin, pole_radius};
 use trunnion_core::contouring::{
     AXIS_FIELDS, Axis, Case, Coupling, Feed, Feedback, Gains, Machine, Order, OrientationModel,
-    Path, Piece, PositionModel, Reference, Simulation, sweep,
+    Path, Piece, PositionModel, Reference, Simulation, responses, sweep,
 };
+use trunnion_core::units::DEG;
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::{IntoPy, to_py};
@@ -321,16 +322,59 @@ pub fn contour_axis_response<'py>(
     feedback: &str,
     command: PyReadonlyArray1<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let values = vector(&axis);
-    let mut row = [0.0; AXIS_FIELDS];
-    if values.len() != AXIS_FIELDS {
-        let wanted = format!("{AXIS_FIELDS} numbers");
-        return Err(to_py(&Error::input("axis", values.len(), wanted)));
-    }
-    row.copy_from_slice(&values);
-    let axis = Axis::from_face(&row, !matches!(letter, 'X' | 'Y' | 'Z'));
-    let feedback = parse::<Feedback>(feedback)?;
-    let command = vector(&command);
-    let out = py.detach(|| response(&axis, letter, period_s, feedback, &command)).into_py()?;
+    let out = axis_responses(py, letter, &vector(&axis), period_s, feedback, &vector(&command), 1)?;
     Ok(array(py, out))
+}
+
+/// The same of an axis with each of m sets of parameters (m, 13), every `stride`-th control period:
+/// (m, n).
+#[pyfunction]
+pub fn contour_axis_responses<'py>(
+    py: Python<'py>,
+    letter: char,
+    axes: PyReadonlyArray2<'py, f64>,
+    period_s: f64,
+    feedback: &str,
+    command: PyReadonlyArray1<'py, f64>,
+    stride: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let command = vector(&command);
+    let axes = rows("axes", &axes, AXIS_FIELDS)?;
+    let out = axis_responses(py, letter, &axes, period_s, feedback, &command, stride)?;
+    matrix(py, out, command.len().div_ceil(stride))
+}
+
+fn axis_responses(
+    py: Python<'_>,
+    letter: char,
+    axes: &[f64],
+    period_s: f64,
+    feedback: &str,
+    command: &[f64],
+    stride: usize,
+) -> PyResult<Vec<f64>> {
+    if !axes.len().is_multiple_of(AXIS_FIELDS) {
+        let wanted = format!("{AXIS_FIELDS} numbers");
+        return Err(to_py(&Error::input("axis", axes.len(), wanted)));
+    }
+    if let Some(row) = command.iter().position(|v| !v.is_finite()) {
+        let what = format!("command, row {row}");
+        return Err(to_py(&Error::input(what, command[row], "a finite number")));
+    }
+    let rotary = !matches!(letter, 'X' | 'Y' | 'Z');
+    let unit = if rotary { DEG } else { 1.0 };
+    let feedback = parse::<Feedback>(feedback)?;
+    let axes: Vec<Axis> = axes
+        .chunks_exact(AXIS_FIELDS)
+        .map(|numbers| {
+            let mut row = [0.0; AXIS_FIELDS];
+            row.copy_from_slice(numbers);
+            Axis::from_face(&row, rotary)
+        })
+        .collect();
+    let command: Vec<f64> = command.iter().map(|r| r * unit).collect();
+    let mut out =
+        py.detach(|| responses(&axes, letter, period_s, feedback, &command, stride)).into_py()?;
+    out.iter_mut().for_each(|load| *load /= unit);
+    Ok(out)
 }

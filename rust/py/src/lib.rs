@@ -10,6 +10,7 @@ mod compensation;
 mod contouring;
 mod errors;
 mod hybrid;
+mod linear;
 mod machine;
 mod nc;
 mod plan;
@@ -26,8 +27,13 @@ mod _core {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("MOST_THREADS", crate::threads::MOST)?;
+        module.add("RANK_TOLERANCE", trunnion_core::linear::RANK_TOLERANCE)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
+
+    // --- statistics
+    #[pymodule_export]
+    use crate::linear::linear_fit;
 
     // --- trunnion (paper 000)
     #[pymodule_export]
@@ -48,8 +54,8 @@ mod _core {
     // --- contouring (paper 003)
     #[pymodule_export]
     use crate::contouring::{
-        ContourPath, contour_axis_margins, contour_axis_response, contour_path_margins,
-        contour_simulate, contour_sweep,
+        ContourPath, contour_axis_margins, contour_axis_response, contour_axis_responses,
+        contour_path_margins, contour_simulate, contour_sweep,
     };
 
     // --- hybrid (paper 004)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
-from trunnion.machine.effects import Motion, MotionPose, Owner
+from trunnion.machine.effects import Motion, Owner
+from trunnion.machine.linear_axes import LinearMotion
 from trunnion.models.ballbar.path import AXES, Path
 
 __all__ = ["CATALOGUED", "Bar", "ballbar_length", "cyclic", "drifts", "expansion", "three_axis"]
@@ -60,7 +60,7 @@ def three_axis(path: Path, bar: Bar) -> list[Effect]:
             f"cyclic_{AXES[a]}",
             [(path.tips[:, a], bar.direction[:, a])],
             f"cyclic error of the {AXES[a].upper()} axis",
-            partial(_cyclic_motion, a),
+            LinearMotion(f"cyclic_{AXES[a]}", path.used),
         )
     return out
 
@@ -182,14 +182,6 @@ def cyclic(
     bounds = (0.9 / waves[-1], 1.1 / waves[0])
     pitch = Parameter("pitch_mm", grid=tuple(map(float, 1 / waves)), bounds=bounds)
     return [periodic(name, pitch, parts, label, motion=motion)]
-
-
-def _cyclic_motion(axis: int, pose: MotionPose, v: Mapping[str, float]) -> Floats:
-    """Displacement under a periodic error of one linear axis, µm, (n, 3)."""
-    turn = 2 * np.pi * pose.position_mm[:, axis] / v["pitch_mm"]
-    out = np.zeros((len(turn), 3))
-    out[:, axis] = v["a_um"] * np.cos(turn) + v["b_um"] * np.sin(turn)
-    return out
 
 
 def expansion(name: str, hours: Floats | None, grows: Floats, label: str) -> Effect:

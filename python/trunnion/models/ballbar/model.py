@@ -299,7 +299,7 @@ class BallbarModel(BaseModel):
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 

@@ -11,6 +11,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.ballbar import setup_index
+from trunnion.machine.linear_axes import Travel
 
 __all__ = ["AXES", "Path"]
 
@@ -64,6 +65,12 @@ class Path:
     def moving(self) -> list[int]:
         """Numbers of the axes along which the tool point moves."""
         return [a for a in range(3) if np.ptp(self.tips[:, a]) > MIN_TRAVEL_MM]
+
+    @property
+    def used(self) -> Travel:
+        """Travel of X, Y, Z along the readings."""
+        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
+        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
 
     @cached_property
     def hours(self) -> Floats | None:

@@ -1,7 +1,7 @@
 """Effects on points: what the axes of a machine do to features, one entry each in `entries`.
 
 An entry says how its columns follow from the programmed places, so that the same effect can be
-bound to any points, and to positions of the machine's linear axes (its ``motion``).
+bound to any points.
 """
 
 from __future__ import annotations
@@ -14,53 +14,56 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from trunnion.base.smooth import Modes, SmoothField
+from trunnion.base.smooth import Modes
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.points import Points
-from trunnion.diagnosis.effect import Effect, Parameter, Values, drift, gridded, linear, periodic
-from trunnion.machine.effects import MotionPose, Owner
-from trunnion.models.points.geometry import AXES, Travel, groups_of
+from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.machine.effects import Owner
+from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
+from trunnion.models.points.geometry import AXES, Places, groups_of
 
-__all__ = ["CATALOGUED", "OF_TIME", "Field", "SmoothMotion", "catalogue"]
+__all__ = ["CATALOGUED", "OF_TIME", "Field", "catalogue", "in_every_coordinate"]
 
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
 OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
 MAX_MOMENTS = 48
-MIDDLE = 1.0 / 3.0  # mean square of a position between -1 and 1
 
-Shape: TypeAlias = Callable[[Points, Travel], Floats]
+Shape: TypeAlias = Callable[[Points, Places], Floats]
 """Change of the readings per unit of each parameter, shape (n d, k)."""
 
 
 class Entry(Protocol):
     """An entry of the catalogue."""
 
-    def effect(self, points: Points, travel: Travel, /) -> Effect | None:
+    def effect(self, points: Points, places: Places, /) -> Effect | None:
         """Return the effect, bound to points; None if these cannot show it."""
         ...
 
 
 @dataclass(frozen=True)
 class LinearError:
-    """An error of the axes as a function of the place, linear in its parameters."""
+    """An error of the axes as a function of the place, linear in its parameters.
+
+    ``moves``: the linear axes move so wherever they stand (:class:`LinearMotion`).
+    """
 
     id: str
     parameters: tuple[str, ...]
     label: str
     shape: Shape
     owner: Owner = Owner.MACHINE
+    moves: bool = False
 
-    def effect(self, points: Points, travel: Travel) -> Effect:
+    def effect(self, points: Points, places: Places) -> Effect:
         """Return the effect, bound to points."""
-        moves = self.owner is Owner.MACHINE and self.id not in CATALOGUED
         return linear(
             self.id,
             self.parameters,
-            self.shape(points, travel),
+            self.shape(points, places),
             self.label,
             owner=self.owner,
-            motion=Motion(self, travel) if moves else None,
+            motion=LinearMotion(self.id, places.used) if self.moves else None,
         )
 
 
@@ -70,9 +73,9 @@ class PeriodicError:
 
     axis: int
 
-    def effect(self, points: Points, travel: Travel) -> Effect | None:
+    def effect(self, points: Points, places: Places) -> Effect | None:
         """Return the effect, bound to points; None if the travel is too short for a pitch."""
-        grid = travel.pitches(self.axis)
+        grid = places.pitches(self.axis)
         if not grid:
             return None
         pitch = Parameter("pitch_mm", grid=grid, bounds=(grid[-1] * 0.8, grid[0] * 1.25))
@@ -83,7 +86,7 @@ class PeriodicError:
             pitch,
             [(place, enters)],
             f"periodic error of the {AXES[self.axis].upper()} axis",
-            motion=Motion(self, travel),
+            motion=LinearMotion(f"periodic_{AXES[self.axis]}", places.used),
         )
 
 
@@ -93,7 +96,7 @@ class Drift:
 
     axis: int
 
-    def effect(self, points: Points, _: Travel) -> Effect:
+    def effect(self, points: Points, _: Places) -> Effect:
         """Return the effect, bound to points."""
         return drift(
             f"drift_{AXES[self.axis]}",
@@ -109,7 +112,7 @@ class Drift:
 class Slip:
     """The part slips on the instrument at a moment."""
 
-    def effect(self, points: Points, _: Travel) -> Effect | None:
+    def effect(self, points: Points, _: Places) -> Effect | None:
         """Return the effect, bound to points; None if there is but one moment."""
         when = _moments(points)
         moments = np.unique(when)
@@ -158,6 +161,7 @@ def entries(dimension: int) -> list[Entry]:
             ("a2_um", "a3_um"),
             f"positioning of {name[i]}, beyond its scale",
             partial(_bow, i, i),
+            moves=True,
         )
         for i in axes
     ]
@@ -167,6 +171,7 @@ def entries(dimension: int) -> list[Entry]:
             ("a2_um", "a3_um"),
             f"straightness of {name[i]} in {AXES[j].upper()}",
             partial(_bow, j, i),
+            moves=True,
         )
         for i, j in permutations(axes, 2)
     ]
@@ -176,6 +181,7 @@ def entries(dimension: int) -> list[Entry]:
             ("a1_arcsec", "a2_arcsec"),
             f"angular error of {name[i]} about {AXES[about].upper()}",
             partial(_angular, about, i),
+            moves=True,
         )
         for i in axes
         for about in ((2,) if dimension == 2 else range(3))
@@ -187,9 +193,9 @@ def entries(dimension: int) -> list[Entry]:
     return [*out, Slip()]
 
 
-def catalogue(points: Points, travel: Travel) -> list[Effect]:
+def catalogue(points: Points, places: Places) -> list[Effect]:
     """All named candidates for which these points have the columns."""
-    made = (entry.effect(points, travel) for entry in entries(points.dimension))
+    made = (entry.effect(points, places) for entry in entries(points.dimension))
     return [e for e in made if e is not None]
 
 
@@ -203,36 +209,26 @@ def _enter(p: Points, axis: int, change: Floats) -> Floats:
     return out.reshape(-1)
 
 
-def _slope(into: int, along: int, size: float, p: Points, _: Travel) -> Floats:
+def _slope(into: int, along: int, size: float, p: Points, _: Places) -> Floats:
     """Proportional to the programmed place along one axis, in one coordinate."""
     return _enter(p, into, size * p.nominal_mm[:, along])[:, None]
 
 
-def _larger(p: Points, _: Travel) -> Floats:
+def _larger(p: Points, _: Places) -> Floats:
     return np.asarray(p.nominal_mm.reshape(-1, 1) * 1e-3)
 
 
-def _bow(into: int, axis: int, p: Points, travel: Travel) -> Floats:
-    """Second and third Legendre polynomial of the position along ``axis``, 1 at the end."""
-    u = travel.scaled(p.nominal_mm, axis)
-    degrees = ((3 * u * u - 1) / 2, (5 * u**3 - 3 * u) / 2)
-    return np.stack([_enter(p, into, degree) for degree in degrees], axis=1)
+def _bow(into: int, axis: int, p: Points, places: Places) -> Floats:
+    return _readings(bow(into, axis, p.nominal_mm, places.used), p)
 
 
-def _angular(about: int, axis: int, p: Points, travel: Travel) -> Floats:
-    """Error ω × lever, ω = a1 u + a2 (u² − 1/3), u from −1 to 1 along the axis' travel.
+def _angular(about: int, axis: int, p: Points, places: Places) -> Floats:
+    return _readings(angular(about, axis, p.nominal_mm, places.used), p)
 
-    The lever is the programmed place, its own coordinate left out: that is zero in the frame of
-    the moving axis.
-    """
-    lever = np.zeros((len(p), 3))
-    lever[:, : p.dimension] = p.nominal_mm
-    lever[:, axis] = 0.0
-    omega = np.zeros(3)
-    omega[about] = ARCSEC * 1e3
-    moved = np.cross(omega, lever)[:, : p.dimension]
-    u = travel.scaled(p.nominal_mm, axis)[:, None]
-    return np.stack([(u * moved).reshape(-1), ((u * u - MIDDLE) * moved).reshape(-1)], axis=1)
+
+def _readings(moved: Floats, p: Points) -> Floats:
+    """Displacements (n, 3, k) as columns of the readings, (n d, k)."""
+    return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
 
 
 def _elapsed(p: Points) -> Floats:
@@ -299,8 +295,8 @@ class Field:
 
     def effect(self, points: Points, named: Sequence[Effect]) -> Effect:
         """Return the effect, bound to points; ``named``: the others of these points."""
-        places = self.travel.field_places(points.nominal_mm)
-        columns = in_every_coordinate(self.modes.at(places), points.dimension)
+        at = self.travel.field_places(points.nominal_mm)
+        columns = in_every_coordinate(self.modes.at(at), points.dimension)
         for e in named:
             if e.id in self.taken:
                 columns = (
@@ -310,48 +306,3 @@ class Field:
             f"{a}{k + 1}_um" for a in AXES[: points.dimension] for k in range(self.modes.count)
         ]
         return linear("field", names, columns, "smooth field of errors without a name")
-
-
-# --- what the linear axes do with it
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What an effect of the linear axes does at their positions, µm.
-
-    Beyond the travel that was measured the last value holds: nothing is extrapolated.
-    """
-
-    entry: Entry
-    travel: Travel
-
-    def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Floats:
-        """Displacement at positions of the axes, shape (n, 3)."""
-        at = self.travel.inside(pose.position_mm)
-        names = AXES[: at.shape[1]]
-        columns = {f"nominal_{a}_mm": at[:, i] for i, a in enumerate(names)}
-        columns |= {f"{a}_mm": at[:, i] for i, a in enumerate(names)}
-        effect = self.entry.effect(Points(columns), self.travel)
-        if effect is None:
-            return np.zeros((len(at), 3))
-        return _in_space(np.asarray(effect.change(Values(values))).reshape(at.shape))
-
-
-@dataclass(frozen=True)
-class SmoothMotion:
-    """The smooth field at positions of the linear axes; beyond its travel the last value holds."""
-
-    smooth: SmoothField
-    travel: Travel
-
-    def __call__(self, pose: MotionPose, _: Mapping[str, float]) -> Floats:
-        """Displacement at positions of the axes, shape (n, 3)."""
-        places = self.travel.field_places(self.travel.inside(pose.position_mm))
-        return _in_space(self.smooth.at(places))
-
-
-def _in_space(change: Floats) -> Floats:
-    """Displacements (n, 2) or (n, 3) in all three coordinates."""
-    out = np.zeros((len(change), 3))
-    out[:, : change.shape[1]] = change
-    return out

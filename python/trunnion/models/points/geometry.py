@@ -11,8 +11,9 @@ from trunnion.base.errors import DataError
 from trunnion.base.rotation import rotations
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.points import Points
+from trunnion.machine.linear_axes import Travel
 
-__all__ = ["AXES", "Frame", "Travel", "first_of", "groups_of", "places_of", "rotation", "rounded"]
+__all__ = ["AXES", "Frame", "Places", "first_of", "groups_of", "places_of", "rotation", "rounded"]
 
 AXES = "xyz"
 SAME_PLACE_MM = 1e-3
@@ -21,7 +22,7 @@ MAX_PITCHES = 400
 
 
 @dataclass(frozen=True)
-class Travel:
+class Places:
     """Where the points are: middle and half length of the travel used along each axis, mm.
 
     ``smallest``: step along each axis between programmed places if they are on a grid, else 0.
@@ -32,28 +33,18 @@ class Travel:
     smallest: Floats
 
     @classmethod
-    def of(cls, nominal: Floats) -> Travel:
-        """Return that of programmed places, mm, (n, d)."""
+    def of(cls, nominal: Floats) -> Places:
+        """Return those of programmed places, mm, (n, d)."""
         low, high = nominal.min(axis=0), nominal.max(axis=0)
         half = (high - low) / 2
         if not np.any(half > 0):
             raise DataError("points: got all at one programmed place, expected several")
         return cls((low + high) / 2, half, np.array([grid_step(x) for x in nominal.T]))
 
-    def scaled(self, nominal: Floats, axis: int) -> Floats:
-        """Position along an axis, −1 to 1 over the travel used."""
-        half = self.half[axis]
-        return np.asarray((nominal[:, axis] - self.middle[axis]) / (half if half > 0 else 1.0))
-
-    def inside(self, position_mm: Floats) -> Floats:
-        """Positions (n, 3) in the coordinates of the points, none beyond the travel used."""
-        at = position_mm[:, : len(self.half)]
-        return np.asarray(np.clip(at, self.middle - self.half, self.middle + self.half))
-
-    def field_places(self, nominal: Floats) -> Floats:
-        """Places for a smooth field: coordinates that vary, all on one scale."""
-        vary = self.half > 1e-3 * self.half.max()
-        return np.asarray((nominal[:, vary] - self.middle[vary]) / self.half.max())
+    @property
+    def used(self) -> Travel:
+        """Middle and half length as plain data."""
+        return Travel(tuple(map(float, self.middle)), tuple(map(float, self.half)))
 
     def pitches(self, axis: int) -> tuple[float, ...]:
         """Pitches to try, mm, longest first, evenly spaced in frequency.

@@ -22,19 +22,19 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.effects import (
     CATALOGUED,
     OF_TIME,
     Field,
-    SmoothMotion,
     catalogue,
     in_every_coordinate,
 )
 from trunnion.models.points.geometry import (
     AXES,
     Frame,
-    Travel,
+    Places,
     first_of,
     groups_of,
     places_of,
@@ -96,7 +96,7 @@ class PointsModel(BaseModel):
             for label in self._labels
             for name, unit in ((x, "arcsec" if "arcsec" in x else "µm") for x in names)
         )
-        self._travel: Travel = Travel.of(nominal) if source is None else source._travel
+        self._travel = Places.of(nominal) if source is None else source._travel
         self._places = places_of(nominal)
         named = catalogue(data, self._travel)
         self.field: Field | None = (
@@ -130,16 +130,16 @@ class PointsModel(BaseModel):
         fitted = base @ (np.linalg.lstsq(base / size, residual, rcond=1e-9)[0] / size)
         at = first_of(self._places)
         mean = self._at_places((residual - fitted).reshape(deviation.shape))
-        modes = Modes.of(self._travel.field_places(self.data.nominal_mm[at]), mean)
+        modes = Modes.of(self._travel.used.field_places(self.data.nominal_mm[at]), mean)
         if modes is None:
             return None
         raw = in_every_coordinate(
-            modes.at(self._travel.field_places(self.data.nominal_mm)), self.dimension
+            modes.at(self._travel.used.field_places(self.data.nominal_mm)), self.dimension
         )
         taken = np.linalg.lstsq(base / size, raw, rcond=1e-9)[0] / size[:, None]
         parts = np.split(taken[len(start) :], np.cumsum([x.shape[1] for x in columns])[:-1])
         shares = {e.id: part for e, part in zip(named, parts, strict=True)}
-        return Field(self._travel, modes, shares)
+        return Field(self._travel.used, modes, shares)
 
     def _at_places(self, x: Floats) -> Floats:
         """Mean of rows (n, d) over the features at each programmed place, (m, d)."""
@@ -294,7 +294,7 @@ class PointsModel(BaseModel):
         nominal = self.data.nominal_mm[at]
         smooth = None
         if "field" in effects and len(at) > 2 * (self.dimension + 1):
-            smooth = SmoothField.of(self._travel.field_places(nominal), mean)
+            smooth = SmoothField.of(self._travel.used.field_places(nominal), mean)
             mean = mean - smooth.at(smooth.places)
         apart = variance_components(
             self.readings.values - self.predict(nuisance, effects), self.replicates
@@ -322,7 +322,9 @@ class PointsModel(BaseModel):
         if "field" in effects and smooth is None:
             fields["not_compensable"]["field"] = "too few places to predict others from"
         elif smooth is not None:
-            fields["motions"]["field"] = SmoothMotion(smooth, self._travel)
+            fields["motions"]["field"] = FieldMotion(
+                smooth.places, smooth.readings, smooth.smoothing, smooth.freedom, self._travel.used
+            )
         return fields
 
 
@@ -334,7 +336,7 @@ class FeatureScatter:
     measurement_um: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedPoints(Estimate):
     """What a diagnosis of points says of the machine and of the part.
 
@@ -356,7 +358,7 @@ class ExtendedPoints(Estimate):
     features_mm: Floats
     features_um: Floats
     features: FeatureScatter | None
-    source: PointsModel = field(repr=False)
+    source: PointsModel = field(metadata=CODE)
 
     def error_um(
         self,
@@ -388,7 +390,7 @@ class ExtendedPoints(Estimate):
                 out += np.asarray(e.change(Values(values)), dtype=float)
         error = out.reshape(nominal.shape)
         if smooth and self.smooth is not None:
-            error = error + self.smooth.at(self.source._travel.field_places(nominal))
+            error = error + self.smooth.at(self.source._travel.used.field_places(nominal))
         if features:
             error = error + self._of_features(nominal)
         return error

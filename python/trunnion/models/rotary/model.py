@@ -22,7 +22,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import Estimate
+from trunnion.machine.estimate import CODE, Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
 
@@ -319,7 +319,7 @@ class SweepModel(BaseModel):
         )
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedSweep(Estimate):
     """What a diagnosis of a sweep says of the axis.
 
@@ -339,7 +339,7 @@ class ExtendedSweep(Estimate):
     frame: Floats
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    source: SweepModel = field(repr=False)
+    source: SweepModel = field(metadata=CODE)
 
     def error_motions(self, angle_deg: Floats) -> dict[str, Floats]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

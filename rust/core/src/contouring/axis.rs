@@ -11,6 +11,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 /// Longest delay in control periods.
@@ -82,25 +84,6 @@ impl Axis {
             resonance: 0.0,
             damping: 0.0,
             limit: f64::INFINITY,
-        }
-    }
-
-    /// From numbers in the order of the fields: gain, time constant, coulomb, breakaway, stribeck,
-    /// backlash, cyclic, pitch, phase, delay, resonance, damping, limit.
-    #[must_use]
-    pub const fn from_row(row: &[f64; AXIS_FIELDS]) -> Self {
-        Self {
-            gain: row[0],
-            time_constant: row[1],
-            friction: Friction { coulomb: row[2], breakaway: row[3], stribeck: row[4] },
-            backlash: row[5],
-            cyclic: row[6],
-            pitch: row[7],
-            phase: row[8],
-            delay: row[9],
-            resonance: row[10],
-            damping: row[11],
-            limit: row[12],
         }
     }
 
@@ -375,4 +358,39 @@ impl Drive {
             hold = Hold::new(tau, hold.dt - until.dt);
         }
     }
+}
+
+/// Load positions of drives with each of many parameters that follow the same commands, one a control
+/// period, from rest at the first; every `stride`-th of them, one drive after the other. On all cores.
+///
+/// # Errors
+/// Parameters out of range, a stride of 0.
+pub fn responses(
+    axes: &[Axis],
+    name: char,
+    period: f64,
+    feedback: Feedback,
+    commands: &[f64],
+    stride: usize,
+) -> Result<Vec<f64>> {
+    if stride == 0 {
+        return Err(Error::input("stride", stride, "1 or more"));
+    }
+    let start = commands.first().copied().unwrap_or(0.0);
+    let follow = |axis: &Axis| {
+        let mut drive = Drive::new(axis, name, period, feedback, start)?;
+        let mut out = Vec::with_capacity(commands.len().div_ceil(stride));
+        for (i, command) in commands.iter().enumerate() {
+            if i.is_multiple_of(stride) {
+                out.push(drive.load());
+            }
+            drive.step(drive.gain() * (command - drive.measured()));
+        }
+        Ok(out)
+    };
+    if let [axis] = axes {
+        return follow(axis); // no need to wake other threads
+    }
+    let each: Vec<Vec<f64>> = axes.par_iter().map(follow).collect::<Result<_>>()?;
+    Ok(each.concat())
 }

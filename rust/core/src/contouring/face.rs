@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::axis::{AXIS_FIELDS, Axis, Drive, Feedback, Friction};
+use super::axis::{AXIS_FIELDS, Axis, Feedback, Friction};
 use super::batch::Figures;
 use super::contour_error::PositionModel;
 use super::interpolator::{Feed, Reference};
@@ -86,34 +86,6 @@ impl Feed {
             dwell: dwell_s,
         }
     }
-}
-
-/// Load positions of an axis that follows commanded positions on its own (mm, or degrees for a rotary
-/// axis), one a control period, from rest at the first.
-///
-/// # Errors
-/// Parameters out of range, a command that is not finite.
-pub fn response(
-    axis: &Axis,
-    letter: char,
-    period: f64,
-    feedback: Feedback,
-    command: &[f64],
-) -> Result<Vec<f64>> {
-    if let Some(row) = command.iter().position(|v| !v.is_finite()) {
-        return Err(Error::input(format!("command, row {row}"), command[row], "a finite number"));
-    }
-    let unit = if matches!(letter, 'X' | 'Y' | 'Z') { 1.0 } else { DEG };
-    let start = command.first().copied().unwrap_or(0.0) * unit;
-    let mut drive = Drive::new(axis, letter, period, feedback, start)?;
-    Ok(command
-        .iter()
-        .map(|&r| {
-            let here = drive.load() / unit;
-            drive.step(drive.gain() * (r * unit - drive.measured()));
-            here
-        })
-        .collect())
 }
 
 /// Columns of a run; arrays of several columns are row by row.

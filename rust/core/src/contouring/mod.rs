@@ -51,7 +51,7 @@ pub mod path;
 pub mod pid;
 pub mod simulation;
 
-pub use axis::{AXIS_FIELDS, Axis, Feedback, Friction};
+pub use axis::{AXIS_FIELDS, Axis, Feedback, Friction, responses};
 pub use batch::{Case, Figures, sweep};
 pub use contour_error::PositionModel;
 pub use interpolator::{Feed, Reference};

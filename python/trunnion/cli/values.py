@@ -1,0 +1,69 @@
+"""Values on the command line: names with numbers, lists and ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from trunnion.base.errors import InputError
+
+__all__ = ["exactly", "named_values", "names", "numbers"]
+
+MAX_NUMBERS = 100_000
+"""Numbers that a range may stand for."""
+
+
+def names(text: str) -> list[str]:
+    """Return ``"drift_z, scale_x"`` as a list."""
+    return [part.strip() for part in text.split(",") if part.strip()]
+
+
+def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
+    """Return ``["EX0C=15", "EB0C=25.2"]`` as a dict.
+
+    Raises
+    ------
+    InputError
+        Text that is not name=number, or a name given twice.
+    """
+    found: dict[str, float] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        if name.strip() in found:
+            raise InputError(f"{what}: got {name.strip()!r} twice, expected it once")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals:
+            raise InputError(f"{what}: got {text!r}, expected name=number")
+    return found
+
+
+def numbers(what: str, text: str) -> list[float]:
+    """Return ``"0,90,180"`` or ``"0:330:30"`` (first, last, step) as numbers.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    try:
+        if ":" in text:
+            first, last, step = (float(part) for part in text.split(":"))
+            count = int((last - first) / step + 1e-9) + 1
+            if count < 1 or count > MAX_NUMBERS:
+                raise ValueError(text)
+            return [first + i * step for i in range(count)]
+        return [float(part) for part in text.split(",") if part.strip()]
+    except (ValueError, ZeroDivisionError, OverflowError):
+        raise InputError(
+            f"{what}: got {text!r}, expected numbers such as 0,90,180 or first:last:step"
+        ) from None
+
+
+def exactly(what: str, text: str, count: int) -> list[float]:
+    """Return numbers, as many as `count` says."""
+    values = numbers(what, text)
+    if len(values) != count:
+        raise InputError(f"{what}: got {text!r}, expected {count} numbers separated by commas")
+    return values

@@ -1,0 +1,127 @@
+"""Where a machine is looked at: a box of the work, and positions of the rotary axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
+from trunnion.machine.chain import Chain
+from trunnion.setup import Setup
+
+__all__ = ["Where", "Workspace", "pose_grid"]
+
+
+class Where(TypedDict, total=False):
+    """Fields of a :class:`Workspace` as arguments."""
+
+    x_mm: ArrayLike
+    y_mm: ArrayLike
+    z_mm: ArrayLike
+    a_deg: ArrayLike | None
+    b_deg: ArrayLike | None
+    c_deg: ArrayLike | None
+    points: tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A box of the work and positions of the rotary axes.
+
+    Attributes
+    ----------
+    x_mm, y_mm, z_mm
+        Each (low, high), or more than two nodes; workpiece's frame: the box turns with the table.
+    a_deg, b_deg, c_deg
+        Positions of the rotary axes, control's sign: numbers, or sequences that span a grid.
+    points
+        Nodes along x, y, z of each axis given as (low, high).
+    """
+
+    x_mm: ArrayLike = (-150, 150)
+    y_mm: ArrayLike = (-120, 120)
+    z_mm: ArrayLike = (0, 150)
+    a_deg: ArrayLike | None = 0
+    c_deg: ArrayLike | None = 0
+    b_deg: ArrayLike | None = None
+    points: tuple[int, int, int] = (31, 25, 16)
+
+    def nodes(self) -> tuple[Floats, Floats, Floats]:
+        """Nodes along x, y, z, mm."""
+        x, y, z = (
+            _axis_nodes(name, getattr(self, name), count)
+            for name, count in zip(("x_mm", "y_mm", "z_mm"), self.points, strict=True)
+        )
+        return x, y, z
+
+    def ends(self) -> tuple[Floats, Floats, Floats]:
+        """Lowest and highest x, y, z, (2,) each, mm."""
+        x, y, z = (
+            _axis_nodes(name, getattr(self, name), 2)[[0, -1]] for name in ("x_mm", "y_mm", "z_mm")
+        )
+        return x, y, z
+
+    def rotary(
+        self, setup: Setup, *, spare: bool = False
+    ) -> tuple[dict[str, Floats], tuple[int, ...]]:
+        """Positions of each rotary axis by letter (control's sign) and the shape of their grid.
+
+        An axis that is not given stands at zero; a number takes no part in the shape. Positions of
+        an axis that the machine lacks are refused unless `spare`.
+        """
+        given = {"A": self.a_deg, "B": self.b_deg, "C": self.c_deg}
+        chain = Chain(setup)
+        for letter, value in given.items() if not spare else ():
+            if letter not in chain.letters and value is not None and np.any(np.asarray(value) != 0):
+                raise InputError(
+                    f"{letter.lower()}_deg: got {value!r}, expected none: machine "
+                    f"{setup.machine.preset} has the rotary axes {', '.join(chain.letters)}"
+                )
+        nodes: dict[str, Floats] = {}
+        shape: list[int] = []
+        for letter in chain.letters:
+            value = given.get(letter)
+            positions = _numbers(f"{letter.lower()}_deg", 0.0 if value is None else value)
+            if positions.ndim > 1 or positions.size == 0:
+                raise InputError(
+                    f"{letter.lower()}_deg: got {value!r}, expected a number or a sequence"
+                )
+            shape.extend(positions.shape)
+            nodes[letter] = np.atleast_1d(positions)
+        return nodes, tuple(shape)
+
+
+def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
+    """Every combination of positions, contract's sign, shape (m, axes), last axis fastest."""
+    chain = Chain(setup)
+    axes = np.meshgrid(*(nodes[letter] for letter in chain.letters), indexing="ij")
+    return np.stack(axes, axis=-1).reshape(-1, chain.count) * chain.senses
+
+
+def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
+    """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
+    nodes = _numbers(name, given)
+    if nodes.ndim == 0:
+        nodes = nodes[None]
+    if len(nodes) == 2 and nodes[0] < nodes[1]:
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
+            raise InputError(f"points along {name}: got {count!r}, expected a whole number from 2")
+        return np.linspace(nodes[0], nodes[1], int(count))
+    if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
+        raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
+    return nodes
+
+
+def _numbers(name: str, given: ArrayLike) -> Floats:
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{name}: got {given!r}, expected finite numbers")
+    return values

@@ -1,0 +1,340 @@
+"""Autoregressive noise of readings in channels, estimated beside what is not noise.
+
+A channel is a part of the readings with a noise of its own (an axis of a log). Its noise is an
+autoregression, estimated by restricted likelihood from what known columns cannot explain. What the
+engine would report as unexplained structure (a jump, a wave) competes with the memory of the noise
+at the engine's price, and is not taken for noise.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import minimize
+from scipy.special import chdtri
+
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.engine import NAMELESS
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
+
+__all__ = [
+    "Autoregression",
+    "Channel",
+    "Whitener",
+    "fit_noise",
+    "fit_noise_beside_structure",
+    "levinson",
+    "partial_autocorrelations",
+    "structure_terms",
+    "whitener",
+]
+
+MAX_ORDER = 6
+MAX_STRUCTURE = 4  # terms of unexplained structure in a channel
+MAX_TRIED = 2  # terms tried at each step
+MEMORY_SIGMAS = 1.0  # by which an estimated memory of the noise is taken longer
+MIN_NOISE = 1e-6  # µm, arcsec: a simulated log has rounding only
+
+
+@dataclass(frozen=True)
+class Autoregression:
+    """Autoregressive noise.
+
+    Attributes
+    ----------
+    predictors:
+        ``predictors[k]``: coefficients that predict a reading from the k before it, last first.
+    sizes:
+        ``sizes[k]``: standard deviation of what is left then. The last pair holds from there on.
+    """
+
+    predictors: tuple[Floats, ...] = (np.zeros(0),)
+    sizes: tuple[float, ...] = (1.0,)
+
+    @property
+    def order(self) -> int:
+        """How many readings back the noise remembers; 0: white."""
+        return len(self.predictors) - 1
+
+    def whiten(self, values: Floats) -> Floats:
+        """Innovations of (n, m) consecutive values in units of their size."""
+        order = min(self.order, len(values))
+        out = np.array(values, dtype=np.float64)
+        for i, ar in enumerate(self.predictors[:order]):
+            for k, a in enumerate(ar, start=1):
+                out[i : i + 1] -= a * values[i - k : i - k + 1]
+            out[i : i + 1] /= self.sizes[i]
+        if len(values) > order:
+            out[order:] = _predicted_off(values, self.predictors[-1], order) / self.sizes[-1]
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Readings of one noise, and what in them need not be noise.
+
+    Attributes
+    ----------
+    rows:
+        Its readings, in order, shape (n,).
+    fixed:
+        Columns of which any combination may be in the readings, shape (n, k).
+    sought:
+        Sets of columns, shape (places, n, k), of each of which one place may be.
+    component:
+        Its name among the model's components.
+    """
+
+    rows: Integers
+    fixed: Floats
+    sought: tuple[Floats, ...] = ()
+    component: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Whitener:
+    """Linear map (n, ...) → (n, ...) after which the noise is white and of size 1.
+
+    ``filters``: consecutive readings, and their noise.
+    """
+
+    filters: tuple[tuple[Integers, Autoregression], ...]
+
+    def __call__(self, values: Floats) -> Floats:
+        """Whiten each column; readings where all columns are zero stay so."""
+        flat = values.reshape(len(values), -1)
+        out = np.zeros_like(flat, dtype=np.float64)
+        for rows, noise in self.filters:
+            own = flat[rows]
+            if own.any():
+                out[rows] = noise.whiten(own)
+        return out.reshape(values.shape)
+
+
+def whitener(
+    model: Model, residuals: Floats, channels: Iterable[Channel], groups: Integers
+) -> Whitener:
+    """Noise of each channel, as left when all that need not be noise is fitted at once.
+
+    An effect is thus not mistaken for noise; what the fit takes of the noise is allowed for. Where
+    the residual has a memory, unexplained structure is fitted too if that explains more.
+
+    Parameters
+    ----------
+    model:
+        Its covariates and components say what unexplained structure may look like.
+    residuals:
+        Of the plain model, shape (n,).
+    channels:
+        Together, all readings.
+    groups:
+        Group of each reading, shape (n,): the noise has no memory from one to another.
+    """
+    filters: list[tuple[Integers, Autoregression]] = []
+    terms: dict[str, list[Floats]] | None = None
+    for channel in channels:
+        y, own_groups = residuals[channel.rows], groups[channel.rows]
+        segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
+        segments = [s for s in segments if len(s)]
+        noise = fit_noise(y, _absorbed(y, channel, Autoregression(), segments), segments)
+        if noise.order:  # beside noise with a memory another place may fit best
+            q = _absorbed(y, channel, noise, segments)
+            terms = structure_terms(model) if terms is None else terms
+            unnamed = [x[channel.rows] for x in terms[channel.component]]
+            noise = fit_noise_beside_structure(y, q, segments, unnamed)
+        filters += [(channel.rows[s], noise) for s in segments]
+    return Whitener(tuple(filters))
+
+
+def structure_terms(model: Model) -> dict[str, list[Floats]]:
+    """Unexplained structure that each component may have, the engine's own: columns (n, k)."""
+    dictionary = Dictionary(model, np.arange(len(model.readings)))
+    return {
+        name: [
+            dictionary.block(i)
+            for i, term in enumerate(dictionary.terms)
+            if term.component == name or term.kind == "class"
+        ]
+        for name in model.components
+    }
+
+
+# --- one channel
+
+
+def fit_noise(y: Floats, q: Floats, segments: Sequence[Integers]) -> Autoregression:
+    """Noise of readings y (n,) of which columns q (n, k), orthonormal, may be no noise.
+
+    The order is the one that BIC takes for what q leaves. Its coefficients maximise the restricted
+    likelihood (of what no q can change): those of the residual itself would be too small, for q
+    takes most of the slow part of the noise. Their memory is then taken `MEMORY_SIGMAS` longer.
+
+    ``segments``: row numbers of consecutive readings; the memory ends where one ends.
+    """
+    residual = y - q @ (q.T @ y)
+    start = _autoregression([residual[s] for s in segments])
+    order = len(start)
+    both = np.concatenate([q, y[:, None]], axis=1)
+    count = sum(max(len(s) - order, 0) for s in segments) - q.shape[1]
+
+    def triangle(ar: Floats) -> Floats:
+        white = [_predicted_off(both[s], ar, order) for s in segments if len(s) > order]
+        corner = np.asarray(np.linalg.qr(np.concatenate(white), mode="r"), dtype=np.float64)
+        return np.asarray(np.abs(np.diag(corner)))
+
+    def cost(z: Floats) -> float:
+        d = np.maximum(triangle(levinson(np.tanh(z))[-1]), 1e-300)
+        return float(2 * count * np.log(d[-1]) + 2 * np.sum(np.log(d[:-1])))
+
+    partial = np.clip(partial_autocorrelations(start), -0.999, 0.999)
+    if order:
+        z = np.asarray(minimize(cost, np.arctanh(partial), method="BFGS").x)
+        partial = np.tanh(z + MEMORY_SIGMAS * _longer(cost, z))
+    predictors = levinson(partial)
+    size = max(float(triangle(predictors[-1])[-1]) / np.sqrt(max(count, 1)), MIN_NOISE)
+    left = np.cumprod((1.0 / np.sqrt(1.0 - np.minimum(partial**2, 1 - 1e-12)))[::-1])[::-1]
+    return Autoregression(predictors, (*(size * left).tolist(), size))
+
+
+def fit_noise_beside_structure(
+    y: Floats, q: Floats, segments: Sequence[Integers], terms: Sequence[Floats]
+) -> Autoregression:
+    """Noise of y where unexplained structure may be beside q, a term at a time.
+
+    A term is taken if it makes readings likelier than noise with a longer memory does, by the price
+    that the engine asks for it.
+    """
+
+    def score(basis: Floats) -> tuple[float, Autoregression]:
+        noise = fit_noise(y, basis, segments)
+        both = np.concatenate([basis, y[:, None]], axis=1)
+        white = np.concatenate([noise.whiten(both[s])[MAX_ORDER:] for s in segments])
+        left = float(np.abs(np.asarray(np.linalg.qr(white, mode="r"))[-1, -1])) * noise.sizes[-1]
+        return (
+            len(white) * 2 * np.log(max(left, 1e-300)) + noise.order * np.log(len(white)),
+            noise,
+        )
+
+    best, noise = score(q)
+    for _ in range(MAX_STRUCTURE):
+        if not noise.order:
+            break
+        residual = y - q @ (q.T @ y)
+        seen = [x - q @ (q.T @ x) for x in terms]
+        own = [_basis(x) if np.any(np.abs(x) > 1e-6) else np.zeros((len(y), 0)) for x in seen]
+        gain = [float(np.sum((x.T @ residual) ** 2)) for x in own]
+        tried = []
+        for i in np.argsort(gain)[::-1][:MAX_TRIED]:
+            wider = np.concatenate([q, own[i]], axis=1)
+            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms))) + NAMELESS
+            tried.append((*score(wider), price, wider))
+        value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
+        if value + price >= best:
+            break
+        best, noise, q = value, other, wider
+    return noise
+
+
+# --- autoregressions
+
+
+def levinson(partial: Floats) -> tuple[Floats, ...]:
+    """Coefficients of every order from 0 up, from partial autocorrelations."""
+    out: list[Floats] = [np.zeros(0)]
+    for r in partial:
+        out.append(np.append(out[-1] - r * out[-1][::-1], r))
+    return tuple(out)
+
+
+def partial_autocorrelations(ar: Floats) -> Floats:
+    """Partial autocorrelations of an autoregression; of an unstable one, those to where it is."""
+    out, a = np.zeros(len(ar)), np.asarray(ar, dtype=np.float64)
+    for k in range(len(ar) - 1, -1, -1):
+        out[k] = a[k]
+        a = (a[:k] + a[k] * a[:k][::-1]) / max(1.0 - a[k] ** 2, 1e-6)
+    return out
+
+
+def _predicted_off(values: Floats, ar: Floats, first: int) -> Floats:
+    """Values (n, m) from row ``first`` on, less what an autoregression predicts."""
+    out = np.array(values[first:], dtype=np.float64)
+    for k, a in enumerate(ar, start=1):
+        out -= a * values[first - k : len(values) - k]
+    return out
+
+
+def _autoregression(series: Sequence[Floats]) -> Floats:
+    """Coefficients of an autoregression, of the order that BIC takes; empty for white noise."""
+    n = sum(len(s) for s in series)
+    series = [s for s in series if len(s) > 2 * MAX_ORDER]
+    if not series:
+        return np.zeros(0)
+    y = np.concatenate([s[MAX_ORDER:] for s in series])
+    lags = np.concatenate(
+        [
+            np.stack([s[MAX_ORDER - k : len(s) - k] for k in range(1, MAX_ORDER + 1)], axis=1)
+            for s in series
+        ]
+    )
+    best: Floats = np.zeros(0)
+    best_cost = np.inf
+    for order in range(MAX_ORDER + 1):
+        x = lags[:, :order]
+        coefficients = np.asarray(np.linalg.lstsq(x, y, rcond=None)[0], np.float64)
+        rss = float(np.sum((y - x @ coefficients) ** 2))
+        cost = len(y) * np.log(max(rss, 1e-300)) + order * np.log(max(n, 2))
+        if cost < best_cost - 1e-9:
+            best, best_cost = coefficients, cost
+    return best
+
+
+def _longer(cost: Callable[[Floats], float], z: Floats) -> Floats:
+    """Change of z = artanh of partial autocorrelations that makes the memory longer by 1 σ.
+
+    ``cost``: -2 ln L, least at z. The slow part of the noise goes with Π 1/(1 - tanh z)².
+    """
+    step = 0.02 * np.eye(len(z))
+    middle = cost(z)
+    up, down = np.array([[cost(z + s), cost(z - s)] for s in step]).T
+    hessian = np.diag(up + down - 2 * middle)
+    for i, j in combinations(range(len(z)), 2):
+        both = cost(z + step[i] + step[j]) + cost(z - step[i] - step[j])
+        hessian[i, j] = hessian[j, i] = (both + 2 * middle - up[i] - down[i] - up[j] - down[j]) / 2
+    values, vectors = np.linalg.eigh(hessian / 0.02**2 / 2)
+    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    slope = 1.0 + np.tanh(z)
+    return np.asarray(covariance @ slope / np.sqrt(slope @ covariance @ slope))
+
+
+def _absorbed(
+    y: Floats, channel: Channel, noise: Autoregression, segments: Sequence[Integers]
+) -> Floats:
+    """Orthonormal basis of a channel's columns: all fixed, and the best place of each set sought.
+
+    So little of the noise goes with what is not noise. ``noise``: what is known of it.
+    """
+
+    def white(columns: Floats) -> Floats:
+        return np.concatenate([noise.whiten(columns[s]) for s in segments])
+
+    taken = channel.fixed[:, np.any(channel.fixed != 0, axis=0)]
+    q = _basis(white(taken))
+    r = white(y[:, None])
+    left = r - q @ (q.T @ r)
+    for places in channel.sought:
+        own = [_basis(x - q @ (q.T @ x)) for x in map(white, places)]
+        best = int(np.argmax([float(np.sum((b.T @ left) ** 2)) for b in own]))
+        taken = np.concatenate([taken, places[best]], axis=1)
+        q = np.concatenate([q, own[best]], axis=1)
+        left = left - own[best] @ (own[best].T @ left)
+    return _basis(taken)
+
+
+def _basis(columns: Floats) -> Floats:
+    """Orthonormal basis of columns; those that vanish are left out."""
+    size = np.sqrt((columns**2).sum(axis=0))
+    seen = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)
+    u, s, _ = np.linalg.svd(columns[:, seen] / size[seen], full_matrices=False)
+    return np.asarray(u[:, s > 1e-6 * s.max(initial=0.0)])

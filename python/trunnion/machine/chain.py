@@ -1,0 +1,265 @@
+"""The chain of axes of a set-up: the one bridge between controls, the package and the core.
+
+Here alone the sign in which a control counts a rotary axis (``sense = -1`` in the set-up file) is
+turned into that of the machine and back, and the core's machine is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import trunnion._core as _core
+from trunnion.base.checks import instance
+from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.units import Floats
+from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
+from trunnion.setup import Setup
+from trunnion.setup.names import canonical_error_name, iso_codes
+
+__all__ = ["Chain", "artefact_dimensions"]
+
+# What an effect of an artefact does depends on these, that there is such an effect does not.
+_ANY_ARTEFACT = {"cross": [2.0, 1.0, 1.0], "cuboid": [1.0] * 3, "sphere": [1.0, 0.0, 0.0, 0.0]}
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Axes of a machine: letters, senses, the core's machine, names of its errors and effects.
+
+    Rotary positions in *machine order* are arrays (n, axes) in degrees whose columns are the axes
+    in the order of `letters` and whose positive sense is the right-handed turn of the table.
+    """
+
+    setup: Setup
+
+    def __post_init__(self) -> None:
+        """Refuse what is no set-up."""
+        instance("setup", self.setup, Setup, "a Setup, as read_setup gives it")
+
+    @cached_property
+    def letters(self) -> str:
+        """Letters of the rotary axes from the frame to the work, "AC" for ``trt-ca``."""
+        return self.machine({}).letters
+
+    @property
+    def count(self) -> int:
+        """Number of rotary axes."""
+        return len(self.letters)
+
+    @property
+    def tilting(self) -> str | None:
+        """Letter of the axis that tilts, A or B."""
+        return next((letter for letter in self.letters if letter != "C"), None)
+
+    @cached_property
+    def senses(self) -> Floats:
+        """1 or -1 for each rotary axis, (axes,): between the control's sign and the machine's."""
+        return np.array([self.setup.sense(letter) for letter in self.letters], dtype=float)
+
+    @cached_property
+    def all_senses(self) -> Floats:
+        """1 or -1 for X, Y, Z and the rotary axes, (3 + axes,)."""
+        linear = [float(self.setup.sense(letter)) for letter in "XYZ"]
+        return np.concatenate([linear, self.senses])
+
+    @property
+    def name(self) -> str:
+        """Machine and axes for messages: "machine trt-ca: A, C"."""
+        return f"machine {self.setup.machine.preset}: {', '.join(self.letters)}"
+
+    # --- positions
+
+    def to_machine(self, positions: Mapping[str, ArrayLike], rows: int | None = None) -> Floats:
+        """Positions by letter, in the control's sign, in machine order, (n, axes).
+
+        Parameters
+        ----------
+        positions
+            Letter (either case) → positions, (n,) or one number for all rows.
+        rows
+            How many rows; unless given, as many as the longest has.
+
+        Raises
+        ------
+        DataError
+            An axis of the machine is missing, or there is one that it has not.
+        InputError
+            Positions that are not finite, or not one a row.
+        """
+        given = {letter.upper(): value for letter, value in positions.items()}
+        for letter in self.letters:
+            if letter not in given:
+                raise DataError(
+                    f"{letter.lower()}_deg: got none, expected the position of rotary axis "
+                    f"{letter} ({self.name})"
+                )
+        spare = sorted(set(given) - set(self.letters))
+        if spare:
+            raise DataError(
+                f"{spare[0].lower()}_deg: got positions of axis {spare[0]}, expected only those of "
+                f"{self.name}"
+            )
+        columns = [np.asarray(given[letter], dtype=float) for letter in self.letters]
+        count = max((c.size for c in columns), default=1) if rows is None else rows
+        for letter, column in zip(self.letters, columns, strict=True):
+            if column.ndim > 1 or (column.ndim == 1 and len(column) != count):
+                raise InputError(
+                    f"{letter.lower()}_deg: got shape {column.shape}, expected one number a row, "
+                    f"({count},)"
+                )
+            if not np.all(np.isfinite(column)):
+                raise InputError(f"{letter.lower()}_deg: got {column}, expected finite numbers")
+        return np.column_stack([np.broadcast_to(c, count) for c in columns]) * self.senses
+
+    def turning(self, senses: Mapping[str, ArrayLike], rows: int) -> Floats | None:
+        """Senses of the last turn by letter, in machine order, (rows, axes); None without any.
+
+        An axis that is not given has not turned.
+        """
+        given = {letter.upper(): value for letter, value in senses.items()}
+        if not any(letter in given for letter in self.letters):
+            return None
+        columns = [np.asarray(given.get(x, 0.0), dtype=float) for x in self.letters]
+        return np.column_stack([np.broadcast_to(c, rows) for c in columns]) * self.senses
+
+    def to_control(self, rotary_deg: Floats) -> dict[str, Floats]:
+        """Positions in machine order (n, axes) by letter, in the control's sign, (n,) each."""
+        # + 0.0 turns -0.0 into 0.0, which would otherwise stand in files.
+        turned = rotary_deg * self.senses + 0.0
+        return {letter: turned[..., i] for i, letter in enumerate(self.letters)}
+
+    # --- the core's machine
+
+    def machine(self, errors: Mapping[str, float] | None = None) -> _core.Machine:
+        """The core's kinematics with these location errors (µm, arcsec).
+
+        None: those of the set-up; {}: the nominal machine.
+        """
+        given = self.setup.machine.errors if errors is None else errors
+        named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
+        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named)
+
+    def model(
+        self,
+        errors: Mapping[str, float],
+        placement: Sequence[float],
+        effects: Sequence[tuple[str, Sequence[float]]],
+        approach: Sequence[float] = (0.0, 0.0, 0.0),
+        senses: Mapping[str, float] | None = None,
+    ) -> _core.MachineModel:
+        """The core's machine with errors, placement of the work and effects.
+
+        Parameters
+        ----------
+        errors
+            Location errors, µm and arcsec.
+        placement
+            Six numbers, as `PLACEMENT`.
+        effects
+            Ids with the values of their parameters in order.
+        approach, senses
+            Direction of travel (machine frame) and sense of the last turn by letter, control's
+            sign, on which reversal errors depend.
+        """
+        turned = {letter.upper(): value for letter, value in (senses or {}).items()}
+        for letter in turned:
+            if letter not in self.letters:
+                raise InputError(f"senses: got axis {letter}, expected one of {self.name}")
+        return _core.MachineModel(
+            self.setup.machine.preset,
+            self.setup.probe.length_mm,
+            list(errors.items()),
+            list(placement),
+            list(effects),
+            [float(value) for value in approach],
+            [turned.get(x, 0.0) * s for x, s in zip(self.letters, self.senses, strict=True)],
+        )
+
+    def table_pose(self, rotary_deg: Floats) -> tuple[Floats, Floats]:
+        """Rotation (n, 3, 3) and shift (n, 3), mm, from the work to the frame, nominal machine."""
+        rows = np.ascontiguousarray(rotary_deg, dtype=float)
+        pose = self.machine({}).table_pose(rows).reshape(-1, 3, 4)
+        return pose[:, :, :3], pose[:, :, 3]
+
+    # --- names
+
+    @cached_property
+    def location_errors(self) -> dict[str, str]:
+        """Names of the machine's location errors, with their unit ("um", "arcsec")."""
+        return dict(self.machine({}).location_errors)
+
+    def named_errors(self, errors: Mapping[str, float] | None) -> dict[str, float]:
+        """Location errors under their canonical names; those of the set-up where not given.
+
+        Raises
+        ------
+        InputError
+            One error under two spellings.
+        UnknownNameError
+            A name that is none, or an error that the machine lacks.
+        """
+        known = {canonical_error_name(k): float(v) for k, v in self.setup.machine.errors.items()}
+        given: dict[str, float] = {}
+        for spelling, value in (errors or {}).items():
+            name = canonical_error_name(spelling)
+            if name in given:
+                raise InputError(f"location error {name}: got two spellings, expected it once")
+            if name not in self.location_errors:
+                raise UnknownNameError(
+                    f"location error: got {name!r}, expected one of "
+                    f"{', '.join(self.location_errors)} (machine {self.setup.machine.preset})"
+                )
+            given[name] = value
+        return known | given
+
+    def catalogue(self) -> tuple[EffectInfo, ...]:
+        """Every effect that can act on touches of this artefact on this machine."""
+        return self._effects(*artefact_dimensions(self.setup))
+
+    @cached_property
+    def effects(self) -> dict[str, EffectInfo]:
+        """Every effect on this machine, whatever is touched, by id."""
+        kinds = [self._effects(kind, numbers) for kind, numbers in _ANY_ARTEFACT.items()]
+        return {effect.id: effect for effects in kinds for effect in effects}
+
+    def _effects(self, kind: str, dimensions: Sequence[float]) -> tuple[EffectInfo, ...]:
+        entries = _core.catalogue(self.setup.machine.preset, kind, dimensions)
+        return tuple(
+            EffectInfo(
+                id=name,
+                label=title,
+                # what happens at a moment is of one set-up: the artefact slips on the table
+                owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
+                parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
+                needs=tuple(needs),
+                codes=iso_codes(name),
+            )
+            for name, title, owner, parameters, needs in entries
+        )
+
+
+def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
+    """Kind of the artefact and its dimensions, mm, as the core takes them.
+
+    Raises
+    ------
+    InputError
+        A set-up without an artefact.
+    """
+    artefact = setup.artefact
+    if artefact.kind == "none":
+        raise InputError(
+            "artefact: got none in the set-up, expected [artefact] with kind cross, cuboid or "
+            "sphere"
+        )
+    if artefact.kind == "sphere":
+        diameter, centre = artefact.diameter_mm, artefact.centre_mm
+        if diameter is None or centre is None:
+            raise InputError("sphere: got no diameter_mm or centre_mm, expected both")
+        return "sphere", [diameter, *centre]
+    return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]

@@ -1,0 +1,461 @@
+"""Effects on axis logs: one table, `AXIS_EFFECTS` for each axis and `LOG_EFFECTS` for the log.
+
+An entry says its id, its label, its parameters, and how it changes the log; an effect of the servo
+names the parameters of `LinearAxis` or `RotaryAxis` that it changes. In names and labels ``{axis}``
+stands for the letter, ``{small}`` for um or arcsec and ``{large}`` for mm or deg.
+
+The response of an axis is not linear in most parameters. The column of an effect is therefore a
+chord: the exact change of the response divided by the parameter, at the value where this effect
+alone fits the log best.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.optimize import least_squares, minimize_scalar
+
+from trunnion.base.units import Floats
+from trunnion.contouring.servo import Axis, Servo
+from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
+from trunnion.machine.effects import Owner
+from trunnion.models.axis_log.columns import Places, Signals
+from trunnion.models.axis_log.signals import AxisSignal, Units
+
+__all__ = [
+    "AXIS_EFFECTS",
+    "LOG_EFFECTS",
+    "AxisEffect",
+    "Located",
+    "LogEffect",
+    "catalogue",
+    "changed_servo",
+]
+
+LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
+ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
+RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
+DAMPINGS = (0.03, 0.08, 0.2)
+
+
+class AxisEffect(Protocol):
+    """An entry of the table for each axis."""
+
+    @property
+    def id(self) -> str:
+        """Id without the axis."""
+        ...
+
+    @property
+    def label(self) -> str:
+        """What people call it."""
+        ...
+
+    @property
+    def whole_grid(self) -> bool:
+        """Whether noise is what is left beside any place of its grid, not beside its middle."""
+        ...
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:
+        """Return the effect on an axis of a log."""
+        ...
+
+    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
+        """Return an axis with the effect in it; as it is if its parameters cannot say it."""
+        ...
+
+
+@dataclass(frozen=True)
+class LogEffect:
+    """An entry of the table for the whole log; ``build`` gives None without its data."""
+
+    id: str
+    label: str
+    build: Callable[["LogEffect", Signals, Places], Effect | None]
+
+
+def _id(entry: AxisEffect, axis: AxisSignal) -> str:
+    return f"{entry.id}_{axis.letter.lower()}"
+
+
+def _label(entry: AxisEffect, axis: AxisSignal) -> str:
+    return entry.label.format(axis=axis.letter)
+
+
+# --- effects of an axis
+
+
+@dataclass(frozen=True)
+class ServoEffect:
+    """Parameters of the servo differ from the set-up's by one amount.
+
+    Attributes
+    ----------
+    parameter, unit:
+        Name of the amount; its unit where the name does not say it.
+    servo:
+        Fields of `LinearAxis` or `RotaryAxis` that it is added to.
+    start, start_share:
+        Amount from which its size is sought; at least this share of the servo's own parameter.
+    percent:
+        The amount is in % of the servo's own parameter.
+    signed:
+        It can be negative.
+    """
+
+    id: str
+    label: str
+    parameter: str
+    servo: tuple[str, ...]
+    unit: str = ""
+    start: float = 1.0
+    start_share: float = 0.0
+    percent: bool = False
+    signed: bool = True
+    whole_grid: bool = False
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:
+        """Return the effect on an axis of a log, its column the chord."""
+        parameter = Parameter(axis.units.name(self.parameter), self.unit)
+        columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
+        return linear(_id(self, axis), [parameter], columns, _label(self, axis))
+
+    def column(self, axis: AxisSignal, places: Places) -> Floats:
+        """Change of the axis's readings by a unit of the amount, shape (blocks,)."""
+
+        def change(amount: float) -> Floats:
+            return axis.place(axis.change(self._with(axis.servo, axis.units, amount)))
+
+        own = getattr(axis.servo, axis.units.name(self.servo[0]))
+        start = max(self.start_share * own, self.start)
+        return places.chord(_id(self, axis), start, change, signed=self.signed)[axis.rows]
+
+    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
+        """Return an axis with the amount, the first of the values, added."""
+        return self._with(servo, units, float(next(iter(values.values()))))
+
+    def _with(self, servo: Axis, units: Units, amount: float) -> Axis:
+        names = [units.name(name) for name in self.servo]
+        step = amount * (0.01 * getattr(servo, names[0])) if self.percent else amount
+        changed: dict[str, Any] = {name: getattr(servo, name) + step for name in names}
+        return replace(servo, **changed)
+
+
+@dataclass(frozen=True)
+class Friction(ServoEffect):
+    """Coulomb friction, a change of the servo, and with it a Stribeck drop of its own."""
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:
+        """Return the effect on an axis of a log."""
+        units = axis.units
+        sense, speed = axis.sense_and_speed()
+        top = float(np.quantile(speed, 0.9)) if len(speed) else 0.0
+        peaks = tuple(float(v) for v in np.geomspace(0.01, 0.3, 6) * max(top, 1e-9))
+        drop = units.name("speed_{large}_s")
+        parameters = (
+            Parameter(units.name(self.parameter)),
+            Parameter(units.name("stribeck_{small}")),
+            Parameter(drop, unit=f"{units.large}/s", grid=peaks, bounds=(1e-9, np.inf)),
+        )
+        columns = FrictionColumns(axis, drop, self.column(axis, places), sense, speed)
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionColumns:
+    """Columns of Coulomb friction and of a Stribeck drop over a speed, (n, 2)."""
+
+    axis: AxisSignal
+    name: str
+    coulomb: Floats
+    sense: Floats
+    speed: Floats
+
+    def __call__(self, values: Mapping[str, float]) -> Floats:
+        """Return the columns at a speed."""
+        bump = self.sense * np.exp(-((self.speed / values[self.name]) ** 2))
+        drop = self.axis.mean(-self.axis.through_loop(bump))
+        return self.axis.blocks.place(self.axis.rows, np.stack([self.coulomb, drop], axis=1))
+
+
+@dataclass(frozen=True)
+class CyclicError:
+    """The load is ahead of the motor by a wave over the motor's position; its pitch is sought."""
+
+    id: str = "cyclic"
+    label: str = "cyclic error of the {axis} axis"
+    whole_grid: bool = True
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:
+        """Return the effect on an axis of a log."""
+        units = axis.units
+        pitches = LINEAR_PITCHES_MM if units.large == "mm" else ROTARY_PITCHES_DEG
+        span = float(np.ptp(axis.predicted)) if len(axis.predicted) else 0.0
+        # Over less than a tenth of a turn a cyclic error is a straight line.
+        seen = tuple(p for p in pitches if p <= max(10.0 * span, pitches[2]))
+        waves = {p: axis.mean(_waves(axis, p)) for p in seen}
+        seen = tuple(sorted({*seen, self._best_pitch(axis, waves, places)}))
+        pitch = units.name("pitch_{large}")
+        parameters = (
+            Parameter(units.name("cosine_{small}")),
+            Parameter(units.name("sine_{small}")),
+            Parameter(pitch, grid=seen, bounds=(0.5 * seen[0], 2 * seen[-1])),
+        )
+        columns = CyclicColumns(axis, pitch, waves)
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
+
+    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
+        """Return an axis with the cyclic error; as it is if it has one already."""
+        names = [units.name(n) for n in ("cyclic_{small}", "pitch_{large}", "phase_deg")]
+        if getattr(servo, names[0]):
+            return servo
+        cosine, sine, pitch = values.values()
+        numbers = (np.hypot(cosine, sine), pitch, np.rad2deg(np.arctan2(cosine, sine)))
+        changed: dict[str, Any] = dict(zip(names, map(float, numbers), strict=True))
+        return replace(servo, **changed)
+
+    def _best_pitch(self, axis: AxisSignal, waves: Mapping[float, Floats], places: Places) -> float:
+        """Pitch at which a cyclic error alone fits best; ``waves``: columns of a grid of pitches.
+
+        The grid is close enough to find the valley, not for its bottom: what a large error leaves
+        there would be named as another cause.
+        """
+        name = f"{_id(self, axis)}_pitch"
+        if name in places.found:
+            return places.found[name]
+        left, y = places.unexplained(axis.rows)
+
+        def gain(wave: Floats) -> float:
+            basis, sizes, _ = np.linalg.svd(left(wave), full_matrices=False)
+            kept = basis[:, sizes > 1e-6 * max(float(sizes[0]), 1e-300)]
+            return float(np.sum((kept.T @ y) ** 2))
+
+        def miss(pitch: float) -> float:
+            return -gain(axis.mean(_waves(axis, pitch)))
+
+        pitches = list(waves)
+        best = int(np.argmax([gain(wave) for wave in waves.values()]))
+        low, high = pitches[max(best - 1, 0)], pitches[min(best + 1, len(pitches) - 1)]
+        found = minimize_scalar(miss, bounds=(low, high), method="bounded")
+        places.found[name] = float(found.x)
+        return places.found[name]
+
+
+@dataclass(frozen=True, eq=False)
+class CyclicColumns:
+    """Columns of a wave over the motor's position, (n, 2); ``known``: those of some pitches."""
+
+    axis: AxisSignal
+    name: str
+    known: Mapping[float, Floats]
+
+    def __call__(self, values: Mapping[str, float]) -> Floats:
+        """Return the columns at a pitch."""
+        pitch = values[self.name]
+        waves = self.known.get(pitch)
+        if waves is None:
+            waves = self.axis.mean(_waves(self.axis, pitch))
+        return self.axis.blocks.place(self.axis.rows, waves)
+
+
+def _waves(axis: AxisSignal, pitch: float) -> Floats:
+    """Cosine and sine over the modelled position by row, (rows, 2)."""
+    angle = 2 * np.pi * axis.predicted / pitch
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A share of the load hangs on a structure that resonates, which the loop does not see."""
+
+    id: str = "resonance"
+    label: str = "resonance of the structure of the {axis} axis"
+    whole_grid: bool = False
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:
+        """Return the effect on an axis of a log."""
+        nyquist = 0.5 / min(run.period_s for run in axis.runs)
+        frequency, damping = self._best_place(axis, 0.8 * nyquist, places)
+        frequencies = tuple(frequency * k for k in (0.97, 1.0, 1.03))
+        dampings = tuple(min(damping * k, 0.9) for k in (0.8, 1.0, 1.25))
+        parameters = (
+            Parameter("share", unit="1", bounds=(0.0, 1.5)),
+            Parameter("frequency_hz", unit="Hz", grid=frequencies, bounds=(2.0, nyquist)),
+            Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, 0.9)),
+        )
+        columns = ResonanceColumns(axis)
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
+
+    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
+        """Return the axis as it is: its structure carries all of the load or nothing."""
+        return servo
+
+    def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
+        """Frequency and damping at which a structure that carries the whole load fits best.
+
+        A resonance's place is sharp, and with a free share of the load many a wrong frequency fits
+        about as well at the start: so it is sought with the whole load, on a grid, then refined.
+        """
+        keys = (f"{_id(self, axis)}_hz", f"{_id(self, axis)}_damping")
+        if keys[0] not in places.found:
+            left, y = places.unexplained(axis.rows)
+            grid = [(f, d) for f in RESONANCES_HZ if f < top_hz for d in DAMPINGS]
+            cost = np.concatenate(
+                [np.sum((y[:, None] - left(c)) ** 2, axis=0) for c in _resonances(axis, grid)]
+            )
+
+            def miss(place: Floats) -> Floats:
+                frequency, damping = np.exp(place)
+                return y - left(_resonance(axis, float(frequency), float(damping)))
+
+            low, high = np.log([2.0, 1e-3]), np.log([1.2 * top_hz, 0.8])
+            fits = [
+                least_squares(
+                    miss, np.log(grid[i]), bounds=(low, high), diff_step=[1e-4], max_nfev=25
+                )
+                for i in np.argsort(cost)[:2]
+            ]
+            best = np.exp(min(fits, key=lambda f: f.cost).x)
+            places.found.update(zip(keys, map(float, best), strict=True))
+        return places.found[keys[0]], places.found[keys[1]]
+
+
+@dataclass(frozen=True, eq=False)
+class ResonanceColumns:
+    """Column of a resonance of the whole load, (n, 1)."""
+
+    axis: AxisSignal
+
+    def __call__(self, values: Mapping[str, float]) -> Floats:
+        """Return the column at a frequency and damping."""
+        column = _resonance(self.axis, values["frequency_hz"], values["damping"])
+        return self.axis.blocks.place(self.axis.rows, column[:, None])
+
+
+def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
+    """Change of an axis's readings by a structure that carries all of the load, (blocks,)."""
+    return np.asarray(next(_resonances(axis, [(frequency_hz, damping)]))[:, 0])
+
+
+def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Floats]:
+    """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
+    servos = [replace(axis.servo, resonance_hz=f, damping=d) for f, d in places]
+    for responses in axis.responses(servos, "motor"):
+        yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
+
+
+AXIS_EFFECTS: tuple[AxisEffect, ...] = (
+    ServoEffect(
+        "gain",
+        "loop gain of the {axis} axis",
+        "gain_percent",
+        ("gain_per_s",),
+        unit="%",
+        percent=True,
+    ),
+    ServoEffect(
+        "time_constant",
+        "time constant of the {axis} axis",
+        "time_constant_ms",
+        ("time_constant_ms",),
+        start=0.02,
+        start_share=0.02,
+    ),
+    ServoEffect(
+        "loop_delay",
+        "delay in the loop of the {axis} axis",
+        "delay_ms",
+        ("delay_ms",),
+        start=0.1,
+        signed=False,
+    ),
+    ServoEffect(
+        "backlash",
+        "backlash of the {axis} axis",
+        "backlash_{small}",
+        ("backlash_{small}",),
+        signed=False,
+    ),
+    Friction(
+        "friction",
+        "friction of the {axis} axis",
+        "coulomb_{small}",
+        ("coulomb_{small}", "breakaway_{small}"),
+        signed=False,
+    ),
+    CyclicError(),
+    Resonance(),
+)
+
+
+# --- effects of the log
+
+
+def _log_delay(entry: LogEffect, signals: Signals, places: Places) -> Effect:
+    """Positions in the log are those of a little earlier, all axes."""
+    blocks = signals.blocks
+    rows = blocks.rows(0, len(signals.axes))
+
+    def change(delay_ms: float) -> Floats:
+        parts = [axis.mean(axis.earlier(delay_ms)) for axis in signals.axes]
+        return blocks.place(rows, np.concatenate(parts))
+
+    column = places.chord(entry.id, 0.1, change)[rows, None]
+    placed = blocks.place(rows, column)
+    return linear(entry.id, ["delay_ms"], placed, entry.label, owner=Owner.INSTRUMENT)
+
+
+def _rotary_centre(entry: LogEffect, signals: Signals, places: Places) -> Effect | None:  # noqa: ARG001
+    """Rotary axes are out of place: their offsets."""
+    tip, blocks = signals.tip, signals.blocks
+    if tip is None:
+        return None
+    moved = [1e3 * blocks.mean(tip.change(name)) for name in tip.offsets]
+    columns = np.stack([m.T.ravel() for m in moved], axis=1)
+    placed = blocks.place(blocks.rows(len(signals.axes), 3), columns)
+    return linear(entry.id, [f"{n}_um" for n in tip.offsets], placed, entry.label)
+
+
+LOG_EFFECTS = (
+    LogEffect("log_delay", "delay of the log", _log_delay),
+    LogEffect("rotary_centre", "location of the rotary axes", _rotary_centre),
+)
+
+
+# --- the catalogue
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """An effect with the channels that it acts on.
+
+    ``whole_grid``: whether the noise is what is left beside any place of the effect's grid; else
+    beside its middle.
+    """
+
+    effect: Effect
+    channels: range
+    whole_grid: bool = False
+
+
+def catalogue(signals: Signals, places: Places) -> list[Located]:
+    """Return the effects on a log."""
+    every = range(signals.blocks.channels)
+    out = []
+    for axis in signals.axes:
+        own = every[axis.channel : axis.channel + 1]
+        out += [Located(e.build(axis, places), own, e.whole_grid) for e in AXIS_EFFECTS]
+    made = [entry.build(entry, signals, places) for entry in LOG_EFFECTS]
+    return out + [Located(effect, every) for effect in made if effect is not None]
+
+
+def changed_servo(servo: Servo, effects: Mapping[str, Mapping[str, float]]) -> Servo:
+    """Return the servo model with what a diagnosis found in it, as far as its parameters say it."""
+    axes = dict(servo.axes)
+    known = {f"{e.id}_{a.lower()}": (e, a) for a in axes for e in AXIS_EFFECTS}
+    for name, values in effects.items():
+        if name in known:
+            entry, letter = known[name]
+            axes[letter] = entry.changed(axes[letter], Units.of(letter), values)
+    return replace(servo, axes=axes)

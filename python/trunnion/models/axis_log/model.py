@@ -1,0 +1,273 @@
+"""The model of an axis log that the diagnosis engine asks."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, Integers
+from trunnion.contouring.servo import Servo
+from trunnion.data.axis_log import AxisLog
+from trunnion.diagnosis.effect import EffectLike, EffectValues, for_compensation, with_own
+from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.noise import Channel, whitener
+from trunnion.machine.estimate import Estimate
+from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
+from trunnion.models.axis_log.columns import Places, Signals, on_readings
+from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
+from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
+from trunnion.setup import Setup
+
+__all__ = ["AxisLogModel", "ExtendedServo", "build"]
+
+OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedServo(Estimate):
+    """The servo model with what a diagnosis found: an :class:`Estimate`.
+
+    Attributes
+    ----------
+    servo:
+        Gain, time constant, delay, Coulomb friction, backlash, cyclic error of each axis as found.
+        Offsets of the rotary axes (`rotary_centre`) are location errors, in `errors`.
+    """
+
+    servo: Servo
+
+
+class AxisLogModel(BaseModel):
+    """Servo model of an axis log; see the package.
+
+    Parameters
+    ----------
+    log:
+        One run a feed, two or more: at one, gain and backlash look alike.
+    setup:
+        With a ``[servo]`` table that has every axis of the log.
+    effects:
+        A user's own effects; ``change(log, values)`` gives the change of each sample of each axis
+        in µm or arcsec, shape (rows, axes).
+    chords:
+        Values at which the effects' columns are taken; by default those of this log.
+    block:
+        Samples in a reading; by default so many that some thousand readings are left.
+
+    Raises
+    ------
+    InputError, DataError
+        The set-up lacks an axis of the log; the log is not one (:mod:`.checks`).
+    """
+
+    def __init__(
+        self,
+        log: AxisLog,
+        setup: Setup,
+        effects: Sequence[EffectLike | str] = (),
+        *,
+        chords: Mapping[str, float] | None = None,
+        block: int | None = None,
+    ) -> None:
+        self.data = log
+        self.setup = setup
+        self.servo = Servo.from_table(setup.servo)
+        self.axes = tuple(letter.upper() for letter in log.axes)
+        check_servo(self.axes, self.servo)
+        self.runs = runs_of(log, self.servo)
+        self.has_tip = has_tip(log)
+        channels = len(self.axes) + (len(TIP_COLUMNS) if self.has_tip else 0)
+        self._blocks = Blocks(self.runs, len(self.axes), channels, block)
+        self._signals = self._read()
+        self.readings = self._deviations()
+        self.nuisance, self._design = self._initial_states()
+        places = Places(self._design, self.readings.values, chords or {})
+        made = catalogue(self._signals, places)
+        self._given = tuple(effects)
+        own = with_own([m.effect for m in made], effects, log)[len(made) :]
+        every = range(channels)
+        own = [Located(on_readings(e, len(log), self._signals), every) for e in own]
+        self._located = (*made, *own)
+        self._places = places.found
+        self.effects = tuple(located.effect for located in self._located)
+
+    def _read(self) -> Signals:
+        """Axes and tool tip of the log, checked."""
+        log, feedback = self.data, self.servo.feedback
+        axes = tuple(
+            AxisSignal(
+                letter,
+                channel,
+                self.servo.axes[letter],
+                feedback,
+                np.array(log.commanded(letter.lower()), dtype=np.float64),
+                np.array(log.actual(letter.lower()), dtype=np.float64),
+                self.runs,
+                self._blocks,
+            )
+            for channel, letter in enumerate(self.axes)
+        )
+        check_loops(axes, self.servo)
+        for axis in axes:
+            check_motion(axis)
+        tip = ToolTip.of(log, self.setup) if self.has_tip else None
+        return Signals(axes, tip, self._blocks)
+
+    def _deviations(self) -> Readings:
+        """Readings of every channel: deviations from the model."""
+        blocks, axes = self._blocks, self._signals.axes
+        values = [axis.deviation() for axis in axes]
+        units = [axis.units.small_symbol for axis in axes]
+        if self._signals.tip is not None:
+            values += list((1e3 * blocks.mean(self._signals.tip.deviation())).T)
+            units += ["µm"] * len(TIP_COLUMNS)
+        rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
+        return Readings(np.concatenate(values), rows, tuple(np.repeat(units, len(blocks)).tolist()))
+
+    def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
+        """Position and speed of each axis at the start of each run, and their columns, (n, p)."""
+        columns, nuisance = [], []
+        for axis in self._signals.axes:
+            free, small = axis.place(axis.free()), axis.units.small
+            for i, run in enumerate(self.runs):
+                columns.append(np.where((self._blocks.run_of == i)[:, None], free, 0.0))
+                start = f"{axis.letter}{self._label(run)}_start"
+                nuisance.append(Nuisance(f"{start}_{small}", small))
+                nuisance.append(Nuisance(f"{start}_speed", f"{small}/ms"))
+        return tuple(nuisance), np.concatenate(columns, axis=1)
+
+    def _label(self, run: Run) -> str:
+        if self.data.run is None or len(self.runs) == 1:
+            return ""
+        return f"_{self.data.run[run.rows.start]}"
+
+    # --- what the engine asks
+
+    def base(self, nuisance: Floats) -> Floats:
+        """Return the deviation from the servo model that initial states make."""
+        return self._design @ nuisance
+
+    def base_jacobian(self, nuisance: Floats) -> Floats:  # noqa: ARG002
+        """Free response of each axis of each run, from position and velocity at its start."""
+        return self._design
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """Axis, run, commanded motion and time."""
+        blocks = self._blocks
+        time = np.array(self.data.time_s, dtype=np.float64)
+        for run in self.runs:
+            time[run.rows] -= time[run.rows][0]
+        position, speed, acceleration = (self._kinematic(order) for order in range(3))
+        out = [
+            Covariate("axis", blocks.channel_of, classes=True),
+            Covariate("time", blocks.mean_everywhere(time), "s", sequence=True),
+            Covariate("commanded speed of the axis", speed, "mm or deg/s"),
+            Covariate("commanded acceleration of the axis", acceleration, "mm or deg/s²"),
+            Covariate("sense of travel", np.sign(speed), classes=True),
+            Covariate("position of the axis", position, "mm or deg"),
+        ]
+        if len(self.runs) > 1:
+            out.append(Covariate("run", blocks.run_of, classes=True))
+        return tuple(out)
+
+    def _kinematic(self, order: int) -> Floats:
+        """Commanded position, speed or acceleration of each reading's axis; of the tip 0."""
+        rows = self._blocks.rows(0, len(self.axes))
+        parts = [axis.kinematic(order) for axis in self._signals.axes]
+        return self._blocks.place(rows, np.concatenate(parts))
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """Each axis, and each coordinate of the tool tip, by itself."""
+        channel_of = self._blocks.channel_of
+        return {name: (channel_of == i).astype(np.float64) for i, name in enumerate(self._channels)}
+
+    @property
+    def _channels(self) -> tuple[str, ...]:
+        """Names of what is read, in the order of the readings."""
+        return (*self.axes, *(TIP_COLUMNS if self.has_tip else ()))
+
+    @property
+    def single_faults(self) -> bool:
+        """An encoder has no false readings; an axis that is off is not a heap of them."""
+        return False
+
+    @property
+    def groups(self) -> Integers:
+        """Runs (feeds); of a single run five blocks of time."""
+        return self._blocks.groups
+
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Divide by the noise of each axis, after an autoregression where the noise has one.
+
+        Both come from what is left when every effect of the axis is fitted at once.
+        """
+        return whitener(self, residuals, self._noise_channels(), self.groups)
+
+    def _noise_channels(self) -> Iterator[Channel]:
+        """Each channel with the columns that in it are not noise: initial states and effects.
+
+        Of an effect with a grid the middle, of a cyclic error every pitch.
+        """
+        for i, name in enumerate(self._channels):
+            rows = self._blocks.rows(i)
+            fixed, sought = [self._design[rows]], []
+            for located in self._located:
+                if i not in located.channels:
+                    continue
+                effect = located.effect
+                linear = [j for j, p in enumerate(effect.parameters) if p.linear]
+                grids = [p.grid or (0.0,) for p in effect.parameters]
+                if not located.whole_grid:
+                    grids = [(g[len(g) // 2],) for g in grids]
+                places = [
+                    effect.columns(effect.values(map(float, place)))[rows][:, linear]
+                    for place in product(*grids)
+                ]
+                if len(places) == 1:
+                    fixed += places
+                else:
+                    sought.append(np.stack(places))
+            own = np.arange(rows.start, rows.stop)
+            yield Channel(own, np.concatenate(fixed, axis=1), tuple(sought), name)
+
+    def bind(self, data: AxisLog) -> "AxisLogModel":
+        """Return the same model, with the same columns, on another log."""
+        return AxisLogModel(data, self.setup, self._given, chords=self._places)
+
+    def extended(
+        self,
+        nuisance: Floats,  # noqa: ARG002
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedServo:
+        """Return the servo model with the causes in it."""
+        found = {name: dict(values) for name, values in effects.items()}
+        fields = {} if uncertainty is None else uncertainty.fields()
+        std_errors = fields.setdefault("std_errors", {})
+        known, errors = self.setup.machine.errors, {}
+        for name, value in found.pop("rotary_centre", {}).items():
+            error = name.removesuffix("_um")
+            errors[error] = known.get(error, 0.0) + value
+            std_errors[error] = std_errors.pop(f"rotary_centre.{name}", 0.0)
+        return ExtendedServo(
+            servo=changed_servo(self.servo, effects),
+            errors=errors,
+            effects=found,
+            **fields,
+            **for_compensation(self.effects, found, (), OF_THE_SERVO),
+        )
+
+
+def build(
+    data: AxisLog, setup: Setup | None, effects: Sequence[EffectLike | str] = ()
+) -> AxisLogModel:
+    """Build the model of an axis log; the set-up with its ``[servo]`` table is needed."""
+    if not isinstance(setup, Setup):
+        raise InputError(
+            f"setup: got {type(setup).__name__}, expected the Setup with [servo] of this log"
+        )
+    return AxisLogModel(data, setup, effects)

@@ -1,0 +1,406 @@
+"""What an axis log and its servo model give: responses of each axis, and means over blocks.
+
+A reading is the mean over a block of samples in a row (as many as keep some thousand readings).
+Readings are in order of channels: the axes of the log, then the three coordinates of the tool tip.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+import trunnion._core as _core
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers
+from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
+from trunnion.data.axis_log import AxisLog
+from trunnion.machine.chain import Chain
+from trunnion.setup import Setup
+
+__all__ = ["TIP_COLUMNS", "AxisSignal", "Blocks", "Run", "ToolTip", "Units", "runs_of"]
+
+MAX_READINGS = 4500
+MIN_SAMPLES = 20  # of a run
+MAX_SUBSTEPS = 100  # control periods between two samples
+MAX_BATCH = 2_000_000  # numbers in one batch of responses: 16 MB
+TIP_COLUMNS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Rows of one run, evenly sampled, each a whole number of control periods after the last."""
+
+    rows: slice
+    period_s: float
+    substeps: int
+
+    @property
+    def control_s(self) -> float:
+        """Control period."""
+        return self.period_s / self.substeps
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+        return int(self.rows.stop - self.rows.start)
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of an axis: of its positions, of small quantities, and how many of these are in one."""
+
+    large: str
+    small: str
+    scale: float
+
+    @classmethod
+    def of(cls, letter: str) -> "Units":
+        """Return mm and µm for X, Y, Z; deg and arcsec for A, B, C."""
+        return cls("deg", "arcsec", 3600.0) if letter in ROTARY else cls("mm", "um", 1e3)
+
+    def name(self, template: str) -> str:
+        """Fill ``{small}`` and ``{large}`` in the name of a parameter."""
+        return template.format(small=self.small, large=self.large)
+
+    @property
+    def small_symbol(self) -> str:
+        """Unit of the axis's readings, as printed."""
+        return "µm" if self.small == "um" else self.small
+
+
+class Blocks:
+    """Which samples make which reading.
+
+    Parameters
+    ----------
+    runs:
+        Blocks do not go from one run into the next.
+    axes, channels:
+        Number of axes; number of channels, each with the same blocks.
+    size:
+        Samples in a block; by default so many that the axes have `MAX_READINGS` at most.
+
+    Attributes
+    ----------
+    starts:
+        First row of each block, shape (blocks,).
+    channel_of, run_of:
+        Channel and run of each reading, shape (n,).
+    groups:
+        Runs; of a single run five blocks of time, shape (n,).
+    """
+
+    def __init__(
+        self, runs: Sequence[Run], axes: int, channels: int, size: int | None = None
+    ) -> None:
+        total = sum(run.count for run in runs) * axes
+        self.size = size or max(1, -(-total // MAX_READINGS))
+        counts = [run.count // self.size for run in runs]
+        self._used = [
+            slice(run.rows.start, run.rows.start + self.size * count)
+            for run, count in zip(runs, counts, strict=True)
+        ]
+        self.starts: Integers = np.concatenate(
+            [np.arange(rows.start, rows.stop, self.size) for rows in self._used]
+        )
+        run_of = np.repeat(np.arange(len(runs)), counts)
+        groups = run_of if len(runs) > 1 else np.arange(len(run_of)) * 5 // max(len(run_of), 1)
+        self.channels = channels
+        self.channel_of: Integers = np.repeat(np.arange(channels), len(self))
+        self.run_of: Integers = np.tile(run_of, channels).astype(np.intp)
+        self.groups: Integers = np.tile(groups, channels).astype(np.intp)
+
+    def __len__(self) -> int:
+        """Count of blocks: readings of one channel."""
+        return len(self.starts)
+
+    @property
+    def count(self) -> int:
+        """Count of readings."""
+        return self.channels * len(self)
+
+    def rows(self, channel: int, channels: int = 1) -> slice:
+        """Readings of a channel, or of several in a row."""
+        return slice(channel * len(self), (channel + channels) * len(self))
+
+    def mean(self, values: Floats, axis: int = 0) -> Floats:
+        """Means of values by row of the log; ``axis``: the one of the rows."""
+        before, after = values.shape[:axis], values.shape[axis + 1 :]
+        every = (slice(None),) * axis
+        parts = [
+            values[(*every, rows)].reshape(*before, -1, self.size, *after).mean(axis=axis + 1)
+            for rows in self._used
+        ]
+        return np.concatenate(parts, axis=axis)
+
+    def mean_everywhere(self, values: Floats) -> Floats:
+        """Means by row, the same for every channel, shape (n,)."""
+        return np.tile(self.mean(values), self.channels)
+
+    def place(self, rows: slice, values: Floats) -> Floats:
+        """Values of some readings in their place, shape (n, ...); zero for the others."""
+        out = np.zeros((self.count, *values.shape[1:]))
+        out[rows] = values
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class AxisSignal:
+    """One axis of a log: its positions, and those that the servo model says.
+
+    Attributes
+    ----------
+    letter, channel:
+        "X", and its place among the axes of the log.
+    servo:
+        Parameters of the set-up, which may know of backlash and the like.
+    feedback:
+        Which position the loop is closed on.
+    commanded, actual:
+        Positions by row, mm or deg, shape (rows,).
+    runs, blocks:
+        Of the log.
+    """
+
+    letter: str
+    channel: int
+    servo: Axis
+    feedback: Feedback
+    commanded: Floats
+    actual: Floats
+    runs: tuple[Run, ...]
+    blocks: Blocks
+
+    @property
+    def units(self) -> Units:
+        """Units of the axis."""
+        return Units.of(self.letter)
+
+    @property
+    def rows(self) -> slice:
+        """Readings of the axis."""
+        return self.blocks.rows(self.channel)
+
+    # --- the servo model
+
+    @cached_property
+    def predicted(self) -> Floats:
+        """Positions under the set-up's parameters, mm or deg, shape (rows,)."""
+        return self.response(self.servo)
+
+    def response(self, servo: Axis, feedback: Feedback | None = None) -> Floats:
+        """Positions under these parameters, by row, mm or deg."""
+        return np.asarray(next(self.responses([servo], feedback))[0])
+
+    def responses(
+        self, servos: Sequence[Axis], feedback: Feedback | None = None
+    ) -> Iterator[Floats]:
+        """Positions under each of many parameters, simulated on all cores: in parts, (m, rows)."""
+        batch = max(1, MAX_BATCH // len(self.commanded))
+        for start in range(0, len(servos), batch):
+            some = servos[start : start + batch]
+            yield self._follow(some, feedback or self.feedback, self._fine_commands)
+
+    def change(self, servo: Axis) -> Floats:
+        """Exact change of the response by other parameters, µm or arcsec, by row."""
+        return np.asarray(self.units.scale * (self.response(servo) - self.predicted))
+
+    def through_loop(self, disturbance: Floats) -> Floats:
+        """What the closed loop makes of a disturbance of the command: linear, in its unit."""
+        plain = type(self.servo)(self.servo.gain_per_s, self.servo.time_constant_ms)
+        return np.asarray(self._follow([plain], "motor", self._fine(disturbance))[0])
+
+    @cached_property
+    def _fine_commands(self) -> list[Floats]:
+        return self._fine(self.commanded)
+
+    def _fine(self, command: Floats) -> list[Floats]:
+        """Commands of each run by control period: between samples a cubic spline."""
+        out = []
+        for run in self.runs:
+            values = np.ascontiguousarray(command[run.rows], dtype=np.float64)
+            if run.substeps > 1:
+                fine = np.arange((len(values) - 1) * run.substeps + 1) / run.substeps
+                values = np.asarray(CubicSpline(np.arange(len(values)), values)(fine))
+            out.append(values)
+        return out
+
+    def _follow(self, servos: Sequence[Axis], feedback: Feedback, fine: Sequence[Floats]) -> Floats:
+        """Load positions for commands by control period, shape (servos, rows)."""
+        numbers = np.stack([Servo({self.letter: s}).row(self.letter) for s in servos])
+        out = np.empty((len(servos), len(self.commanded)))
+        for run, command in zip(self.runs, fine, strict=True):
+            out[:, run.rows] = _core.contour_axis_responses(
+                self.letter, numbers, run.control_s, feedback, command, run.substeps
+            )
+        return out
+
+    def step(self, run: Run) -> Floats:
+        """Position and velocity a control period later, commanded to 0, by those before: (2, 2)."""
+        gain, tau = self.servo.gain_per_s, self.servo.time_constant_ms * 1e-3
+        e = float(np.exp(-run.control_s / tau)) if tau > 0 else 0.0
+        g = tau * (1 - e)
+        return np.array([[1 - gain * (run.control_s - g), g], [-gain * (1 - e), e]])
+
+    def free(self) -> Floats:
+        """Free response to 1 µm (arcsec) and to 1 µm a ms at the start of a run, (rows, 2)."""
+        out = np.empty((len(self.commanded), 2))
+        for run in self.runs:
+            poles, vectors = np.linalg.eig(self.step(run).astype(complex))
+            powers = poles ** (run.substeps * np.arange(run.count))[:, None]
+            out[run.rows] = np.real((vectors[0] * powers) @ np.linalg.inv(vectors)) * [1.0, 1e3]
+        return out
+
+    # --- the modelled motion
+
+    def earlier(self, delay_ms: float) -> Floats:
+        """Change of the log if it shows positions of so much earlier, µm or arcsec, by row."""
+        out = np.empty(len(self.commanded))
+        for run in self.runs:
+            y = self.predicted[run.rows]
+            t = np.arange(run.count) * run.period_s
+            shifted = np.clip(t - delay_ms * 1e-3, 0.0, None)
+            inside = np.minimum(shifted, t[-1])
+            beyond = (shifted - inside) * (y[-1] - y[-2]) / run.period_s
+            out[run.rows] = self.units.scale * (CubicSpline(t, y)(inside) + beyond - y)
+        return out
+
+    def sense_and_speed(self) -> tuple[Floats, Floats]:
+        """Sense of travel and speed of the modelled motion by row; rest keeps the last sense."""
+        sense, speed = np.zeros(len(self.commanded)), np.zeros(len(self.commanded))
+        for run in self.runs:
+            v = np.gradient(self.predicted[run.rows], run.period_s)
+            s = np.sign(np.where(np.abs(v) < 1e-6 * np.abs(v).max(initial=1e-30), 0.0, v))
+            kept = np.maximum.accumulate(np.where(s != 0, np.arange(len(s)), 0))
+            sense[run.rows], speed[run.rows] = s[kept], np.abs(v)
+        return sense, speed
+
+    def kinematic(self, order: int) -> Floats:
+        """Commanded position, speed or acceleration of each of its readings."""
+        values = self.commanded.copy()
+        for run in self.runs:
+            for _ in range(order):
+                values[run.rows] = np.gradient(values[run.rows], run.period_s)
+        return self.blocks.mean(values)
+
+    # --- readings
+
+    def deviation(self) -> Floats:
+        """Readings: actual less modelled positions, µm or arcsec, shape (blocks,)."""
+        return self.mean(self.units.scale * (self.actual - self.predicted))
+
+    def mean(self, values: Floats) -> Floats:
+        """Means over blocks of values by row."""
+        return self.blocks.mean(values)
+
+    def place(self, values: Floats) -> Floats:
+        """Means of values by row in the place of its readings, (n, ...); zero for the others."""
+        return self.blocks.place(self.rows, self.mean(values))
+
+
+@dataclass(frozen=True, eq=False)
+class ToolTip:
+    """Measured tool tip, and that of the set-up's machine at the actual axis positions.
+
+    Attributes
+    ----------
+    setup:
+        Machine with its known location errors, sense of each axis, length from tip to pivot.
+    measured:
+        Table's frame, mm, shape (rows, 3).
+    axes:
+        Actual positions X, Y, Z (mm) and rotary (deg) in the machine's sense, shape (rows, 5).
+    """
+
+    setup: Setup
+    measured: Floats
+    axes: Floats = field(repr=False)
+
+    @classmethod
+    def of(cls, log: AxisLog, setup: Setup) -> "ToolTip":
+        """From the tip's columns and the axes of a log.
+
+        Raises
+        ------
+        InputError
+            The axes of the log are not those of the machine.
+        """
+        chain = Chain(setup)
+        letters = f"XYZ{chain.letters}"
+        if sorted(letter.lower() for letter in letters) != sorted(log.axes):
+            raise InputError(
+                f"tool tip in the log: got axes {', '.join(log.axes).upper()}, expected "
+                f"{', '.join(letters)} (machine {setup.machine.preset})"
+            )
+        measured = [np.asarray(log.extra[name], dtype=np.float64) for name in TIP_COLUMNS]
+        axes = np.stack([np.asarray(log.actual(x.lower())) for x in letters], axis=1)
+        return cls(setup, np.stack(measured, axis=1), axes * chain.all_senses)
+
+    @property
+    def offsets(self) -> tuple[str, ...]:
+        """Location errors that are offsets of rotary axes, the last axis first: EX0C."""
+        chain = Chain(self.setup)
+        names = [name for name, unit in chain.location_errors.items() if unit == "um"]
+        return tuple(n for letter in reversed(chain.letters) for n in names if n[-1] == letter)
+
+    def deviation(self) -> Floats:
+        """Measured less modelled tip, mm, shape (rows, 3)."""
+        return self.measured - self._tip({})
+
+    def change(self, error: str) -> Floats:
+        """Change of the tip by 1 µm of an offset, mm, shape (rows, 3): exact and linear."""
+        return self._tip({error: 1.0}) - self._tip({})
+
+    def _tip(self, errors: dict[str, float]) -> Floats:
+        """Tip under location errors beside those of the set-up, table's frame, mm."""
+        known = dict(self.setup.machine.errors)
+        for name, value in errors.items():
+            known[name] = known.get(name, 0.0) + value
+        return np.ascontiguousarray(Chain(self.setup).machine(known).forward(self.axes)[:, :3])
+
+
+def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:
+    """Runs of a log, each evenly sampled.
+
+    Raises
+    ------
+    DataError
+        A run is shorter than `MIN_SAMPLES` or not evenly sampled (1 %).
+    """
+    edges = [0, len(log)]
+    if log.run is not None:
+        edges = [0, *(np.flatnonzero(log.run[1:] != log.run[:-1]) + 1).tolist(), len(log)]
+    return tuple(_run(log, servo, start, stop) for start, stop in pairwise(edges))
+
+
+def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
+    if stop - start < MIN_SAMPLES:
+        raise DataError(
+            f"axis log, rows {start} to {stop - 1}: got {stop - start} samples in a run, "
+            f"expected at least {MIN_SAMPLES}"
+        )
+    steps = np.diff(log.time_s[start:stop])
+    period = float((log.time_s[stop - 1] - log.time_s[start]) / (stop - 1 - start))
+    uneven = np.abs(steps - period)
+    if uneven.max() > 0.01 * period:
+        row = start + 1 + int(np.argmax(uneven))
+        raise DataError(
+            f"axis log, row {row}: got {steps[row - start - 1]:.6g} s after the row before, "
+            f"expected even sampling ({period:.6g} s within 1 %); give each run its label"
+        )
+    control = period if servo.period_ms is None else servo.period_ms * 1e-3
+    substeps = max(1, round(period / control))
+    if substeps > MAX_SUBSTEPS:
+        raise DataError(
+            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected at most "
+            f"{MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
+        )
+    if abs(period - substeps * control) > 0.01 * period:
+        raise DataError(
+            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected a multiple "
+            f"of servo.period_ms = {control * 1e3:.6g}"
+        )
+    return Run(slice(start, stop), period, substeps)

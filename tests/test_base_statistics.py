@@ -1,0 +1,64 @@
+"""One linear solver: numpy's numbers where all is identifiable, and what is not by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from trunnion.errors import InputError
+
+from trunnion.base.statistics import combination_in_words, linear_fit
+
+RNG = np.random.default_rng(1)
+
+
+@pytest.mark.parametrize("rows", [7, 500, 3000])
+def test_numbers_are_those_of_numpy(rows: int) -> None:
+    columns = RNG.standard_normal((rows, 5)) * [1.0, 1e-4, 1e4, 3.0, 2.0]
+    values = RNG.standard_normal(rows)
+    fit = linear_fit(columns, values, basis=True)
+    assert fit.rank == 5
+    scale = np.linalg.norm(columns, axis=0)
+    wanted = np.linalg.lstsq(columns / scale, values, rcond=None)[0] / scale
+    np.testing.assert_allclose(fit.solution * scale, wanted * scale, rtol=1e-10)
+    inverse = np.linalg.inv((columns / scale).T @ (columns / scale))
+    np.testing.assert_allclose(fit.cofactor * np.outer(scale, scale), inverse, atol=1e-10)
+    np.testing.assert_allclose(fit.basis.T @ fit.basis, np.eye(5), atol=1e-12)
+    sizes = np.linalg.svd(columns / scale, compute_uv=False)
+    np.testing.assert_allclose(fit.singular_values, sizes, rtol=1e-10)
+    assert not fit.held.any()
+    assert len(fit.combinations) == 0
+    np.testing.assert_allclose(fit.std, np.sqrt(np.diag(fit.cofactor)))
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+def test_the_rule_does_not_depend_on_units(unit: float) -> None:
+    """x, y, 2 x - y and an empty column: the last of the three is held, as is the empty one."""
+    x, y = RNG.standard_normal((2, 50))
+    columns = np.stack([x, y, (2 * x - y) * unit, 0 * x], axis=1)
+    fit = linear_fit(columns, x + y)
+    assert fit.rank == 2
+    assert fit.held.tolist() == [False, False, True, True]
+    assert fit.not_identifiable.tolist() == [True] * 4
+    np.testing.assert_allclose(fit.solution, [1.0, 1.0, 0.0, 0.0], atol=1e-12)
+    assert np.all(np.isinf(fit.std))
+    assert np.abs(columns @ fit.combinations.T).max() < 1e-10
+    words = [combination_in_words("abcd", ["µm"] * 4, row) for row in fit.combinations]
+    assert words[0] == "d"
+    assert words[1].startswith("a (")
+    assert words[1].count("together with") == 2
+
+
+def test_what_is_held_beforehand_is_no_unknown() -> None:
+    x, y = RNG.standard_normal((2, 50))
+    columns = np.stack([x, y, x + y], axis=1)
+    fit = linear_fit(columns, 3 * x + y, hold=np.array([False, False, True]))
+    np.testing.assert_allclose(fit.solution, [3.0, 1.0, 0.0], atol=1e-12)
+    assert not fit.not_identifiable.any()
+    assert fit.held.tolist() == [False, False, True]
+
+
+def test_numbers_that_are_not_finite_are_refused() -> None:
+    with pytest.raises(InputError, match="finite"):
+        linear_fit(np.array([[1.0], [np.nan]]), np.ones(2))
+    with pytest.raises(InputError, match="columns"):
+        linear_fit(np.ones((3, 1)), np.ones(2))
