@@ -50,12 +50,12 @@ def measured(plan: tn.Ballbar, machine: Mechanism, sigma_um: float, seed: int) -
     return plan.with_columns(length_mm=length + noise)
 
 
-def test_what_one_and_five_centres_and_tilts_can_see() -> None:
+def test_what_one_and_five_centres_and_tilts_determine() -> None:
     # The notes: 6, 10 and 14 well-determined directions, ranks 16, 16 and 17.
     machine = Mechanism()
     one = identifiability(ballbar_plan(machine, CENTRES[0], **PLAIN), machine)  # type: ignore[arg-type]
     assert (one.rank, one.well_determined()) == (16, 6)
-    assert one.unseen == ("1.00 e15_um",)
+    assert one.not_identifiable == ("1.00 e15_um",)
     assert one.std_errors["e15_um"] == np.inf
     many = tn.Ballbar.concatenate(
         [ballbar_plan(machine, c, setup=k, **PLAIN) for k, c in enumerate(CENTRES)]  # type: ignore[arg-type]
@@ -64,7 +64,7 @@ def test_what_one_and_five_centres_and_tilts_can_see() -> None:
     assert (five.rank, five.well_determined()) == (16, 10)
     most = identifiability(tilted(5.0, machine), machine)
     assert (most.rank, most.well_determined()) == (17, 14)
-    assert most.unseen == ()
+    assert most.not_identifiable == ()
     assert "rank 17 of 17" in most.summary()
 
 
@@ -104,7 +104,7 @@ def test_identification_finds_hidden_errors_within_their_standard_errors() -> No
     assert np.mean(covered) > 0.85
 
 
-def test_what_cannot_be_seen_stays_and_is_named() -> None:
+def test_what_is_not_identifiable_stays_and_is_named() -> None:
     machine = Mechanism(errors={"e15_um": 7.0})
     plan = ballbar_plan(machine, CENTRES[0], step_deg=10.0)
     length, _, _ = machine.with_errors({"e15_um": 7.0, "e4_um": 30.0}).ballbar(

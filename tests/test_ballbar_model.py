@@ -79,10 +79,10 @@ def test_an_uncalibrated_bar_cannot_tell_both_scales() -> None:
 
 def test_settings_and_data_that_are_wrong() -> None:
     for table, match in (
-        ({"length": 1}, "key 'length'"),
+        ({"length": 1}, r"ballbar\.length: unknown key"),
         ({"calibrated": "yes"}, "calibrated"),
         ({"wrist": 2}, "wrist"),
-        ({"direction": [0, 1]}, "three numbers"),
+        ({"direction": [0, 1]}, "a list of 3 numbers"),
         ({"repeatability_um": -1}, "repeatability_um"),
     ):
         setup = tn.Setup(artefact=tn.Artefact("none"), ballbar=table)
@@ -202,9 +202,12 @@ def test_files_and_options_that_say_nothing_of_the_machine_are_refused(tmp_path:
         (["hybrid", "sensitivity", other], "no table [hybrid]"),
         (["hybrid", "cube", str(words)], "no table [hybrid]"),
         (["hybrid", "cube", "--amount", "0"], "amount: got 0.0"),
-        (["diagnose", str(wide)], "wide.csv:1:1: got the byte 0xff, wanted UTF-8 text"),
+        (["diagnose", str(wide)], "wide.csv:1:1: got the byte 0xff, expected UTF-8 text"),
         (["ballbar", "diagnose", data, other], "neither a table [ballbar] nor [hybrid]"),
-        (["ballbar", "diagnose", data, str(words)], "direction: got ['down', 0, -1]"),
+        (
+            ["ballbar", "diagnose", data, str(words)],
+            "toml:2:14: ballbar.direction[0]: got 'down'",
+        ),
     ):
         result = CliRunner().invoke(app, arguments)
         assert result.exit_code == 2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trunnion.errors import InputError
 
+from trunnion.base.errors import InputError
 from trunnion.base.statistics import combination_in_words, linear_fit
 
 RNG = np.random.default_rng(1)

@@ -71,7 +71,7 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
         (("contour", "diagnose", LOG), "setup: got NoneType"),
         (
             ("contour", "diagnose", LOG, str(tn.sample_path("cross/setup.toml"))),
-            "[servo.X] is missing",
+            "setup.toml:1:1: servo: the table is missing",
         ),
     ],
 )

@@ -367,11 +367,11 @@ def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> N
     for text, told in (
         ('[artefact]\nkind = "cross"\n', r"s\.toml:1:1: servo: the table is missing"),
         ("[servo.X]\ngain = 80\n", r"s\.toml:2:1: servo\.X\.gain: unknown key"),
-        ("[servo.X]\ngain_per_s = 80\n", r"s\.toml:1:\d+: servo\.X: time_constant_ms is missing"),
+        ("[servo.X]\ngain_per_s = 80\n", r"s\.toml:1:1: servo\.X\.time_constant_ms: missing"),
         ("[servo.X]\ngain_per_s = inf\ntime_constant_ms=1\n", r"s\.toml:2:14: .*finite"),
         ("[servo]\nfeedback = 3\n", r"s\.toml:2:12: servo\.feedback: got 3"),
         ("[servo]\nperiod_ms = 0\n", r"s\.toml:2:13: servo\.period_ms: got 0"),
-        ("[servo.W]\n", r"servo\.W: unknown key; wanted one of period_ms, feedback, X"),
+        ("[servo.W]\n", r"servo\.W: unknown key, expected one of period_ms, feedback, X"),
     ):
         file.write_text(text, encoding="utf-8")
         with pytest.raises(FileFormatError, match=told):

@@ -1,13 +1,14 @@
 """Paths: lengths by scipy, splines through points, programs, feed in curves and at the end."""
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 from trunnion import contouring as ct
-from trunnion.base.errors import ProgramError
+from trunnion.base.errors import InputError, ProgramError
 
 
 def test_arc_length_is_that_of_quadrature() -> None:
@@ -105,3 +106,13 @@ def test_cli_simulates_and_diagnoses(tmp_path: object) -> None:
     done = runner.invoke(app, ["contour", "simulate", "--controller", "best"])
     assert done.exit_code == 2
     assert "controller" in done.output
+
+
+@pytest.mark.parametrize(
+    "u", [None, np.nan, [0.1, np.inf], [[0.1, 0.2]], "x", "1", 1j, np.ones(2) * 1j, [1, [2]]]
+)
+def test_parameters_that_are_no_finite_numbers_are_refused(u: Any) -> None:
+    path = ct.Path.paper()
+    for question in (path.points_mm, path.tools, path.curvature_per_mm, path.at_length):
+        with pytest.raises(InputError, match=r"^(u|s_mm): got"):
+            question(u)

@@ -7,11 +7,11 @@ from trunnion import contouring as ct
 
 
 @pytest.fixture(scope="module")
-def comparison() -> ct.Comparison:
+def comparison() -> ct.ContourComparison:
     return ct.compare()
 
 
-def test_fig_7_the_proposed_model_is_as_good_as_the_truth(comparison: ct.Comparison) -> None:
+def test_fig_7_the_proposed_model_is_as_good_as_the_truth(comparison: ct.ContourComparison) -> None:
     slow = comparison[1000.0, "independent"].figures
     fast = comparison[3000.0, "independent"].figures
     assert slow["proposed_max_arcsec"] < 0.1
@@ -22,21 +22,21 @@ def test_fig_7_the_proposed_model_is_as_good_as_the_truth(comparison: ct.Compari
     assert slow["circle_max_um"] < 1e-4 < 5 < slow["tangent_max_um"]
 
 
-def test_fig_8_coupling_cuts_the_contour_error(comparison: ct.Comparison) -> None:
+def test_fig_8_coupling_cuts_the_contour_error(comparison: ct.ContourComparison) -> None:
     for feed in comparison.feeds_mm_min:
         for name in ("existing", "proposed"):
             assert 5 < comparison.ratio("contour_max_um", feed, "independent", name) < 10
             assert 7 < comparison.ratio("contour_rms_um", feed, "independent", name) < 12
 
 
-def test_fig_9_the_proposed_controller_orients_best(comparison: ct.Comparison) -> None:
+def test_fig_9_the_proposed_controller_orients_best(comparison: ct.ContourComparison) -> None:
     for feed in comparison.feeds_mm_min:
         assert comparison.ratio("orientation_max_arcsec", feed, "independent", "proposed") > 8
         # With the earlier model it is worse than without coupling.
         assert comparison.ratio("orientation_max_arcsec", feed, "existing", "independent") > 2
 
 
-def test_figures_of_the_reference(comparison: ct.Comparison) -> None:
+def test_figures_of_the_reference(comparison: ct.ContourComparison) -> None:
     published = {
         (1000.0, "independent"): (0.805, 0.467, 12.9),
         (1000.0, "existing"): (0.095, 0.044, 32.4),

@@ -3,6 +3,7 @@
 
 import pickle
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -12,6 +13,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import trunnion as tn
+from trunnion.contouring import Servo
+from trunnion.hybrid import Mechanism
+from trunnion.models.ballbar import BallbarSettings
 
 PLAN = tn.Touches(
     a_deg=[0.0, 90.0], c_deg=[0.0, 0.0], x_mm=[1.0, 2.0], y_mm=[0.0, 0.0], z_mm=[0.0, 0.0],
@@ -86,6 +90,45 @@ def test_broken_files(name: str, data: st.DataObject) -> None:
         end = start + data.draw(st.integers(0, 6))
         raw = raw[:start] + data.draw(pieces) + raw[end:]
     read(name, raw)
+
+
+absurd = st.sampled_from(
+    ["1e300", "-1e300", "5e-324", "inf", "nan", "-0.0", "0x" + "f" * 9000, "9" * 5000, "[" * 2000,
+     "[" * 60 + "]" * 60, "{a = " * 60, "[[[[1]]]]", "{}", "''", "true", "2020-01-01", "'\\u0000'"]
+) | st.floats().map(repr) | st.integers().map(str)  # fmt: skip
+headers = st.sampled_from(
+    ["machine", "machine.errors", "axes", "axes.C", "artefact", "probe", "resolution", "table",
+     "plan", "turning", "servo", "servo.X", "ballbar", "hybrid", "hybrid.errors", "x" + ".x" * 60]
+)  # fmt: skip
+keys = st.sampled_from(
+    ["kind", "preset", "errors", "EX0C", "sense", "length_mm", "width_mm", "diameter_mm",
+     "centre_mm", "ball_radius_mm", "repeatability_um", "overhang_mm", "gain_per_s", "X",
+     "time_constant_ms", "direction", "home_mm", "e8_mm", "a" + ".a" * 60, "'a b'"]
+)  # fmt: skip
+
+
+@fuzz
+@given(st.lists(st.tuples(headers, st.lists(st.tuples(keys, absurd), max_size=3)), max_size=4))
+def test_absurd_setups_are_refused_or_stay_what_they_are(
+    tables: list[tuple[str, list[tuple[str, str]]]],
+) -> None:
+    text = "artefact.kind = 'cuboid'\n"
+    for header, entries in tables:
+        text += f"[{header}]\n" + "".join(f"{key} = {value}\n" for key, value in entries)
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "setup.toml")
+        path.write_text(text, encoding="utf-8")
+        try:
+            setup = tn.read_setup(path)
+            for process in (Servo.from_setup, BallbarSettings.from_setup, Mechanism.from_setup):
+                with suppress(tn.TrunnionError):
+                    process(setup)
+        except tn.TrunnionError as error:
+            assert str(error).startswith(f"{path}:")  # noqa: PT017
+            return
+        path.write_text(setup.to_toml(), encoding="utf-8")
+        again = tn.read_setup(path)
+    assert again.to_toml() == setup.to_toml()  # as text: nan is not equal to itself
 
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

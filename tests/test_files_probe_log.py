@@ -12,16 +12,16 @@ FIRST = "37.500012 0.000000 26.003100 0.000000 0.000000 90.000000 0.000000 0.000
 SECOND = "50.998700 1.000000 12.500000 -90.000000 0.000000 180.000100 0.000000 0.000000 0.000000\n"
 
 BAD_LOGS = {
-    "empty": ("", ":1:1: got 0 touches, wanted 2, one for each touch of the plan; LinuxCNC writes no line"),
-    "one short": (FIRST, ":1:1: got 1 touches, wanted 2"),
-    "one more": (f"{FIRST}{SECOND}\n{SECOND}", ":4:1: got 3 touches, wanted 2"),
-    "another order": (SECOND + FIRST, ":1:30: A (touch 0): got -90.000000, wanted 0.000000 (to 0.001), as planned"),
-    "rotary": (FIRST + SECOND.replace("180.0001", "180.0011"), ":2:50: C (touch 1): got 180.001100, wanted 180.000000 (to 0.001), as planned"),
-    "axis not planned": (FIRST.replace("0.000000 90", "5.000000 90") + SECOND, ":1:39: B (touch 0): got 5.000000, wanted 0.000000 (to 0.001), as the plan has no B axis"),
-    "far": (FIRST + SECOND.replace("50.9987", "56.0013"), ":2:1: X (touch 1): got a touch 5.001 mm from the planned one, wanted at most 5 mm from (51.000, 1.000, 12.500)"),
-    "six columns": ("1 2 3 4 5 6\n" + SECOND, ":1:11: got 6 fields, wanted nine numbers: X Y Z A B C U V W"),
-    "not a number": (FIRST.replace("26.003100", "26,003100") + SECOND, ":1:20: Z: got '26,003100', wanted a finite number"),
-    "nan": (FIRST.replace("26.003100", "-nan") + SECOND, ":1:20: Z: got '-nan', wanted a finite number"),
+    "empty": ("", ":1:1: got 0 touches, expected 2, one for each touch of the plan; LinuxCNC writes no line"),
+    "one short": (FIRST, ":1:1: got 1 touches, expected 2"),
+    "one more": (f"{FIRST}{SECOND}\n{SECOND}", ":4:1: got 3 touches, expected 2"),
+    "another order": (SECOND + FIRST, ":1:30: A (touch 0): got -90.000000, expected 0.000000 (to 0.001), as planned"),
+    "rotary": (FIRST + SECOND.replace("180.0001", "180.0011"), ":2:50: C (touch 1): got 180.001100, expected 180.000000 (to 0.001), as planned"),
+    "axis not planned": (FIRST.replace("0.000000 90", "5.000000 90") + SECOND, ":1:39: B (touch 0): got 5.000000, expected 0.000000 (to 0.001), as the plan has no B axis"),
+    "far": (FIRST + SECOND.replace("50.9987", "56.0013"), ":2:1: X (touch 1): got a touch 5.001 mm from the planned one, expected at most 5 mm from (51.000, 1.000, 12.500)"),
+    "six columns": ("1 2 3 4 5 6\n" + SECOND, ":1:11: got 6 fields, expected nine numbers: X Y Z A B C U V W"),
+    "not a number": (FIRST.replace("26.003100", "26,003100") + SECOND, ":1:20: Z: got '26,003100', expected a finite number"),
+    "nan": (FIRST.replace("26.003100", "-nan") + SECOND, ":1:20: Z: got '-nan', expected a finite number"),
 }  # fmt: skip
 
 

@@ -14,31 +14,31 @@ HEADER = "a_deg,c_deg,x_mm,y_mm,z_mm,dir_x,dir_y,dir_z"
 ROW = "0,90,1,2,26,0,0,-1"
 
 BAD_FILES = {
-    "text": (f"{HEADER}\n{ROW}\n0,0,1,2,abc,0,0,-1\n", ":3:9: z_mm (row 1): got 'abc', wanted a finite number"),
-    "nan": (f"{HEADER}\n0,0,nan,2,3,0,0,-1\n", ":2:5: x_mm (row 0): got 'nan', wanted a finite number"),
-    "infinite": (f"{HEADER}\n0,0,1,-inf,3,0,0,-1\n", ":2:7: y_mm (row 0): got '-inf', wanted"),
-    "overflow": (f"{HEADER}\n0,0,1,1e999,3,0,0,-1\n", ":2:7: y_mm (row 0): got '1e999', wanted"),
-    "underscore": (f"{HEADER}\n0,0,1,1_0,3,0,0,-1\n", ":2:7: y_mm (row 0): got '1_0', wanted"),
-    "other digits": (f"{HEADER}\n0,0,1,٣,3,0,0,-1\n", ":2:7: y_mm (row 0): got '٣', wanted"),
-    "empty field": (f"{HEADER}\n# c\n\n0,0,1, ,3,0,0,-1\n", ":4:8: y_mm (row 0): got an empty field, wanted"),
-    "decimal comma": (f"{HEADER}\n0,0,1,5,2,3,0,0,-1\n", ":2:17: after the last column (row 0): got 9 fields, wanted 8"),
-    "too few": (f"{HEADER}\n0,0,1,2,3,0,0\n", ":2:14: dir_z (row 0): got 7 fields, wanted 8"),
-    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":1:6: header: got semicolons between the columns, wanted commas"),
+    "text": (f"{HEADER}\n{ROW}\n0,0,1,2,abc,0,0,-1\n", ":3:9: z_mm (row 1): got 'abc', expected a finite number"),
+    "nan": (f"{HEADER}\n0,0,nan,2,3,0,0,-1\n", ":2:5: x_mm (row 0): got 'nan', expected a finite number"),
+    "infinite": (f"{HEADER}\n0,0,1,-inf,3,0,0,-1\n", ":2:7: y_mm (row 0): got '-inf', expected"),
+    "overflow": (f"{HEADER}\n0,0,1,1e999,3,0,0,-1\n", ":2:7: y_mm (row 0): got '1e999', expected"),
+    "underscore": (f"{HEADER}\n0,0,1,1_0,3,0,0,-1\n", ":2:7: y_mm (row 0): got '1_0', expected"),
+    "other digits": (f"{HEADER}\n0,0,1,٣,3,0,0,-1\n", ":2:7: y_mm (row 0): got '٣', expected"),
+    "empty field": (f"{HEADER}\n# c\n\n0,0,1, ,3,0,0,-1\n", ":4:8: y_mm (row 0): got an empty field, expected"),
+    "decimal comma": (f"{HEADER}\n0,0,1,5,2,3,0,0,-1\n", ":2:17: after the last column (row 0): got 9 fields, expected 8"),
+    "too few": (f"{HEADER}\n0,0,1,2,3,0,0\n", ":2:14: dir_z (row 0): got 7 fields, expected 8"),
+    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":1:6: header: got semicolons between the columns, expected commas"),
     "column twice": (f"{HEADER},a_deg\n{ROW},0\n", ":1:46: a_deg: got the column twice"),
-    "nameless": (f"{HEADER},\n{ROW},0\n", ":1:46: header: got an empty field, wanted the name of a column"),
+    "nameless": (f"{HEADER},\n{ROW},0\n", ":1:46: header: got an empty field, expected the name of a column"),
     "missing": (f"{HEADER[:-6]}\n0,0,1,2,3,0,0\n", ":1:1: dir_z: no such column"),
     "no rotary": (f"{HEADER[12:]}\n1,2,3,0,0,-1\n", ":1:1: a_deg: got no position of a rotary axis"),
-    "empty file": ("", ":1:1: got an empty file, wanted a header line and data"),
+    "empty file": ("", ":1:1: got an empty file, expected a header line and data"),
     "only comments": ("# a\n\n# b\n", ":1:1: got an empty file"),
-    "only a header": (f"{HEADER}\n", ":2:1: got no line of data, wanted at least one"),
-    "open quote": (f'{HEADER},note\n{ROW},"a\n', ":2:20: got '\"a', wanted quotes that close"),
-    "not unit": (f"{HEADER}\n0,0,1,2,3,0,0.1,-1\n", ":2:11: dir_x (row 0): got the approach direction (0.0, 0.1, -1.0) of length 1.00498756, wanted a unit vector"),
-    "barely not unit": (f"{HEADER}\n0,0,1,2,3,0,0,1.0000011\n", "wanted a unit vector (to 1e-06)"),
-    "sense": (f"{HEADER},c_dir\n{ROW},2\n", ":2:20: c_dir (row 0): got '2', wanted one of -1, 0, 1"),
+    "only a header": (f"{HEADER}\n", ":2:1: got no line of data, expected at least one"),
+    "open quote": (f'{HEADER},note\n{ROW},"a\n', ":2:20: got '\"a', expected quotes that close"),
+    "not unit": (f"{HEADER}\n0,0,1,2,3,0,0.1,-1\n", ":2:11: dir_x (row 0): got the approach direction (0.0, 0.1, -1.0) of length 1.00498756, expected a unit vector"),
+    "barely not unit": (f"{HEADER}\n0,0,1,2,3,0,0,1.0000011\n", "expected a unit vector (to 1e-06)"),
+    "sense": (f"{HEADER},c_dir\n{ROW},2\n", ":2:20: c_dir (row 0): got '2', expected one of -1, 0, 1"),
     "sense of no axis": (f"{HEADER},b_dir\n{ROW},1\n", ":1:46: b_dir: got no column b_deg"),
-    "point": (f"{HEADER},point\n{ROW},1.5\n", ":2:20: point (row 0): got '1.5', wanted a whole number"),
-    "feed": (f"{HEADER},feed_mm_min\n{ROW},0\n", ":2:20: feed_mm_min (row 0): got '0', wanted a finite number above 0"),
-    "half a start": (f"{HEADER},start_x_mm\n{ROW},1\n", ":1:46: start_x_mm: got the column without start_y_mm, start_z_mm, wanted all or none"),
+    "point": (f"{HEADER},point\n{ROW},1.5\n", ":2:20: point (row 0): got '1.5', expected a whole number"),
+    "feed": (f"{HEADER},feed_mm_min\n{ROW},0\n", ":2:20: feed_mm_min (row 0): got '0', expected a finite number above 0"),
+    "half a start": (f"{HEADER},start_x_mm\n{ROW},1\n", ":1:46: start_x_mm: got the column without start_y_mm, start_z_mm, expected all or none"),
 }  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def test_a_bad_file_is_refused_with_its_place(case: str, tmp_path: Path) -> None
 def test_not_utf8(tmp_path: Path) -> None:
     path = tmp_path / "touches.csv"
     path.write_bytes(b"\xef\xbb\xbf" + HEADER.encode() + b"\r\n# \xb5m\r\n")
-    with pytest.raises(tn.FileFormatError, match=r":2:3: got the byte 0xb5, wanted UTF-8 text"):
+    with pytest.raises(tn.FileFormatError, match=r":2:3: got the byte 0xb5, expected UTF-8 text"):
         tn.read_touches(path)
 
 
@@ -110,7 +110,7 @@ def test_rows_are_chosen_by_slice_mask_and_numbers(touches: tn.Touches) -> None:
     assert tn.Touches.concatenate([touches[0], chosen]) == touches
     with pytest.raises(IndexError):
         touches[3]
-    with pytest.raises(tn.InputError, match="got a mask of 2, wanted 3"):
+    with pytest.raises(tn.InputError, match="got a mask of 2, expected 3"):
         touches[[True, False]]
 
 
@@ -131,9 +131,9 @@ def test_a_callers_array_is_neither_kept_nor_locked(touches: tn.Touches) -> None
 
 
 def test_bad_arrays_name_the_row(touches: tn.Touches) -> None:
-    with pytest.raises(tn.InputError, match=r"z_mm \(row 2\): got nan, wanted a finite number"):
+    with pytest.raises(tn.InputError, match=r"z_mm \(row 2\): got nan, expected a finite number"):
         touches.with_columns(z_mm=[1.0, 2.0, float("nan")])
-    with pytest.raises(tn.InputError, match=r"z_mm: got 2 values, wanted 3"):
+    with pytest.raises(tn.InputError, match=r"z_mm: got 2 values, expected 3"):
         touches.with_columns(z_mm=[1.0, 2.0])
     with pytest.raises(tn.InputError, match=r"dir_z: got no such column"):
         touches.with_columns(dir_z=None)
@@ -142,17 +142,19 @@ def test_bad_arrays_name_the_row(touches: tn.Touches) -> None:
     with pytest.raises(tn.InputError, match=r"x_mm: got an array of shape \(3, 1\)"):
         touches.with_columns(x_mm=np.zeros((3, 1)))
     with pytest.raises(
-        tn.InputError, match=r"x_mm: got rows of different lengths, wanted one value"
+        tn.InputError, match=r"x_mm: got rows of different lengths, expected one value"
     ):
         touches.with_columns(x_mm=[[1.0], [1.0, 2.0], []])
-    with pytest.raises(tn.InputError, match=r"x_mm \(row 0\): got True, wanted a finite number"):
+    with pytest.raises(tn.InputError, match=r"x_mm \(row 0\): got True, expected a finite number"):
         touches.with_columns(x_mm=[True, False, True])
-    with pytest.raises(tn.InputError, match=r"x_mm \(row 1\): got None, wanted a finite number"):
+    with pytest.raises(tn.InputError, match=r"x_mm \(row 1\): got None, expected a finite number"):
         touches.with_columns(x_mm=[1.0, None, 2.0])  # type: ignore[arg-type]
-    with pytest.raises(tn.InputError, match=r"cycle \(row 2\): got nan, wanted a name or a whole"):
+    with pytest.raises(
+        tn.InputError, match=r"cycle \(row 2\): got nan, expected a name or a whole"
+    ):
         touches.with_columns(cycle=[1.0, 2.0, float("nan")])
     with pytest.raises(
-        tn.InputError, match=r"note \(row 1\): got 'a\\nb', wanted text on one line"
+        tn.InputError, match=r"note \(row 1\): got 'a\\nb', expected text on one line"
     ):
         touches.with_columns(note=["a", "a\nb", "c"])
 

@@ -73,6 +73,20 @@ def test_what_cannot_be_reached_says_why() -> None:
         machine.inverse(HOME, wrist=0)
 
 
+def test_poses_and_centres_that_cannot_be_are_refused() -> None:
+    machine = Mechanism()
+    pose = [1100.0, 1130.0, 1110.0, 20.0, 5.0]
+    for centre in ((np.inf, 0, 0), (0, np.nan, 0), (0, 0), [[0, 0, 0]] * 3, "here"):
+        with pytest.raises(tn.InputError, match="centres_mm"):
+            machine.ballbar([pose, pose], centre)
+    for joints in ("abc", [pose, pose[:3]], [[1j] * 5]):
+        with pytest.raises(tn.InputError, match="joints"):
+            machine.forward(joints)
+    for question in (machine.constraint, lambda q: machine.closure_dependence(q, {"e4": 1.0})):
+        with pytest.raises(tn.InputError, match="joints: got 2 poses"):
+            question([pose, pose])
+
+
 def test_near_the_edge_of_reach_forward_fails_where_the_loops_become_singular() -> None:
     # Spread the legs until the loops cannot be closed: every pose up to there is solved, and on
     # the branch it came from, the pivot ratio falling towards zero.
@@ -105,8 +119,8 @@ def test_setup_table_and_its_errors(tmp_path: Path) -> None:
     assert np.array_equal(again.forward(poses(3, 4)).tip_mm, machine.forward(poses(3, 4)).tip_mm)
     for text, match in (
         ("e18_mm = 1.0", "e18_mm"),
-        ("e8_mm = 'wide'", "wanted a number"),
-        ("home_mm = [0, 1]", "wanted 3 numbers"),
+        ("e8_mm = 'wide'", "expected a finite number"),
+        ("home_mm = [0, 1]", "expected a list of 3 numbers"),
         ("errors = {e99_um = 1.0}", "e99"),
     ):
         path.write_text(f"[hybrid]\n{text}\n")

@@ -112,11 +112,14 @@ def test_an_interrupted_sweep_goes_on_and_ends_with_the_same_numbers(tmp_path: P
 
 
 def test_the_journal_holds_each_block_once(tmp_path: Path) -> None:
+    from trunnion.studies.description import Description
+    from trunnion.studies.grid import Grid
     from trunnion.studies.store import Journal
-    from trunnion.studies.study import Block
+    from trunnion.studies.study import Block, Output
 
     journal = Journal(tmp_path / "j.part")
-    journal.start({"seed": 1})
+    outputs = (Output("value"),)
+    journal.start(Description("study", Grid({}, {}), {}, 2, 1, outputs))
     with journal.writing() as write:
         write((0, 0, 2), Block(np.ones((2, 1))))
         write((0, 0, 2), Block(np.zeros((2, 1))))

@@ -120,3 +120,16 @@ def test_the_picture_draws() -> None:
     path = probe_path(Profile.from_points(random_points(np.random.default_rng(3))))
     ax = plot_probe_path(path)
     assert ax.get_xlabel().startswith("Z")
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, -1.0])
+def test_a_pitch_that_cannot_be_is_refused(value: float) -> None:
+    path = probe_path(Profile.from_points([(100, 20), (0, 20)]))
+    with pytest.raises(InputError, match="pitch_mm"):
+        path.stations_mm(value)
+
+
+def test_places_that_are_no_finite_numbers_are_refused() -> None:
+    path = probe_path(Profile.from_points([(100, 20), (0, 20)]))
+    with pytest.raises(InputError, match="z_mm"):
+        path.contact_z_mm(0, [np.nan])

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -287,9 +288,10 @@ def diagnosis() -> None:
     ]
     for name, effects in hidden:
         data = tn.simulate(plan, SETUP, ERRORS, effects=effects, noise_um=0.3, seed=1)
-        wall = seconds(lambda data=data: tn.diagnose(data, SETUP), 9, wall=True)
+        work = partial(tn.diagnose, data, SETUP)
+        wall = seconds(work, 9, wall=True)
         line(f"diagnosis of {len(data)} touches, {name}", f"{wall * 1e3:.0f} ms", 50e-3 / wall, 1)
-        spent = seconds(lambda data=data: tn.diagnose(data, SETUP), 9)
+        spent = seconds(work, 9)
         line("  time of processors", f"{spent * 1e3:.0f} ms", 20e-3 / spent, 1)
 
 

@@ -1,48 +1,199 @@
-"""Arguments that are not what a call takes: an error that says what they are instead."""
+"""Checks of arguments: a value in its final type, or an error that says what was expected.
+
+Every message reads ``<what>: got <value>, expected <what it takes>``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from numbers import Real
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from difflib import get_close_matches
+from numbers import Integral, Real
+from typing import Any, SupportsFloat, SupportsInt, TypeVar, cast
 
-from trunnion.base.errors import InputError
+import numpy as np
+from numpy.typing import ArrayLike
 
-__all__ = ["finite", "instance", "named"]
+from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
+from trunnion.base.units import Floats
+
+__all__ = [
+    "array",
+    "choose",
+    "did_you_mean",
+    "entry",
+    "finite",
+    "floats",
+    "instance",
+    "mapping",
+    "named",
+    "numbers",
+    "positive",
+    "shown",
+    "whole",
+    "within",
+]
 
 T = TypeVar("T")
 
+MAX_SHOWN = 60
+"""Characters of a value that a message shows."""
 
-def instance(what: str, value: object, kind: type[T], wanted: str) -> T:
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: one line, the type beside what is no plain value."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):  # Python writes no integer of more than 4300 digits
+        return "a whole number of thousands of digits" if isinstance(value, int) else "such a value"
+    if not isinstance(value, str | int | float | list | tuple | Mapping | None):
+        text = f"{type(value).__name__} {' '.join(text.split())}"
+    return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
+
+
+def instance(what: str, value: object, kind: type[T], expected: str) -> T:
     """Return the value if it is of that kind.
 
     Raises
     ------
     InputError
-        Anything else, in the words of `wanted`.
+        Anything else, in the words of `expected`.
     """
     if not isinstance(value, kind):
-        raise InputError(f"{what}: got {_shown(value)}, wanted {wanted}")
+        raise InputError(f"{what}: got {shown(value)}, expected {expected}")
     return value
 
 
-def named(what: str, value: object, wanted: str) -> Mapping[Any, Any]:
-    """Return names with values; None is none of them."""
-    if value is None:
-        return {}
+def mapping(what: str, value: object, expected: str = "a table") -> Mapping[Any, Any]:
+    """Return names with values."""
     if not isinstance(value, Mapping):
-        raise InputError(f"{what}: got {_shown(value)}, wanted {wanted}")
+        raise InputError(f"{what}: got {shown(value)}, expected {expected}")
     return value
 
 
-def finite(what: str, value: object, wanted: str = "a finite number") -> float:
+def named(what: str, value: object, expected: str) -> Mapping[Any, Any]:
+    """Return names with values; None is none of them."""
+    return {} if value is None else mapping(what, value, expected)
+
+
+def numbers(what: str, value: object) -> dict[str, float]:
+    """Return names with finite numbers; None is none of them."""
+    given = named(what, value, "names with numbers")
+    return {str(name): finite(f"{what}.{name}", size) for name, size in given.items()}
+
+
+def finite(what: str, value: object, expected: str = "a finite number") -> float:
     """Return a number as float; text, flags and what is not finite are refused."""
-    if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
-    raise InputError(f"{what}: got {value!r}, wanted {wanted}")
+    if isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            number = float(cast(SupportsFloat, value))
+        except OverflowError:  # an integer beyond 1.8e308
+            number = math.inf
+        if math.isfinite(number):
+            return number
+    raise InputError(f"{what}: got {shown(value)}, expected {expected}")
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if isinstance(value, str | int | float) else f"{type(value).__name__} {text:.40}"
+def positive(what: str, value: object, expected: str = "a finite number above 0") -> float:
+    """Return a finite number above 0."""
+    number = finite(what, value, expected)
+    if number <= 0.0:
+        raise InputError(f"{what}: got {shown(value)}, expected {expected}")
+    return number
+
+
+def within(what: str, value: object, low: float, high: float = math.inf, unit: str = "") -> float:
+    """Return a finite number from `low` to `high`, both allowed; `unit` is for the message."""
+    expected = f"a finite number, {low:g} or above"
+    if high < math.inf:
+        expected = f"a number from {low:g} to {high:g} {unit}".rstrip()
+    number = finite(what, value, expected)
+    if not low <= number <= high:
+        raise InputError(f"{what}: got {shown(value)}, expected {expected}")
+    return number
+
+
+def whole(what: str, value: object, low: int, high: int | None = None) -> int:
+    """Return a whole number, from `low` to `high` (None: without a limit)."""
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        number = int(cast(SupportsInt, value))
+        if number >= low and (high is None or number <= high):
+            return number
+    to = "" if high is None else f" to {high:g}"
+    raise InputError(f"{what}: got {shown(value)}, expected a whole number from {low}{to}")
+
+
+def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None) -> Floats:
+    """Return finite numbers as an array of shape (n, `columns`); one row may be given flat.
+
+    Raises
+    ------
+    InputError
+        Another shape (or, with `rows`, another n), or a number that is not finite, with its row.
+    """
+    shape = f"({'n' if rows is None else rows}, {columns})"
+    try:
+        found = np.atleast_2d(np.asarray(value, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{what}: got {shown(value)}, expected numbers of shape {shape}") from None
+    if found.ndim != 2 or found.shape[1] != columns or rows not in (None, len(found)):
+        raise InputError(f"{what}: got shape {found.shape}, expected {shape}")
+    bad = ~np.isfinite(found).all(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
+    return np.ascontiguousarray(found)
+
+
+def floats(what: str, value: object) -> Floats:
+    """Return finite numbers as an array of their shape."""
+    try:
+        given = np.asarray(value)
+        found = given.astype(np.float64) if given.dtype.kind in "fiuO" else None
+    except (TypeError, ValueError, OverflowError):
+        found = None
+    if found is None:
+        raise InputError(f"{what}: got {shown(value)}, expected numbers")
+    if not np.isfinite(found).all():
+        raise InputError(f"{what}: got {shown(value)}, expected finite numbers")
+    return found
+
+
+def choose(what: str, name: object, known: Iterable[str]) -> str:
+    """Return the name if it is one of the known.
+
+    Raises
+    ------
+    UnknownNameError
+        It is not; the message has the list and, if one is near, the name that was likely meant.
+    """
+    names = tuple(known)
+    if isinstance(name, str) and name in names:
+        return name
+    raise UnknownNameError(
+        f"{what}: got {shown(name)}, expected one of {', '.join(names)}{did_you_mean(name, names)}"
+    )
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """Return "; did you mean x?" if a known name is near, an empty text otherwise."""
+    if not isinstance(name, str):
+        return ""
+    spellings = {each.lower(): each for each in known}
+    text = name.lower()
+    near = [each for each in spellings if text and each.startswith(text + "_")]  # without its unit
+    near = near or get_close_matches(text, spellings, 1)
+    return f"; did you mean {spellings[near[0]]}?" if near else ""
+
+
+@contextmanager
+def entry(*keys: str | int) -> Iterator[None]:
+    """Note on errors raised inside that they are about this entry of a table (`error.entry`)."""
+    try:
+        yield
+    except TrunnionError as error:
+        error.entry = (*keys, *error.entry)
+        raise

@@ -1,4 +1,4 @@
-"""Exceptions of trunnion. A message says what, got what, wanted what, and where."""
+"""Exceptions of trunnion. A message says what was wrong, got what, expected what, and where."""
 
 __all__ = [
     "DataError",
@@ -12,14 +12,23 @@ __all__ = [
 
 
 class TrunnionError(ValueError):
-    """Base of every error that trunnion raises on purpose."""
+    """Base of every error that trunnion raises on purpose.
+
+    Attributes
+    ----------
+    entry
+        Path of keys of the table entry that is wrong, where the error is about one: what has read
+        the table from a file adds the place.
+    """
+
+    entry: tuple[str | int, ...] = ()
 
 
 class InputError(TrunnionError):
     """An argument is not usable: out of range, wrong shape, not finite."""
 
 
-class UnknownNameError(TrunnionError):
+class UnknownNameError(InputError):
     """A name (effect, preset, location error, key) that is in no list; the message has the list."""
 
 
@@ -28,7 +37,7 @@ class FileFormatError(TrunnionError):
 
 
 class DataError(TrunnionError):
-    """Readings that cannot belong to the model: too few, off the surface, a chain of nonsense."""
+    """Readings that cannot belong to the model: too few, off the surface, or unrealistic."""
 
 
 class KinematicsError(TrunnionError):

@@ -75,7 +75,7 @@ def sensitivity(
         point = exactly("--tip", tip, 3) if tip else list(machine.home_mm)
         pose = list(machine.inverse(point)[0])
     found = machine.sensitivity(pose, names(parameters) or tn.hybrid.PAPER_ERRORS)
-    return Answer(found, (found.table(), machine.constraint(pose)))
+    return Answer(found, (found.table(), *machine.constraint(pose).sentences()))
 
 
 def cube(
@@ -88,4 +88,4 @@ def cube(
     machine = mechanism_of([setup] if setup else [])
     middle = exactly("--centre", centre, 3) if centre else list(machine.home_mm)
     study = tn.hybrid.cube_study(machine, side_mm=side_mm, centre_mm=middle, amount=amount)
-    return Answer(study, (study.table(), study.summary().splitlines()[-1]))
+    return Answer.of(study)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,8 +16,6 @@ from trunnion.base.report import Table
 from trunnion.cli.command import Answer, Output, command
 
 __all__ = ["register"]
-
-KEYS = ("study", "samples", "seed", "grid", "fixed")
 
 
 def register(app: typer.Typer) -> None:
@@ -46,18 +47,12 @@ def sweep(
         return _parameters(parameters)
     if study is None:
         raise tn.InputError("STUDY: got none, expected the path of a TOML file")
-    described = _read(study)
+    from trunnion.studies.study_file import sweep_file
+
     target = output or study.with_suffix(".nc")
     try:
-        found = tn.sweep(
-            described["study"],
-            described.get("grid", {}),
-            described.get("samples", 1),
-            described.get("seed", 0),
-            fixed=described.get("fixed", {}),
-            path=target,
-            threads=threads,
-        )
+        with _answering_interrupts():
+            found = sweep_file(study, path=target, threads=threads)
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted: {target}.part has what is done; the same command goes on", err=True
@@ -102,18 +97,18 @@ def _parameters(name: str) -> Answer:
     return Answer([dict(zip(table.columns, row, strict=True)) for row in rows], (table,))
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        described = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise tn.FileFormatError(f"{path}: {error}") from None
-    for key in described:
-        if key not in KEYS:
-            raise tn.FileFormatError(f"{path}: got key {key!r}, expected some of {', '.join(KEYS)}")
-    if not isinstance(described.get("study"), str):
-        from trunnion.studies import STUDIES
+@contextmanager
+def _answering_interrupts() -> Iterator[None]:
+    """Let SIGINT interrupt even where a shell has started the command in the background.
 
-        raise tn.FileFormatError(
-            f"{path}: got study {described.get('study')!r}, expected one of {', '.join(STUDIES)}"
-        )
-    return described
+    A shell without job control has what ends in ``&`` ignore it.
+    """
+    ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if not ignored or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

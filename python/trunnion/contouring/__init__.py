@@ -1,4 +1,4 @@
-"""Five-axis contouring with cross-coupled control (paper 003: Byun and Jee 2010).
+"""Five-axis contouring with cross-coupled control (Byun and Jee 2010).
 
 - `Path`: where tool tip and tool axis should be;
 - `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`, `read_servo`: what moves and what controls it;
@@ -26,7 +26,12 @@ Slips of the paper, and what is done here:
 
 from trunnion.contouring.margins import Margins, margins
 from trunnion.contouring.paths import Path
-from trunnion.contouring.reproduction import Comparison, compare, offsets, order_of_controller
+from trunnion.contouring.reproduction import (
+    ContourComparison,
+    compare,
+    offsets,
+    order_of_controller,
+)
 from trunnion.contouring.servo import (
     Controller,
     Coupling,
@@ -38,7 +43,7 @@ from trunnion.contouring.servo import (
 from trunnion.contouring.simulation import ContourRun, ContourSweep, Feed, simulate, sweep
 
 __all__ = [
-    "Comparison",
+    "ContourComparison",
     "ContourRun",
     "ContourSweep",
     "Controller",

@@ -1,25 +1,25 @@
 """How far from instability the loops are."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import trunnion._core as _core
+from trunnion.base.checks import floats
+from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
-from trunnion.contouring.simulation import _errors, _period
+from trunnion.contouring.simulation import location_errors, period_ms
 
 __all__ = ["Margins", "margins"]
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Margins:
+@dataclass(frozen=True, eq=False, repr=False)
+class Margins(Result):
     """Margins of the axes' loops and of the coupled five-axis loop.
 
     Attributes
@@ -55,29 +55,27 @@ class Margins:
         """Whether every loop is stable."""
         return bool((self.gain > 1).all() and (self.pole < 1).all())
 
-    def summary(self) -> str:
-        """Return a table as text."""
-        lines = ["axis   gain margin   phase margin deg   crossover Hz   delay margin ms"]
-        rows = zip(
-            self.axes, self.gain, self.phase_deg, self.crossover_hz, self.delay_ms, strict=True
-        )
-        for axis, g, p, f, d in rows:
-            lines.append(f"{axis:>4} {g:>13.3f} {p:>18.1f} {f:>14.1f} {d:>17.3f}")
+    def sentences(self) -> Sequence[str]:
+        """Stability, and the coupled loop along the path."""
+        lines = ["Every loop is stable." if self.stable else "Unstable."]
         if len(self.u):
             lines.append(
-                f"coupled along the path: gain margin {self.coupled_gain.min():.3f} to "
-                f"{self.coupled_gain.max():.3f}, largest pole {self.pole.max():.5f}"
+                f"Coupled along the path: gain margin {self.coupled_gain.min():.3f} to "
+                f"{self.coupled_gain.max():.3f}, largest pole {self.pole.max():.5f}."
             )
-        if not self.stable:
-            lines.append("unstable")
-        return "\n".join(lines)
+        return lines
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as numbers, strings and lists."""
-        return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
+    def tables(self) -> tuple[Table, ...]:
+        """Margins of the axes, and of the coupled loop along the path."""
+        columns = ("axis", "gain", "phase deg", "crossover Hz", "delay ms")
+        values = np.column_stack([self.gain, self.phase_deg, self.crossover_hz, self.delay_ms])
+        rows = [(axis, *row) for axis, row in zip(self.axes, values.tolist(), strict=True)]
+        tables = [Table.of("Margins of the axes", columns, rows, digits=3)]
+        if len(self.u):
+            along = np.column_stack([self.u, self.coupled_gain, self.pole]).tolist()
+            points = [(f"{u:g}", gain, pole) for u, gain, pole in along]
+            tables.append(Table.of("Coupled loop", ("u", "gain", "largest pole"), points, digits=5))
+        return tuple(tables)
 
 
 def margins(
@@ -95,7 +93,7 @@ def margins(
     coupled loop of all five axes along a path.
     """
     servo = servo or Servo.paper()
-    period_s = _period(servo) * 1e-3
+    period_s = period_ms(servo) * 1e-3
     coupling = coupling_of(controller)
     gains = None if coupling is None else coupling.gains
     table = _core.contour_axis_margins(servo.rows(), gains, period_s)
@@ -103,9 +101,9 @@ def margins(
     along = np.zeros((0, 2))
     if path is not None and gains is not None:
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
-        points = span if u is None else np.atleast_1d(np.asarray(u, dtype=np.float64))
+        points = span if u is None else np.atleast_1d(floats("u", u))
         along = _core.contour_path_margins(
-            path.core, points, servo.rows(), gains, period_s, _errors(believed)
+            path.core, points, servo.rows(), gains, period_s, location_errors(believed)
         )
     return Margins(
         "XYZAC",

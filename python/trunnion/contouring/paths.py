@@ -20,6 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 import trunnion.nc as nc
 from trunnion._core import ContourPath
+from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, ProgramError
 
 __all__ = ["Path"]
@@ -205,19 +206,19 @@ class Path:
 
     def points_mm(self, u: ArrayLike) -> Array:
         """Tool tip at u, shape (n, 3)."""
-        return self.core.frames(np.atleast_1d(np.asarray(u, dtype=np.float64)))[0]
+        return self.core.frames(_row("u", u))[0]
 
     def tools(self, u: ArrayLike) -> Array:
         """Unit tool axis at u, shape (n, 3)."""
-        return self.core.frames(np.atleast_1d(np.asarray(u, dtype=np.float64)))[1]
+        return self.core.frames(_row("u", u))[1]
 
     def curvature_per_mm(self, u: ArrayLike) -> Array:
         """Curvature at u, shape (n,)."""
-        return self.core.frames(np.atleast_1d(np.asarray(u, dtype=np.float64)))[2]
+        return self.core.frames(_row("u", u))[2]
 
     def at_length(self, s_mm: ArrayLike) -> Array:
         """Parameter u at arc lengths from the start, shape (n,)."""
-        return self.core.at_length(np.atleast_1d(np.asarray(s_mm, dtype=np.float64)))
+        return self.core.at_length(_row("s_mm", s_mm))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Path):
@@ -229,6 +230,13 @@ class Path:
 
     def __repr__(self) -> str:
         return f"Path({len(self.omega)} pieces, {self.length_mm:.6g} mm)"
+
+
+def _row(what: str, values: ArrayLike) -> Array:
+    row = np.atleast_1d(floats(what, values))
+    if row.ndim != 1:
+        raise InputError(f"{what}: got shape {row.shape}, wanted (n,)")
+    return row
 
 
 def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Array, Array]:

@@ -14,35 +14,49 @@ compared is ordering and ratio:
 Jacobian and the unpublished place change.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
-from typing import Any
 
+from trunnion.base.report import Cell, Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo
-from trunnion.contouring.simulation import ContourRun, simulate
+from trunnion.contouring.simulation import MODEL_FIGURES, TOOL_FIGURES, ContourRun, simulate
 
-__all__ = ["Comparison", "compare", "offsets", "order_of_controller"]
+__all__ = ["ContourComparison", "compare", "offsets", "order_of_controller"]
 
 CONTROLLERS: tuple[Controller, ...] = ("independent", "existing", "proposed")
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Runs by feed (mm/min) and controller."""
+@dataclass(frozen=True, eq=False, repr=False)
+class ContourComparison(Result):
+    """Runs by feed and controller: ``comparison[3000.0, "proposed"]``.
 
-    runs: dict[tuple[float, str], ContourRun]
+    Attributes
+    ----------
+    feed_of_run_mm_min
+        Feed of each run.
+    all_runs
+        The runs, in the same order.
+    """
+
+    feed_of_run_mm_min: tuple[float, ...]
+    all_runs: tuple[ContourRun, ...]
+
+    @property
+    def runs(self) -> dict[tuple[float, str], ContourRun]:
+        """Runs by feed (mm/min) and controller."""
+        pairs = zip(self.feed_of_run_mm_min, self.all_runs, strict=True)
+        return {(feed, run.controller): run for feed, run in pairs}
 
     @property
     def feeds_mm_min(self) -> tuple[float, ...]:
         """Feeds, in order."""
-        return tuple(dict.fromkeys(feed for feed, _ in self.runs))
+        return tuple(dict.fromkeys(self.feed_of_run_mm_min))
 
     @property
     def controllers(self) -> tuple[str, ...]:
         """Controllers, in order."""
-        return tuple(dict.fromkeys(name for _, name in self.runs))
+        return tuple(dict.fromkeys(run.controller for run in self.all_runs))
 
     def __getitem__(self, key: tuple[float, str]) -> ContourRun:
         return self.runs[key]
@@ -52,29 +66,24 @@ class Comparison:
         above = self.runs[feed_mm_min, over].figures[figure]
         return above / self.runs[feed_mm_min, under].figures[figure]
 
-    def summary(self) -> str:
-        """Return the figures as a table."""
-        head = (
-            f"{'feed mm/min':>11}  {'controller':<24} {'contour µm max/rms':>20} "
-            f"{'orientation arcsec max':>23} {'models: proposed/existing arcsec':>34}"
+    def headline(self) -> str:
+        """Feeds and controllers."""
+        feeds = ", ".join(f"{feed:g}" for feed in self.feeds_mm_min)
+        return f"{', '.join(self.controllers)} at {feeds} mm/min"
+
+    def tables(self) -> tuple[Table, ...]:
+        """Errors of the tool, then those of the models; one row a feed and controller."""
+        return (
+            self._table("Errors of the tool", TOOL_FIGURES),
+            self._table("Errors of the models", MODEL_FIGURES),
         )
-        lines = [head]
-        for (feed, name), run in self.runs.items():
-            f = run.figures
-            contour = f"{f['contour_max_um']:.3f} / {f['contour_rms_um']:.3f}"
-            models = f"{f['proposed_max_arcsec']:.3f} / {f['tangent_max_arcsec']:.1f}"
-            lines.append(
-                f"{feed:>11g}  {name:<24} {contour:>20} "
-                f"{f['orientation_max_arcsec']:>23.2f} {models:>34}"
-            )
-        return "\n".join(lines)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the figures by feed and controller."""
-        return {f"{feed:g} mm/min, {name}": run.figures for (feed, name), run in self.runs.items()}
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
+    def _table(self, title: str, columns: Mapping[str, str]) -> Table:
+        rows: list[tuple[Cell, ...]] = [
+            (name, f"{feed:g}", *(run.figures[key] for key in columns))
+            for (feed, name), run in self.runs.items()
+        ]
+        return Table.of(title, ("controller", "feed mm/min", *columns.values()), rows, digits=3)
 
 
 def compare(
@@ -83,19 +92,21 @@ def compare(
     feeds_mm_min: Sequence[float] = (1000.0, 3000.0),
     controllers: Iterable[Controller] = CONTROLLERS,
     servo: Servo | None = None,
-) -> Comparison:
+) -> ContourComparison:
     """Run the paper's comparison: three controllers at two feeds along eq. (8)."""
     path = path or Path.paper()
     controllers = tuple(controllers)
-    runs: dict[tuple[float, str], ContourRun] = {}
+    runs = {}
     for feed in feeds_mm_min:
         for controller in controllers:
             run = simulate(path, feed, controller=controller, servo=servo)
             runs[feed, run.controller] = run
-    return Comparison(runs)
+    return ContourComparison(tuple(feed for feed, _ in runs), tuple(runs.values()))
 
 
-def order_of_controller(*, path: Path | None = None, feed_mm_min: float = 3000.0) -> Comparison:
+def order_of_controller(
+    *, path: Path | None = None, feed_mm_min: float = 3000.0
+) -> ContourComparison:
     """Run C(z) after J⁻¹ (stable) beside J⁻¹ after C(z), in right units and as printed."""
     orders = (Coupling(), Coupling(order="jacobian_last"), Coupling(order="as_printed"))
     return compare(path=path, feeds_mm_min=(feed_mm_min,), controllers=orders)
@@ -105,7 +116,7 @@ def offsets(
     places_mm: Iterable[Sequence[float]] = ((0, 0, 0), (0, 0, 50), (0, 0, 100), (50, 0, 50)),
     *,
     feed_mm_min: float = 3000.0,
-) -> dict[tuple[float, ...], Comparison]:
+) -> dict[tuple[float, ...], ContourComparison]:
     """Run the comparison with the path at other places on the table: the true one is unknown."""
     return {
         tuple(float(v) for v in place): compare(

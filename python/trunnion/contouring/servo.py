@@ -17,15 +17,18 @@ speed v lies v/K_v behind.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from math import inf, isfinite
+from math import inf
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.checks import choose, entry
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.files.toml import TomlText
+from trunnion.base.frozen import FrozenMapping
+from trunnion.setup import Setup, read_setup
+from trunnion.setup.fields import Choice, Key, Number, Section, key
 
 __all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo", "read_servo"]
 
@@ -33,6 +36,10 @@ Array: TypeAlias = NDArray[np.float64]
 Feedback: TypeAlias = Literal["motor", "load"]
 LINEAR = ("X", "Y", "Z")
 ROTARY = ("A", "B", "C")
+
+POSITIVE = Number(positive=True)
+NOT_NEGATIVE = Number(0.0)
+LIMIT = Number(positive=True, infinite=True)
 
 
 @dataclass(frozen=True)
@@ -58,38 +65,38 @@ class LinearAxis:
         Largest velocity command.
     """
 
-    gain_per_s: float
-    time_constant_ms: float
-    coulomb_um: float = 0.0
-    breakaway_um: float = 0.0
-    stribeck_mm_min: float = 0.0
-    backlash_um: float = 0.0
-    cyclic_um: float = 0.0
-    pitch_mm: float = 0.0
-    phase_deg: float = 0.0
-    delay_ms: float = 0.0
-    resonance_hz: float = 0.0
-    damping: float = 0.0
-    limit_mm_min: float = inf
+    gain_per_s: float = key(..., POSITIVE, "loop gain")
+    time_constant_ms: float = key(..., NOT_NEGATIVE, "time constant of the drive")
+    coulomb_um: float = key(0.0, NOT_NEGATIVE, "friction at speed, as position error")
+    breakaway_um: float = key(0.0, NOT_NEGATIVE, "friction at rest, likewise")
+    stribeck_mm_min: float = key(0.0, NOT_NEGATIVE, "speed over which friction falls")
+    backlash_um: float = key(0.0, NOT_NEGATIVE, "width of the play")
+    cyclic_um: float = key(0.0, Number(), "amplitude of the error of screw or gear")
+    pitch_mm: float = key(0.0, NOT_NEGATIVE, "period of that error")
+    phase_deg: float = key(0.0, Number(), "phase of that error")
+    delay_ms: float = key(0.0, NOT_NEGATIVE, "delay of the velocity command")
+    resonance_hz: float = key(0.0, NOT_NEGATIVE, "of the structure between motor and load")
+    damping: float = key(0.0, NOT_NEGATIVE, "of that resonance")
+    limit_mm_min: float = key(inf, LIMIT, "largest velocity command")
 
 
 @dataclass(frozen=True)
 class RotaryAxis:
     """As `LinearAxis`, in arcsec, deg and deg/min."""
 
-    gain_per_s: float
-    time_constant_ms: float
-    coulomb_arcsec: float = 0.0
-    breakaway_arcsec: float = 0.0
-    stribeck_deg_min: float = 0.0
-    backlash_arcsec: float = 0.0
-    cyclic_arcsec: float = 0.0
-    pitch_deg: float = 0.0
-    phase_deg: float = 0.0
-    delay_ms: float = 0.0
-    resonance_hz: float = 0.0
-    damping: float = 0.0
-    limit_deg_min: float = inf
+    gain_per_s: float = key(..., POSITIVE, "loop gain")
+    time_constant_ms: float = key(..., NOT_NEGATIVE, "time constant of the drive")
+    coulomb_arcsec: float = key(0.0, NOT_NEGATIVE, "friction at speed, as position error")
+    breakaway_arcsec: float = key(0.0, NOT_NEGATIVE, "friction at rest, likewise")
+    stribeck_deg_min: float = key(0.0, NOT_NEGATIVE, "speed over which friction falls")
+    backlash_arcsec: float = key(0.0, NOT_NEGATIVE, "width of the play")
+    cyclic_arcsec: float = key(0.0, Number(), "amplitude of the error of screw or gear")
+    pitch_deg: float = key(0.0, NOT_NEGATIVE, "period of that error")
+    phase_deg: float = key(0.0, Number(), "phase of that error")
+    delay_ms: float = key(0.0, NOT_NEGATIVE, "delay of the velocity command")
+    resonance_hz: float = key(0.0, NOT_NEGATIVE, "of the structure between motor and load")
+    damping: float = key(0.0, NOT_NEGATIVE, "of that resonance")
+    limit_deg_min: float = key(inf, LIMIT, "largest velocity command")
 
 
 Axis: TypeAlias = LinearAxis | RotaryAxis
@@ -116,14 +123,13 @@ class Servo:
     def __post_init__(self) -> None:
         """Check letters and kinds."""
         for letter, axis in self.axes.items():
-            if letter not in (*LINEAR, *ROTARY):
-                raise UnknownNameError(f"servo axis {letter!r}; wanted one of X, Y, Z, A, B, C")
+            choose("servo axis", letter, (*LINEAR, *ROTARY))
             kind = LinearAxis if letter in LINEAR else RotaryAxis
             if not isinstance(axis, kind):
                 got = type(axis).__name__
                 raise InputError(f"servo axis {letter}: got {got}, wanted {kind.__name__}")
-        if self.feedback not in ("motor", "load"):
-            raise InputError(f"servo feedback: got {self.feedback!r}, wanted 'motor' or 'load'")
+        choose("servo feedback", self.feedback, ("motor", "load"))
+        object.__setattr__(self, "axes", FrozenMapping(self.axes))
 
     @classmethod
     def paper(cls) -> "Servo":
@@ -145,18 +151,43 @@ class Servo:
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> "Servo":
-        """From the ``[servo]`` table of a set-up (``setup.servo``).
+        """From the ``[servo]`` table of a set-up (``setup.servo``), or a mapping like it.
 
         Raises
         ------
-        InputError
-            A key or value that is not as the module says; the message names it.
+        FileFormatError, InputError
+            A key or value that is not as the module says; with its place in the file of the set-up.
         """
-        try:
-            return _servo(cls, table)
-        except _TableError as fault:
-            kind = UnknownNameError if fault.unknown else InputError
-            raise kind(str(fault)) from None
+        section = Section.of("servo", table)
+        axes: dict[str, Axis] = {}
+        for name in section:
+            letter = name.upper()
+            if letter not in (*LINEAR, *ROTARY):
+                continue
+            if letter in axes:
+                with section.placed(), entry(name):
+                    raise InputError(f"servo.{name}: got the axis twice, expected it once")
+            kind: type[Axis] = LinearAxis if letter in LINEAR else RotaryAxis
+            axes[letter] = section.table(name).build(kind)
+        letters = dict.fromkeys((*LINEAR, *ROTARY, *(n for n in section if n.upper() in axes)))
+        own = section.read(_KEYS, beside=letters)
+        return cls(axes, own.get("period_ms"), own.get("feedback", "motor"))
+
+    @classmethod
+    def from_setup(cls, setup: Setup) -> "Servo":
+        """From the ``[servo]`` table of a set-up, which has to be there.
+
+        Raises
+        ------
+        FileFormatError, InputError
+            No such table, or as :meth:`from_table`.
+        """
+        section = Section.of("servo", setup.servo)
+        if not section:
+            keys = "gain_per_s and time_constant_ms of each axis, in [servo.X] and so on"
+            with section.placed():
+                raise InputError(f"servo: the table is missing, expected {keys}")
+        return cls.from_table(section)
 
     def to_table(self) -> dict[str, Any]:
         """Return the ``[servo]`` table; numbers at their default are left out."""
@@ -190,78 +221,13 @@ def read_servo(path: str | PathLike[str]) -> Servo:
     FileFormatError
         No such table, or a key or value that is not as the module says; with its place.
     """
-    file = TomlText.read(path)
-    table = file.tables.get("servo")
-    if not isinstance(table, Mapping):
-        wanted = "gain_per_s and time_constant_ms of each axis are wanted, in [servo.X] and so on"
-        raise file.error((), f"servo: the table is missing; {wanted}", at_value=False)
-    try:
-        return _servo(Servo, table)
-    except _TableError as fault:
-        raise file.error(fault.keys, str(fault), at_value=not fault.unknown) from None
+    return Servo.from_setup(read_setup(path))
 
 
-class _TableError(Exception):
-    """What is wrong in a ``[servo]`` table, and at which keys."""
-
-    def __init__(self, keys: tuple[str, ...], what: str, *, unknown: bool = False) -> None:
-        super().__init__(f"{'.'.join(keys)}: {what}")
-        self.keys = keys
-        self.unknown = unknown
-
-
-def _servo(cls: type[Servo], table: Mapping[str, Any]) -> Servo:
-    axes: dict[str, Axis] = {}
-    period: float | None = None
-    feedback: Feedback = "motor"
-    for key, value in table.items():
-        if key == "period_ms":
-            period = _number(("servo", key), value)
-            if not (isfinite(period) and period > 0):
-                wanted = "a finite number above 0"
-                raise _TableError(("servo", key), f"got {period:g}, wanted {wanted}")
-        elif key == "feedback":
-            if value not in ("motor", "load"):
-                raise _TableError(("servo", key), f"got {value!r}, wanted 'motor' or 'load'")
-            feedback = value
-        elif key.upper() in axes:
-            raise _TableError(("servo", key), "got the axis twice, wanted it once")
-        elif key.upper() in (*LINEAR, *ROTARY):
-            axes[key.upper()] = _axis(key, value)
-        else:
-            known = "period_ms, feedback, X, Y, Z, A, B, C"
-            what = f"unknown key; wanted one of {known}"
-            raise _TableError(("servo", key), what, unknown=True)
-    return cls(axes, period, feedback)
-
-
-def _number(keys: tuple[str, ...], value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or np.isnan(value):
-        raise _TableError(keys, f"got {value!r}, wanted a number")
-    return float(value)
-
-
-def _axis(key: str, table: Any) -> Axis:
-    kind = LinearAxis if key.upper() in LINEAR else RotaryAxis
-    here = ("servo", key)
-    if not isinstance(table, Mapping):
-        wanted = "a table with gain_per_s and time_constant_ms"
-        raise _TableError(here, f"got {table!r}, wanted {wanted}")
-    names = [f.name for f in fields(kind)]
-    for name in table:
-        if name not in names:
-            wanted = ", ".join(names)
-            raise _TableError((*here, name), f"unknown key; wanted one of {wanted}", unknown=True)
-    for name in names[:2]:
-        if name not in table:
-            raise _TableError(here, f"{name} is missing; it is wanted")
-    values = {name: _number((*here, name), value) for name, value in table.items()}
-    gain, tau = values["gain_per_s"], values["time_constant_ms"]
-    if not (isfinite(gain) and gain > 0):
-        raise _TableError((*here, names[0]), f"got {gain:g} 1/s, wanted a finite number above 0")
-    if not (isfinite(tau) and tau >= 0):
-        raise _TableError((*here, names[1]), f"got {tau:g} ms, wanted a finite number, 0 or more")
-    return kind(**values)
+_KEYS = {
+    "period_ms": Key(POSITIVE, "control period", None),
+    "feedback": Key(Choice(("motor", "load")), "position that the loops are closed on", "motor"),
+}
 
 
 # Table 1: ratios of the coupling gains to the axial controller gain.

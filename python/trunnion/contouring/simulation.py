@@ -1,24 +1,53 @@
 """Simulation of the contouring loop: one run, or thousands in one call."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from html import escape
+from dataclasses import dataclass, replace
 from math import inf, isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of, number
 from trunnion.data.axis_log import AxisLog
 from trunnion.setup.names import canonical_error_name
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = ["ContourRun", "ContourSweep", "Feed", "simulate", "sweep"]
 
 Array = NDArray[np.float64]
+AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
+ERRORS = (
+    "contour_um",
+    "orientation_arcsec",
+    "following_um",
+    "circle_um",
+    "tangent_um",
+    "proposed_arcsec",
+    "tangent_arcsec",
+)
+"""Columns of a run that are errors."""
+TOOL_FIGURES = {
+    "contour_max_um": "contour max µm",
+    "contour_rms_um": "contour rms µm",
+    "orientation_max_arcsec": "orientation max arcsec",
+    "orientation_rms_arcsec": "orientation rms arcsec",
+    "following_max_um": "following max µm",
+}
+"""Figures of a run, with headings: errors of the tool."""
+MODEL_FIGURES = {
+    "circle_max_um": "circle max µm",
+    "tangent_max_um": "tangent max µm",
+    "proposed_max_arcsec": "proposed max arcsec",
+    "tangent_max_arcsec": "tangent max arcsec",
+}
+"""Likewise: the models of the controllers, less the truth."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +76,7 @@ class Feed:
     dwell_s: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the feed, in its own unit, and that a dwell has a rest to follow."""
+        """Check the feed, in its own unit, and that a dwell follows a stop."""
         if self.dwell_s and not self.decelerate:
             raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, wanted it too")
         if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
@@ -67,8 +96,8 @@ class Feed:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class ContourRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContourRun(Result):
     """One simulated run: one row a control period, n in all.
 
     Attributes
@@ -84,8 +113,8 @@ class ContourRun:
     point_mm, tip_mm:
         Reference and actual tool tip in the part's frame, shape (n, 3).
     reference, commanded, actual:
-        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those that the position
-        loops were told to go to (with what the coupling adds), and those that came of it.
+        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those commanded to the
+        position loops (with what the coupling adds), and the actual ones.
     foot_u:
         Path parameter of the true foot point of the tool tip: solved, not sampled.
     contour_vector_um, contour_um:
@@ -191,50 +220,60 @@ class ContourRun:
         sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600.0] * 2)
         actual = actual + sigma * rng.standard_normal(actual.shape)
         columns: dict[str, Any] = {"time_s": self.time_s}
-        for i, (axis, unit) in enumerate(zip("xyzac", ("mm",) * 3 + ("deg",) * 2, strict=True)):
+        for i, (axis, unit) in enumerate(name.split("_") for name in AXES):
             columns[f"{axis}_cmd_{unit}"] = self.commanded[:, i]
             columns[f"{axis}_act_{unit}"] = actual[:, i]
         if run is not None:
             columns["run"] = [run] * len(self)
         return AxisLog(**columns)
 
-    def summary(self) -> str:
-        """Return the figures as text."""
-        lines = [
-            f"{self.controller}: {len(self)} control periods of {self.period_ms:g} ms"
-            + (", diverged" if self.diverged else "")
-        ]
-        f = self.figures
-        lines += [
-            f"  contour error      max {f['contour_max_um']:9.3f} µm   "
-            f"rms {f['contour_rms_um']:9.3f} µm",
-            f"  orientation error  max {f['orientation_max_arcsec']:9.3f} arcsec   "
-            f"rms {f['orientation_rms_arcsec']:9.3f} arcsec",
-            f"  following error    max {f['following_max_um']:9.1f} µm",
-            f"  contour model      circle {f['circle_max_um']:.3g} µm, "
-            f"tangent {f['tangent_max_um']:.3g} µm from the truth",
-            f"  orientation model  proposed {f['proposed_max_arcsec']:.3g} arcsec, "
-            f"tangent {f['tangent_max_arcsec']:.3g} arcsec from the truth",
-        ]
-        return "\n".join(lines)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as numbers, strings and lists."""
-        out: dict[str, Any] = {}
-        for f in fields(self):
-            value = getattr(self, f.name)
-            out[f.name] = value.tolist() if isinstance(value, np.ndarray) else value
-        return out
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
-
-    def __repr__(self) -> str:
+    def headline(self) -> str:
+        """Controller, and the largest errors."""
         f = self.figures
         return (
-            f"ContourRun({self.controller}, n={len(self)}, contour "
-            f"{f['contour_max_um']:.3g} µm, orientation {f['orientation_max_arcsec']:.3g} arcsec)"
+            f"{self.controller}, {len(self)} control periods of {self.period_ms:g} ms, contour "
+            f"error {f['contour_max_um']:.3g} µm, orientation error "
+            f"{f['orientation_max_arcsec']:.3g} arcsec"
         )
+
+    def sentences(self) -> Sequence[str]:
+        """Controller, length, and whether the loop diverged."""
+        periods = f"{self.controller}: {len(self)} control periods of {self.period_ms:g} ms"
+        return (periods + (", diverged." if self.diverged else "."),)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Largest and root-mean-square errors."""
+        f = self.figures
+        rows = (
+            ("contour error µm", f["contour_max_um"], f["contour_rms_um"]),
+            ("orientation error arcsec", f["orientation_max_arcsec"], f["orientation_rms_arcsec"]),
+            ("following error µm", f["following_max_um"], None),
+            ("circle model less truth µm", f["circle_max_um"], None),
+            ("tangent model less truth µm", f["tangent_max_um"], None),
+            ("proposed orientation model less truth arcsec", f["proposed_max_arcsec"], None),
+            ("tangent orientation model less truth arcsec", f["tangent_max_arcsec"], None),
+        )
+        return (Table.of("Errors along the path", ("", "max", "rms"), rows),)
+
+    def derived(self) -> Mapping[str, Any]:
+        """The figures."""
+        return {"figures": self.figures}
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a pandas DataFrame with one row a control period."""
+        import pandas as pd
+
+        columns: dict[str, Array] = {"time_s": self.time_s, "u": self.u}
+        for name in ("point", "tip"):
+            columns |= {
+                f"{name}_{a}_mm": v for a, v in zip("xyz", vars(self)[f"{name}_mm"].T, strict=True)
+            }
+        for name in ("reference", "commanded", "actual"):
+            units = zip("xyzac", ("mm",) * 3 + ("deg",) * 2, vars(self)[name].T, strict=True)
+            columns |= {f"{name}_{axis}_{unit}": values for axis, unit, values in units}
+        for name in ERRORS:
+            columns[name] = vars(self)[name]
+        return pd.DataFrame(columns)
 
 
 def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
@@ -245,7 +284,8 @@ def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
     return np.asarray(spline(np.clip(time_s - delay_s, time_s[0], time_s[-1])))
 
 
-def _errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
+def location_errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
+    """Return names and sizes (µm, arcsec) as the core takes them."""
     if not isinstance(errors, Mapping | None):
         raise InputError(f"location errors: got {errors!r}, wanted a mapping of name to number")
     return [
@@ -264,7 +304,8 @@ def _path(path: Path) -> Path:
     return path
 
 
-def _period(servo: Servo) -> float:
+def period_ms(servo: Servo) -> float:
+    """Return the control period; 1 ms where the servo has none."""
     if not isinstance(servo, Servo):
         raise InputError(f"servo: got {type(servo).__name__}, wanted a Servo")
     period = 1.0 if servo.period_ms is None else servo.period_ms
@@ -276,8 +317,8 @@ def _period(servo: Servo) -> float:
 def _name(controller: Controller) -> str:
     if isinstance(controller, Coupling):
         c = controller
-        words = {"jacobian_last": ", J⁻¹ last", "as_printed": ", as printed"}
-        order = words.get(c.order, "")
+        labels = {"jacobian_last": ", J⁻¹ last", "as_printed": ", as printed"}
+        order = labels.get(c.order, "")
         return f"coupled ({c.position}, {c.orientation}{order})"
     return controller
 
@@ -318,7 +359,7 @@ def simulate(
     """
     servo = Servo.paper() if servo is None else servo
     coupling = coupling_of(controller)
-    period = _period(servo)
+    period = period_ms(servo)
     columns = _core.contour_simulate(
         _path(path).core,
         _feed(feed).core,
@@ -326,15 +367,15 @@ def simulate(
         servo.rows(),
         servo.feedback,
         None if coupling is None else coupling.core,
-        _errors(believed),
-        _errors(errors),
+        location_errors(believed),
+        location_errors(errors),
     )
-    rest: dict[str, Any] = dict(columns)
-    return ContourRun(controller=_name(controller), period_ms=period, **rest)
+    arrays: dict[str, Any] = dict(columns)
+    return ContourRun(controller=_name(controller), period_ms=period, **arrays)
 
 
-@dataclass(frozen=True, eq=False)
-class ContourSweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContourSweep(Result):
     """Figures of many runs: one entry a combination, shape (paths, feeds, controllers).
 
     Attributes
@@ -365,29 +406,37 @@ class ContourSweep:
     proposed_max_arcsec: Array
     tangent_max_arcsec: Array
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as numbers, strings and lists."""
-        out = {}
-        for name, value in vars(self).items():
-            out[name] = value.tolist() if isinstance(value, np.ndarray) else list(value)
-        return out
+    def headline(self) -> str:
+        """Counts, and how many diverged."""
+        paths, feeds, controllers = self.steps.shape
+        return (
+            f"paths: {paths}, feeds: {feeds}, controllers: {controllers}; "
+            f"{int(self.diverged.sum())} of {self.steps.size} runs diverged"
+        )
 
-    def summary(self) -> str:
-        """Return one line a path, feed and controller."""
-        lines = [
-            f"{'path':>4} {'feed mm/min':>12} {'controller':<24} {'contour µm':>12} "
-            f"{'orientation arcsec':>20}"
-        ]
-        for i, j, k in np.ndindex(self.steps.shape):
-            lines.append(
-                f"{i:>4} {self.feeds_mm_min[j]:>12g} {self.controllers[k]:<24} "
-                f"{self.contour_max_um[i, j, k]:>12.4g} "
-                f"{self.orientation_max_arcsec[i, j, k]:>20.4g}"
+    def sentences(self) -> Sequence[str]:
+        """Counts, and how many diverged."""
+        return (f"{self.headline()}.",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Errors of the tool, then those of the models; one row a path, feed and controller."""
+        runs = {"steps": "steps", "diverged": "diverged"}
+        return (
+            self._table("Errors of the tool", TOOL_FIGURES),
+            self._table("Runs, and errors of the models", runs | MODEL_FIGURES),
+        )
+
+    def _table(self, title: str, columns: Mapping[str, str]) -> Table:
+        rows = [
+            (
+                self.controllers[k],
+                i,
+                f"{self.feeds_mm_min[j]:g}",
+                *(vars(self)[name][i, j, k].item() for name in columns),
             )
-        return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        return f"<pre>{escape(self.summary())}</pre>"
+            for i, j, k in np.ndindex(self.steps.shape)
+        ]
+        return Table.of(title, ("controller", "path", "feed mm/min", *columns.values()), rows)
 
 
 def sweep(
@@ -417,13 +466,13 @@ def sweep(
         [_path(p).core for p in paths],
         [i for i, _, _ in index],
         [feeds[j] for _, j, _ in index],
-        _period(servo) * 1e-3,
+        period_ms(servo) * 1e-3,
         np.tile(servo.rows(), (len(index), 1)),
         servo.feedback,
         [None if c is None else c.core for c in couplings],
         [k for _, _, k in index],
-        _errors(believed),
-        _errors(errors),
+        location_errors(believed),
+        location_errors(errors),
     )
     columns: dict[str, Any] = {
         name: values[:, i].reshape(shape).copy() for i, name in enumerate(names)

@@ -56,11 +56,11 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     logged = np.array([_parsed(name, i, lines[i]) for i in numbers]).reshape(-1, len(NAMES))
     _same_number(name, numbers, len(lines), len(plan))
 
-    def refuse(row: int, column: str, got: str, wanted: str) -> None:
+    def refuse(row: int, column: str, got: str, expected: str) -> None:
         line = numbers[row]
         at = _starts(lines[line])[NAMES.index(column)]
         raise FileFormatError(
-            f"{name}:{line + 1}:{at + 1}: {column} (touch {row}): got {got}, wanted {wanted}"
+            f"{name}:{line + 1}:{at + 1}: {column} (touch {row}): got {got}, expected {expected}"
         )
 
     planned = _planned_joints(plan)
@@ -70,15 +70,15 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         letter = NAMES[column]
         there = letter.lower() in plan.rotary_deg
         why = "as planned" if there else f"as the plan has no {letter} axis"
-        wanted = f"{planned[row, column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}"
-        refuse(row, letter, f"{logged[row, column]:.6f}", wanted)
+        expected = f"{planned[row, column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}"
+        refuse(row, letter, f"{logged[row, column]:.6f}", expected)
 
     distance = np.linalg.norm(logged[:, :3] - plan.position_mm, axis=1)
     for row in np.flatnonzero(distance > DISTANCE_MM)[:1].tolist():
         x, y, z = plan.position_mm[row].tolist()
         got = f"a touch {distance[row]:.3f} mm from the planned one"
-        wanted = f"at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
-        refuse(row, "X", got, wanted)
+        expected = f"at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
+        refuse(row, "X", got, expected)
     x_mm, y_mm, z_mm = logged[:, :3].T
     return Touches(plan.columns).with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm)
 
@@ -88,14 +88,14 @@ def _parsed(name: str, index: int, line: str) -> list[float]:
     if len(fields) != len(NAMES):
         raise FileFormatError(
             f"{name}:{index + 1}:{_starts(line)[min(len(fields), len(NAMES)) - 1] + 1}: got "
-            f"{len(fields)} fields, wanted nine numbers: {' '.join(NAMES)}"
+            f"{len(fields)} fields, expected nine numbers: {' '.join(NAMES)}"
         )
     values = []
     for column, (field, at) in enumerate(zip(fields, _starts(line), strict=True)):
         value = parse_number(field)
         if value is None or not np.isfinite(value):
             raise FileFormatError(
-                f"{name}:{index + 1}:{at + 1}: {NAMES[column]}: got {field[:60]!r}, wanted a "
+                f"{name}:{index + 1}:{at + 1}: {NAMES[column]}: got {field[:60]!r}, expected a "
                 "finite number"
             )
         values.append(value)
@@ -118,8 +118,8 @@ def _same_number(name: str, numbers: list[int], end: int, planned: int) -> None:
             " a G38.2 that touches nothing ends the program"
         )
     raise FileFormatError(
-        f"{name}:{line}:1: got {len(numbers)} touches, wanted {planned}, one for each touch of the "
-        f"plan{why}"
+        f"{name}:{line}:1: got {len(numbers)} touches, expected {planned}, one for each touch of "
+        f"the plan{why}"
     )
 
 

@@ -5,17 +5,14 @@ attribute of its tables.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Never, Self, TypeVar, overload
+from typing import Any, ClassVar, Generic, Never, Protocol, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.errors import InputError
-
-if TYPE_CHECKING:
-    from trunnion.files.table import Table
+from trunnion.base.checks import shown
 
 __all__ = [
     "Column",
@@ -33,7 +30,7 @@ __all__ = [
     "natural",
     "parse_number",
     "raw_array",
-    "shown",
+    "shown_field",
     "stack",
 ]
 
@@ -41,6 +38,16 @@ Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Labels = NDArray[np.int64] | NDArray[np.str_]
 T = TypeVar("T", bound=NDArray[Any] | None)
+
+
+class HasColumns(Protocol):
+    """What a column is an attribute of: something with columns by name, a table."""
+
+    @property
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Arrays by column name."""
+        ...
+
 
 # A whole number that is written as Python writes it; 007 is a name.
 _WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
@@ -50,16 +57,17 @@ _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _BREAK = re.compile(r"[\n\r\0]")
 
 
-class ColumnError(InputError):
-    """A value that its column does not take, with its row (from 0; None: the whole column)."""
+class ColumnError(Exception):
+    """A value that its column does not take, with its row (from 0; None: the whole column).
 
-    def __init__(self, column: str, row: int | None, got: str, wanted: str) -> None:
+    It stays inside: the constructor of a table makes an InputError of it, the reader of a file a
+    FileFormatError with line and column.
+    """
+
+    def __init__(self, column: str, row: int | None, got: str, expected: str) -> None:
         where = column if row is None else f"{column} (row {row})"
-        super().__init__(f"{where}: got {got}, wanted {wanted}")
-        self.column, self.row, self.got, self.wanted = column, row, got, wanted
-
-    def __reduce__(self) -> tuple[type[Self], tuple[object, ...]]:
-        return type(self), (self.column, self.row, self.got, self.wanted)
+        super().__init__(f"{where}: got {got}, expected {expected}")
+        self.column, self.row = column, row
 
 
 # --- columns
@@ -81,28 +89,28 @@ class Column(Generic[T]):
     @overload
     def __get__(self, table: None, owner: type) -> Self: ...
     @overload
-    def __get__(self, table: "Table", owner: type) -> T: ...
-    def __get__(self, table: "Table | None", owner: type) -> Any:
+    def __get__(self, table: HasColumns, owner: type) -> T: ...
+    def __get__(self, table: HasColumns | None, owner: type) -> Any:
         return self if table is None else table.columns.get(self.name)
 
-    def __set__(self, table: "Table", value: Never) -> None:
+    def __set__(self, table: HasColumns, value: Never) -> None:
         raise AttributeError(f"{type(table).__name__}.{self.name} is read-only")
 
     def convert(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return the values in the column's type, or raise `ColumnError`."""
         raise NotImplementedError
 
-    def refuse(self, values: NDArray[Any], bad: NDArray[np.bool_], wanted: str) -> None:
+    def refuse(self, values: NDArray[Any], bad: NDArray[np.bool_], expected: str) -> None:
         """Raise `ColumnError` at the first bad row, if there is one."""
         if bad.any():
             row = int(np.argmax(bad))
-            raise ColumnError(self.name, row, shown(values[row]), wanted)
+            raise ColumnError(self.name, row, shown_field(values[row]), expected)
 
 
 class _Numeric(Column[T]):
     """Finite numbers, optionally restricted: above 0, from a minimum on, or to some values."""
 
-    wanted_type: ClassVar[str] = "a finite number"
+    expected_type: ClassVar[str] = "a finite number"
 
     def __init__(
         self,
@@ -116,19 +124,19 @@ class _Numeric(Column[T]):
         self.positive = positive
         self.minimum = minimum
         self.among = among
-        self.wanted = self.wanted_type
+        self.expected = self.expected_type
         if positive:
-            self.wanted += " above 0"
+            self.expected += " above 0"
         if minimum is not None:
-            self.wanted += f", {minimum:g} or above"
+            self.expected += f", {minimum:g} or above"
         if among is not None:
-            self.wanted = "one of " + ", ".join(f"{value:g}" for value in among)
+            self.expected = "one of " + ", ".join(f"{value:g}" for value in among)
 
     def convert(self, values: NDArray[Any]) -> NDArray[Any]:
         numbers = _floats(values)
         if numbers is None:
             bad = np.array([parse_number(value) is None for value in values], dtype=bool)
-            self.refuse(values, bad, self.wanted)
+            self.refuse(values, bad, self.expected)
             numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
         bad = ~np.isfinite(numbers)
         if self.positive:
@@ -137,7 +145,7 @@ class _Numeric(Column[T]):
             bad |= ~(numbers >= self.minimum)
         if self.among is not None:
             bad |= ~np.isin(numbers, self.among)
-        self.refuse(values, bad, self.wanted)
+        self.refuse(values, bad, self.expected)
         return numbers
 
 
@@ -152,13 +160,13 @@ class OptionalNumber(_Numeric[Float | None]):
 
 
 class _Whole(_Numeric[T]):
-    wanted_type = "a whole number"
+    expected_type = "a whole number"
 
     def convert(self, values: NDArray[Any]) -> NDArray[Any]:
         numbers = super().convert(values)
         # Beyond 2**53 neighbouring whole numbers are the same float.
         bad = (numbers != np.round(numbers)) | (np.abs(numbers) > 2.0**53)
-        self.refuse(values, bad, self.wanted)
+        self.refuse(values, bad, self.expected)
         return numbers.astype(np.int64)
 
 
@@ -198,13 +206,9 @@ class OptionalLabel(_Name[Labels | None]):
     required = False
 
 
-def shown(value: object) -> str:
-    """Return a value as a message shows it."""
-    value = value.item() if isinstance(value, np.generic) else value
-    if isinstance(value, str) and not value.strip():
-        return "an empty field"
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+def shown_field(value: object) -> str:
+    """Return a field of a file as a message shows it."""
+    return "an empty field" if isinstance(value, str) and not value.strip() else shown(value)
 
 
 def parse_number(value: object) -> float | None:
@@ -255,7 +259,7 @@ def natural(values: NDArray[Any], name: str, *, decimals: bool = True) -> NDArra
             return floats
     for row, text in enumerate(texts):
         if has_break(text):
-            raise ColumnError(name, row, shown(text), "text on one line")
+            raise ColumnError(name, row, shown_field(text), "text on one line")
     return np.array(texts, dtype=np.str_)
 
 

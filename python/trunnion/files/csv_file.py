@@ -1,7 +1,7 @@
 """The one reader and the one writer of CSV files.
 
-A message about a file says ``file:line:column: column (row n): got ..., wanted ...`` with line and
-column from 1 and rows of data from 0. Fields are split and converted all at once; what stands where
+A message about a file says ``file:line:column: column (row n): got ..., expected ...``, line and
+column from 1, rows of data from 0. Fields are split and converted all at once; what stands where
 is worked out only for a line that has an error.
 """
 
@@ -9,21 +9,38 @@ import re
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+from typing import Any, Protocol, Self, TextIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import FileFormatError
-from trunnion.files.columns import ColumnError, shown
+from trunnion.files.columns import ColumnError, shown_field
 from trunnion.files.text import decode
-
-if TYPE_CHECKING:
-    from trunnion.files.table import Table
 
 __all__ = ["read_table", "write_columns"]
 
-T = TypeVar("T", bound="Table")
+
+class Readable(Protocol):
+    """What the reader has to know of a kind of data."""
+
+    @classmethod
+    def required(cls) -> list[str]:
+        """Names of the columns that must be there."""
+        ...
+
+    @classmethod
+    def expected_columns(cls) -> str:
+        """Say what columns are needed, for messages."""
+        ...
+
+    @classmethod
+    def checked(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
+        """Make a table of these columns, or raise `ColumnError`."""
+        ...
+
+
+T = TypeVar("T", bound=Readable)
 
 # A field of a line: in quotes or plain, with spaces around it, then a comma or the end.
 _FIELD = re.compile(r'\s*(?:("(?:[^"]|"")*")\s*|([^",]*))(,|\Z)')
@@ -55,7 +72,7 @@ def read_table(path: str | PathLike[str], kind: type[T]) -> T:
     ------
     FileFormatError
         If the file is not like that, or a column holds what it must not; the message has file,
-        line and column (from 1), what stood there and what is wanted.
+        line and column (from 1), what stood there and what is expected.
     """
     name = str(path)
     lines = decode(name, Path(path).read_bytes()).split("\n")
@@ -63,11 +80,11 @@ def read_table(path: str | PathLike[str], kind: type[T]) -> T:
         number for number, line in enumerate(lines) if (text := line.lstrip()) and text[0] != "#"
     ]
     if not numbers:
-        raise FileFormatError(f"{name}:1:1: got an empty file, wanted a header line and data")
+        raise FileFormatError(f"{name}:1:1: got an empty file, expected a header line and data")
     file = _CsvFile(name, lines, numbers, kind)
     columns = file.columns()
     try:
-        return kind(columns)
+        return kind.checked(columns)
     except ColumnError as fault:
         raise file.located(fault) from None
 
@@ -76,7 +93,7 @@ class _CsvFile:
     """A file taken apart; `numbers` are the indices of the header line and the lines of data."""
 
     def __init__(
-        self, name: str, lines: list[str], numbers: list[int], kind: "type[Table]"
+        self, name: str, lines: list[str], numbers: list[int], kind: type[Readable]
     ) -> None:
         self.name, self.lines, self.kind = name, lines, kind
         self.header_line, self.data_lines = numbers[0], numbers[1:]
@@ -92,9 +109,11 @@ class _CsvFile:
         for index, name in enumerate(self.header):
             place = (self.header_line, starts[index])
             if not name:
-                raise self.error(*place, "header: got an empty field, wanted the name of a column")
+                raise self.error(
+                    *place, "header: got an empty field, expected the name of a column"
+                )
             if name in self.header[:index]:
-                raise self.error(*place, f"{name}: got the column twice, wanted it once")
+                raise self.error(*place, f"{name}: got the column twice, expected it once")
         missing = [name for name in self.kind.required() if name not in self.header]
         if missing:
             got = self.lines[self.header_line].strip()
@@ -103,17 +122,19 @@ class _CsvFile:
                     raise self.error(
                         self.header_line,
                         got.index(mark),
-                        f"header: got {word} between the columns, wanted commas",
+                        f"header: got {word} between the columns, expected commas",
                     )
             raise self.error(
                 self.header_line,
                 0,
-                f"{missing[0]}: no such column, got the header {shown(got)}, wanted the columns "
-                f"{self.kind.wanted_columns()}",
+                f"{missing[0]}: no such column, got the header {shown_field(got)}, expected the "
+                f"columns {self.kind.expected_columns()}",
             )
         if not self.data_lines:
             raise self.error(
-                self.header_line + 1, 0, "got no line of data, wanted at least one below the header"
+                self.header_line + 1,
+                0,
+                "got no line of data, expected at least one below the header",
             )
         return self.split()
 
@@ -147,7 +168,7 @@ class _CsvFile:
         return self.error(
             line,
             at,
-            f"{column} (row {row}): got {got} fields, wanted {count}: {', '.join(self.header)}",
+            f"{column} (row {row}): got {got} fields, expected {count}: {', '.join(self.header)}",
         )
 
     def located(self, fault: ColumnError) -> FileFormatError:
@@ -174,7 +195,9 @@ class _CsvFile:
             match = _FIELD.match(text, at)
             if match is None:
                 at = text.index('"', at)
-                raise self.error(line, at, f"got {shown(text[at:])}, wanted quotes that close")
+                raise self.error(
+                    line, at, f"got {shown_field(text[at:])}, expected quotes that close"
+                )
             quoted, plain, more = match.groups()
             field = plain.strip() if quoted is None else quoted[1:-1].replace('""', '"')
             pieces.append((match.start(2) if quoted is None else match.start(1), field))

@@ -70,8 +70,14 @@ class Table:
         more = {self._column_name(name): values for name, values in more.items()}
         for name in more:
             if name in given:
-                raise InputError(f"{name}: got the column twice, wanted it once")
+                raise InputError(f"{name}: got the column twice, expected it once")
         given |= {name: values for name, values in more.items() if values is not None}
+        try:
+            self._fill(given)
+        except ColumnError as fault:
+            raise InputError(str(fault)) from None
+
+    def _fill(self, given: Mapping[str, Any]) -> None:
         made = {name: self._column(name, values) for name, values in given.items()}
         missing = [name for name in self.required() if name not in made]
         if missing:
@@ -79,7 +85,7 @@ class Table:
                 missing[0],
                 None,
                 f"no such column among {', '.join(given) or 'none'}",
-                f"the columns {self.wanted_columns()}",
+                f"the columns {self.expected_columns()}",
             )
         lengths = {name: len(values) for name, values in made.items()}
         length = next(iter(lengths.values()), 0)
@@ -98,6 +104,13 @@ class Table:
         kind = self.kinds.get(name)
         array = raw_array(values, name)
         return natural(array, name) if kind is None else kind.convert(array)
+
+    @classmethod
+    def checked(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
+        """Make a table as the constructor does; what is wrong is a `ColumnError`, with its row."""
+        table = cls.__new__(cls)
+        table._fill(columns)
+        return table
 
     @classmethod
     def _column_name(cls, keyword: str) -> str:
@@ -130,7 +143,7 @@ class Table:
         return [name for name, kind in cls.kinds.items() if kind.required]
 
     @classmethod
-    def wanted_columns(cls) -> str:
+    def expected_columns(cls) -> str:
         """Say what columns a table of the kind needs, for messages."""
         return ", ".join(cls.required()) + (f" and {cls.choice}" if cls.choice else "")
 
@@ -180,12 +193,12 @@ class Table:
                 index = index.astype(np.int64)
             if index.ndim != 1 or index.dtype.kind not in "biu":
                 raise InputError(
-                    f"rows: got {rows!r}, wanted a number, a slice, a mask or row numbers"
+                    f"rows: got {rows!r}, expected a number, a slice, a mask or row numbers"
                 )
             if index.dtype.kind == "b" and len(index) != len(self):
-                raise InputError(f"rows: got a mask of {len(index)}, wanted {len(self)}")
+                raise InputError(f"rows: got a mask of {len(index)}, expected {len(self)}")
             if index.dtype.kind != "b" and np.any((index < -len(self)) | (index >= len(self))):
-                raise IndexError(f"rows: got {rows!r}, wanted numbers below {len(self)}")
+                raise IndexError(f"rows: got {rows!r}, expected numbers below {len(self)}")
         return self._of({name: values[index] for name, values in self._columns.items()})
 
     def __iter__(self) -> Iterator[Self]:
@@ -203,12 +216,12 @@ class Table:
         """Put tables with the same columns one below the other."""
         parts = list(tables)
         if not parts:
-            raise InputError("tables: got none, wanted at least one")
+            raise InputError("tables: got none, expected at least one")
         names = list(parts[0].columns)
         for part in parts[1:]:
             if set(part.columns) != set(names):
                 raise InputError(
-                    f"tables: got the columns {', '.join(part.columns)}, wanted those of the "
+                    f"tables: got the columns {', '.join(part.columns)}, expected those of the "
                     f"first, {', '.join(names)}"
                 )
         joined: dict[str, NDArray[Any]] = {}

@@ -18,7 +18,7 @@ def decode(name: str, raw: bytes) -> str:
     except UnicodeDecodeError as error:
         line, column = position_of(_line_feeds(raw[: error.start].decode("utf-8")), None)
         raise FileFormatError(
-            f"{name}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, wanted UTF-8 text"
+            f"{name}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, expected UTF-8 text"
         ) from None
     return _line_feeds(text)
 

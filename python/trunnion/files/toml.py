@@ -14,7 +14,13 @@ from pathlib import Path
 from trunnion.base.errors import FileFormatError
 from trunnion.files.text import decode, position_of
 
-__all__ = ["Span", "TomlText"]
+__all__ = ["MAX_DEPTH", "Span", "TomlText"]
+
+MAX_DEPTH = 40
+"""Tables and arrays in one another."""
+
+MAX_NUMBER = 1000
+"""Characters of a number, a date or a flag."""
 
 _STRING = re.compile(
     r'"""(?:[^\\]|\\.)*?"{3,5}|\'\'\'.*?\'{3,5}|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'', re.DOTALL
@@ -52,11 +58,23 @@ class TomlText:
         """Read and parse a file; a file that is not TOML raises FileFormatError with its place."""
         name = str(path)
         text = decode(name, Path(path).read_bytes())
+        tables: Mapping[str, object] | None = None
         try:
-            tables = tomllib.loads(text)
-        except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError
-            raise _syntax_error(name, text, error) from None
-        return cls(name, text, tables, _Scanner(text).scan())
+            try:
+                tables = tomllib.loads(text)
+            except tomllib.TOMLDecodeError as error:
+                raise _syntax_error(name, text, error) from None
+            except (ValueError, RecursionError):
+                pass  # digits or depth beyond Python's limits: the scanner says where
+            spans = _Scanner(text).scan()
+        except _LimitError as limit:
+            line, column = position_of(text, limit.at)
+            raise FileFormatError(f"{name}:{line}:{column}: {limit}") from None
+        except RecursionError:
+            tables = None
+        if tables is None:
+            raise FileFormatError(f"{name}:1:1: got values that Python does not hold")
+        return cls(name, text, tables, spans)
 
     def error(self, keys: tuple[str | int, ...], what: str, *, at_value: bool) -> FileFormatError:
         """Return the error `what` at a key or its value; at the nearest table if absent."""
@@ -73,16 +91,22 @@ class TomlText:
 
 
 def _syntax_error(name: str, text: str, error: Exception) -> FileFormatError:
-    if isinstance(error, RecursionError):
-        return FileFormatError(f"{name}:1:1: got tables or arrays nested too deeply, wanted TOML")
     match = _MESSAGE.fullmatch(str(error))
-    if match is None:  # a number too long to convert; tomllib does not say where
+    if match is None:
         return FileFormatError(f"{name}:1:1: got a file that is not TOML: {error}")
     what, line, column = match.groups()
     if line is None:
         line, column = (str(number) for number in position_of(text, None))
     stood = text.split("\n")[int(line) - 1].strip()
-    return FileFormatError(f"{name}:{line}:{column}: got {stood[:80]!r}, wanted TOML: {what}")
+    return FileFormatError(f"{name}:{line}:{column}: got {stood[:80]!r}, expected TOML: {what}")
+
+
+class _LimitError(Exception):
+    """Something at an offset into the text that is larger than any set-up needs."""
+
+    def __init__(self, at: int, what: str) -> None:
+        super().__init__(what)
+        self.at = at
 
 
 class _Scanner:
@@ -104,6 +128,7 @@ class _Scanner:
                 self.at += 2 if many else 1
                 table = self.header(self.keys(), append=many)
                 self.at += 2 if many else 1
+                self.check_depth(table, start)
                 self.spans.setdefault(table, Span(start, start, start))
             else:
                 self.pair(table)
@@ -146,6 +171,7 @@ class _Scanner:
     def pair(self, table: tuple[str | int, ...]) -> None:
         start = self.at
         path = (*table, *self.keys())
+        self.check_depth(path, start)
         self.at += 1  # the equals sign
         self.space()
         value = self.at
@@ -167,6 +193,7 @@ class _Scanner:
                     self.pair(path)
                 else:
                     start = self.at
+                    self.check_depth((*path, index), start)
                     self.value((*path, index))
                     self.spans[(*path, index)] = Span(start, start, self.at)
                     index += 1
@@ -175,4 +202,12 @@ class _Scanner:
                 self.space()
             self.at += 1
         else:
-            self.at = self.end_of(_SCALAR)
+            start, self.at = self.at, self.end_of(_SCALAR)
+            if (length := len(self.text[start : self.at].strip())) > MAX_NUMBER:
+                what = f"got {length} characters, expected a number of at most {MAX_NUMBER}"
+                raise _LimitError(start, what)
+
+    def check_depth(self, path: tuple[str | int, ...], start: int) -> None:
+        if len(path) > MAX_DEPTH:
+            what = f"got tables or arrays nested too deeply, expected at most {MAX_DEPTH} levels"
+            raise _LimitError(start, what)

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.base.report import Table, number
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism, error_name
+from trunnion.base.report import Result, Table
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 
 __all__ = [
     "CubeChange",
@@ -37,8 +38,8 @@ EDGES = tuple(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class CubeChange:
+@dataclass(frozen=True, eq=False, repr=False)
+class CubeChange(Result):
     """A cube before and after one error.
 
     Attributes
@@ -82,26 +83,34 @@ class CubeChange:
         return float(np.abs(self.edges_um).max())
 
     @property
+    def turn_arcsec(self) -> float:
+        """Angle of the rigid part."""
+        return float(np.linalg.norm(self.rotation_arcsec))
+
+    @property
     def ratio(self) -> float:
         """Largest change of an edge over the shift of the centre."""
         return self.largest_edge_um / self.shift_um if self.shift_um > 0 else np.inf
 
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "error": self.error,
-            "amount": self.amount,
-            "centre_um": self.centre_um.tolist(),
-            "translation_um": self.translation_um.tolist(),
-            "rotation_arcsec": self.rotation_arcsec.tolist(),
-            "remainder_um": self.remainder_um.tolist(),
-            "edges_um": self.edges_um.tolist(),
-            "circles_um": self.circles_um.tolist(),
-        }
+    def sentences(self) -> Sequence[str]:
+        """Motion of the centre beside the change of the edges."""
+        return (
+            f"{self.error} = {self.amount:g}: centre {self.shift_um:.3f} µm, largest change of an "
+            f"edge {self.largest_edge_um:.3f} µm, turn {self.turn_arcsec:.3f} arcsec.",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Displacement of each corner, and what the rigid motion leaves of it."""
+        shift = (self.moved_mm - self.nominal_mm) * 1e3
+        values = np.column_stack([self.nominal_mm, shift, self.remainder_um]).tolist()
+        moved = ("dx µm", "dy µm", "dz µm", "residual x µm", "residual y µm", "residual z µm")
+        columns = ("corner", "x mm", "y mm", "z mm", *moved)
+        rows = [(str(k + 1), *row) for k, row in enumerate(values)]
+        return (Table.of(f"Cube under {self.error} = {self.amount:g}", columns, rows, digits=3),)
 
 
-@dataclass(frozen=True, eq=False)
-class CubeStudy:
+@dataclass(frozen=True, eq=False, repr=False)
+class CubeStudy(Result):
     """The transformed cube for several errors.
 
     Attributes
@@ -129,47 +138,34 @@ class CubeStudy:
         """Count the errors whose edges change by less than this fraction of the rigid motion."""
         return sum(change.ratio < ratio for change in self.changes)
 
-    def table(self) -> Table:
+    def tables(self) -> tuple[Table, ...]:
         """One row an error."""
         rows = [
             (
                 c.error,
-                number(c.amount, 0),
-                number(c.shift_um, 3),
-                number(c.largest_edge_um, 3),
-                number(c.ratio, 3),
-                number(float(np.linalg.norm(c.rotation_arcsec)), 3),
-                number(float(np.abs(c.circles_um).max()), 3),
+                int(c.amount) if c.amount == int(c.amount) else c.amount,
+                c.shift_um,
+                c.largest_edge_um,
+                c.ratio,
+                c.turn_arcsec,
+                float(np.abs(c.circles_um).max()),
             )
             for c in self.changes
         ]
         place = ", ".join(f"{v:g}" for v in self.centre_mm)
-        return Table.of(
+        title = (
             f"Cube of {self.side_mm:g} mm at ({place}) mm, tool along "
-            f"({', '.join(f'{v:.3g}' for v in self.direction)})",
-            ("error", "amount", "centre µm", "edge µm", "share", "turn arcsec", "circle µm"),
-            rows,
+            f"({', '.join(f'{v:.3g}' for v in self.direction)})"
         )
+        columns = ("error", "amount", "centre µm", "edge µm", "share", "turn arcsec", "circle µm")
+        return (Table.of(title, columns, rows, digits=3),)
 
-    def summary(self) -> str:
-        """Table, and what it says of the paper's conclusion."""
+    def sentences(self) -> Sequence[str]:
+        """What it says of the paper's conclusion."""
         return (
-            f"{self.table().text(120)}\n"
             f"{self.below()} of {len(self.changes)} errors change no edge by one fifth of the "
-            "rigid motion."
+            "rigid motion.",
         )
-
-    def _repr_html_(self) -> str:
-        return self.table().html()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "side_mm": self.side_mm,
-            "centre_mm": list(self.centre_mm),
-            "direction": list(self.direction),
-            "changes": [change.to_dict() for change in self.changes],
-        }
 
 
 def _point(what: str, value: ArrayLike) -> tuple[float, float, float]:

@@ -35,7 +35,6 @@ about leg 1, against leg 3, about leg 3. The paper's eight are ``closure_mm = [1
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -45,31 +44,23 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import trunnion._core as _core
+from trunnion._core import Hybrid, hybrid_example
+from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.report import Table, number
+from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
+from trunnion.hybrid.results import (
+    FORWARD_COLUMNS,
+    ClosureDependence,
+    Constraint,
+    Forward,
+    Sensitivity,
+)
 from trunnion.setup import Setup
+from trunnion.setup.fields import Key, Number, Numbers, Section, Vector
 
-__all__ = [
-    "OUTSIDE_ERRORS",
-    "PAPER_ERRORS",
-    "ClosureDependence",
-    "Constraint",
-    "Forward",
-    "Mechanism",
-    "Sensitivity",
-]
+__all__ = ["Mechanism"]
 
 Floats = NDArray[np.float64]
-
-_PAPER, _OUTSIDE = _core.hybrid_parameters()
-#: Names of the paper's 17 errors, with units.
-PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
-#: Names of every component at every place, with units.
-OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)
-JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
-PASSIVE = ("u1", "v1", "u2", "v2", "phi", "w2", "u3", "v3")
-_FORWARD_COLUMNS = 26
 
 
 def _dimension_keys() -> dict[str, int]:
@@ -78,7 +69,7 @@ def _dimension_keys() -> dict[str, int]:
 
 def joints_array(joints: ArrayLike) -> Floats:
     """Return joints as (n, 5); one pose may be given as (5,)."""
-    array = np.atleast_2d(np.asarray(joints, dtype=np.float64))
+    array = np.atleast_2d(floats("joints", joints))
     if array.ndim != 2 or array.shape[1] != 5:
         raise InputError(
             f"joints: got shape {np.shape(joints)}, wanted (n, 5): {', '.join(JOINTS)}"
@@ -86,243 +77,11 @@ def joints_array(joints: ArrayLike) -> Floats:
     return np.ascontiguousarray(array)
 
 
-@dataclass(frozen=True, eq=False)
-class Forward:
-    """Forward solutions, n poses.
-
-    Attributes
-    ----------
-    joints
-        L1, L2, L3 (mm), q4, q5 (deg), (n, 5).
-    tip_mm
-        Tool point, machine frame, (n, 3).
-    direction
-        Unit vector from the spindle to the tool point, (n, 3).
-    passive_deg
-        Y = u1, v1, u2, v2, φ, w2, u3, v3, (n, 8).
-    gap_um
-        What is left open between platform and legs 1 and 3, machine frame, (n, 2, 3).
-    misfit_arcsec
-        Revolute axis of the platform against legs 1 and 3: against the leg's direction, and about
-        it, (n, 2, 2). All zero where the loops close.
-    pivot_ratio
-        Smallest over largest pivot of ∂G/∂Y, (n,); 0 at a singular posture.
-    steps
-        Newton steps taken, (n,).
-    """
-
-    joints: Floats
-    tip_mm: Floats
-    direction: Floats
-    passive_deg: Floats
-    gap_um: Floats
-    misfit_arcsec: Floats
-    pivot_ratio: Floats
-    steps: NDArray[np.int64]
-
-    @classmethod
-    def _of(cls, joints: Floats, rows: Floats) -> Forward:
-        loops = rows[:, 14:24].reshape(-1, 2, 5)
-        return cls(
-            joints=joints,
-            tip_mm=rows[:, 0:3],
-            direction=rows[:, 3:6],
-            passive_deg=rows[:, 6:14],
-            gap_um=loops[:, :, :3],
-            misfit_arcsec=loops[:, :, 3:],
-            pivot_ratio=rows[:, 24],
-            steps=rows[:, 25].astype(np.int64),
-        )
-
-    def __len__(self) -> int:
-        return len(self.tip_mm)
-
-
-@dataclass(frozen=True, eq=False)
-class Sensitivity:
-    """How errors move the tool: n poses, k parameters; equations (1) and (2).
-
-    Every derivative is in the face's units: µm or arcsec per unit of the parameter (its name says
-    which, µm or arcsec).
-
-    Attributes
-    ----------
-    parameters
-        Their names.
-    forward
-        The solutions at which it holds.
-    tip
-        dr/dE, (n, 3, k).
-    turn
-        Turn of the tool about X, Y, Z of the machine, arcsec per unit, (n, 3, k).
-    serial_tip, serial_turn
-        (∂r/∂E)_Y: the same with the outer legs taken off the platform.
-    passive
-        dY/dE, arcsec per unit, (n, 8, k).
-    """
-
-    parameters: tuple[str, ...]
-    forward: Forward
-    tip: Floats
-    turn: Floats
-    serial_tip: Floats
-    serial_turn: Floats
-    passive: Floats
-
-    def table(self, pose: int = 0) -> Table:
-        """Columns of dr/dE and of the tool's turn at one pose."""
-        rows = [
-            (name, *(number(v) for v in (*self.tip[pose, :, k], *self.turn[pose, :, k])))
-            for k, name in enumerate(self.parameters)
-        ]
-        joints = ", ".join(
-            f"{name[: -len(unit) - 1]} = {value:g} {unit}"
-            for name, value in zip(JOINTS, self.forward.joints[pose], strict=True)
-            for unit in [name.rsplit("_", 1)[1]]
-        )
-        title = f"Tool point (µm) and turn (arcsec) per unit of each error at {joints}"
-        return Table.of(title, ("", "x", "y", "z", "about X", "about Y", "about Z"), rows)
-
-    def summary(self) -> str:
-        """Table of the first pose as text."""
-        return self.table().text()
-
-    def _repr_html_(self) -> str:
-        return self.table().html()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "parameters": list(self.parameters),
-            "joints": self.forward.joints.tolist(),
-            "tip_mm": self.forward.tip_mm.tolist(),
-            "tip": self.tip.tolist(),
-            "turn": self.turn.tolist(),
-            "serial_tip": self.serial_tip.tolist(),
-            "serial_turn": self.serial_turn.tolist(),
-            "passive": self.passive.tolist(),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class Constraint:
-    """Over-constraint of the loops at one pose.
-
-    Attributes
-    ----------
-    rank
-        Of the 12 × 13 Jacobian of the loop equations (two loops, position and orientation) by the
-        joints (Y, L1, L2, L3 and the two outer platform revolutes).
-    mobility
-        Degrees of freedom, 13 - rank.
-    singular_values
-        Orientation rows times 1000 mm; mm per mm or rad, (12,).
-    self_stress
-        States of stress without load, one a redundant equation: (states, 2 loops, 6), force and
-        moment (times mm, about the seat) of legs 1 and 3 on the platform, machine frame, unit size.
-    jacobian
-        (12, 13), mm per mm or rad.
-    """
-
-    rank: int
-    mobility: int
-    singular_values: Floats
-    self_stress: Floats
-    jacobian: Floats
-
-    @property
-    def redundant(self) -> int:
-        """Redundant equations: states of self-stress."""
-        return len(self.self_stress)
-
-    def summary(self) -> str:
-        """One sentence."""
-        return (
-            f"Loop Jacobian 12 × 13 of rank {self.rank}: {self.mobility} degrees of freedom, "
-            f"{self.redundant} redundant equations, thus {self.redundant} states of self-stress; "
-            f"smallest non-zero singular value {self.singular_values[self.rank - 1]:.3g} mm/rad."
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "rank": self.rank,
-            "mobility": self.mobility,
-            "singular_values": self.singular_values.tolist(),
-            "self_stress": self.self_stress.tolist(),
-            "jacobian": self.jacobian.tolist(),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class ClosureDependence:
-    """What errors strain, and how far the answer depends on which equations are believed.
-
-    Attributes
-    ----------
-    errors
-        The errors looked at, name and amount.
-    closures
-        Names of the closures compared.
-    tip_um
-        Displacement of the tool point under each, (closures, 3).
-    misfit_arcsec, gap_um
-        What each leaves in the loops, (closures, 2, 2) and (closures, 2, 3).
-    spread_um
-        Largest distance between two of the answers.
-    """
-
-    errors: Mapping[str, float]
-    closures: tuple[str, ...]
-    tip_um: Floats
-    misfit_arcsec: Floats
-    gap_um: Floats
-    spread_um: float
-
-    @property
-    def depends(self) -> bool:
-        """Whether the loops are strained, beyond rounding, so that joint stiffness decides."""
-        return bool(np.abs(self.misfit_arcsec).max() > 1e-6 or np.abs(self.gap_um).max() > 1e-6)
-
-    def table(self) -> Table:
-        """One row a closure."""
-        rows = [
-            (
-                name,
-                *(number(v, 3) for v in self.tip_um[i]),
-                number(float(np.abs(self.misfit_arcsec[i]).max()), 3),
-                number(float(np.abs(self.gap_um[i]).max()), 3),
-            )
-            for i, name in enumerate(self.closures)
-        ]
-        amounts = ", ".join(f"{name} = {value:g}" for name, value in self.errors.items())
-        columns = ("closure", "dx µm", "dy µm", "dz µm", "misfit arcsec", "gap µm")
-        return Table.of(f"Displacement of the tool point under {amounts}", columns, rows)
-
-    def summary(self) -> str:
-        """Table and verdict."""
-        verdict = (
-            f"The loops are strained: answers differ by {self.spread_um:.3f} µm, and only the "
-            "stiffness of the joints decides between them."
-            if self.depends
-            else "All equations stay satisfied: the answer does not depend on the closure."
-        )
-        return f"{self.table().text()}\n{verdict}"
-
-    def _repr_html_(self) -> str:
-        return self.table().html() + f"<p>{html.escape(self.summary().splitlines()[-1])}</p>"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Everything as plain Python values."""
-        return {
-            "errors": dict(self.errors),
-            "closures": list(self.closures),
-            "tip_um": self.tip_um.tolist(),
-            "misfit_arcsec": self.misfit_arcsec.tolist(),
-            "gap_um": self.gap_um.tolist(),
-            "spread_um": self.spread_um,
-            "depends": self.depends,
-        }
+def _one_pose(joints: ArrayLike) -> Floats:
+    array = joints_array(joints)
+    if len(array) != 1:
+        raise InputError(f"joints: got {len(array)} poses, wanted one")
+    return np.asarray(array[0])
 
 
 Weights: TypeAlias = tuple[float, float, float, float]
@@ -338,20 +97,6 @@ CLOSURES: Mapping[str, Weights] = MappingProxyType(
         "against legs 1, 3 dropped": (0.0, 1000.0, 0.0, 1000.0),
     }
 )
-
-
-def error_name(name: str) -> str:
-    """Return the full name with unit of an error: ``e5`` → ``e5_um``.
-
-    Raises
-    ------
-    UnknownNameError
-        A name that is none.
-    """
-    try:
-        return _core.hybrid_parameter(name)
-    except InputError as error:
-        raise UnknownNameError(str(error)) from None
 
 
 @dataclass(frozen=True)
@@ -414,13 +159,11 @@ class Mechanism:
         return hash((*sorted(self.dimensions.items()), *sorted(self.errors.items()), self.home_mm))
 
     @cached_property
-    def _core(self) -> _core.Hybrid:
-        values = _core.hybrid_example()
+    def _core(self) -> Hybrid:
+        values = hybrid_example()
         for name, index in _dimension_keys().items():
             values[index] = float(self.dimensions.get(name, values[index]))
-        return _core.Hybrid(
-            values, list(self.home_mm), list(self.errors.items()), list(self.closure_mm)
-        )
+        return Hybrid(values, list(self.home_mm), list(self.errors.items()), list(self.closure_mm))
 
     @classmethod
     def from_setup(cls, setup: Setup) -> Mechanism:
@@ -428,27 +171,16 @@ class Mechanism:
 
         Raises
         ------
-        UnknownNameError
-            A key that is none of those in the module's docstring.
-        InputError
-            A value of the wrong kind.
+        FileFormatError, InputError
+            A key that is none of those in the module's docstring, or a value of the wrong kind;
+            with its place in the file of the set-up.
         """
-        table = dict(setup.hybrid)
-        errors = table.pop("errors", {})
-        arguments: dict[str, Any] = {"errors": _numbers("[hybrid.errors]", errors)}
-        for key, count in (("home_mm", 3), ("closure_mm", 4)):
-            if key in table:
-                value = table.pop(key)
-                if not isinstance(value, Sequence) or len(value) != count:
-                    raise InputError(f"[hybrid] {key}: got {value!r}, wanted {count} numbers")
-                values = _numbers(f"[hybrid] {key}", dict(enumerate(value)))
-                arguments[key] = tuple(values.values())
-        keys = _dimension_keys()
-        for key in table:
-            if key not in keys:
-                known = ", ".join((*keys, "home_mm", "closure_mm", "errors"))
-                raise UnknownNameError(f"[hybrid] key {key!r}; wanted one of: {known}")
-        return cls(dimensions=_numbers("[hybrid]", table), **arguments)
+        section = Section.of("hybrid", setup.hybrid)
+        dimensions = {name: Key(Number(), "dimension", None) for name in _dimension_keys()}
+        values = section.read({**dimensions, **_KEYS})
+        given = {name: values.pop(name) for name in dimensions if name in values}
+        with section.placed():
+            return cls(dimensions=given, **values)
 
     def with_errors(self, errors: Mapping[str, float]) -> Mechanism:
         """Return the same machine with these errors (µm, arcsec) instead of its own."""
@@ -483,7 +215,7 @@ class Mechanism:
             Another shape, or values that are not finite.
         """
         array = joints_array(joints)
-        return Forward._of(array, self._core.forward(array, threads))
+        return Forward.of_rows(array, self._core.forward(array, threads))
 
     def sensitivity(
         self,
@@ -510,10 +242,10 @@ class Mechanism:
         names = tuple(error_name(p) for p in parameters)
         k = len(names)
         rows = self._core.sensitivity(array, list(names), threads)
-        rates = rows[:, _FORWARD_COLUMNS:].reshape(len(array), 20, k)
+        rates = rows[:, FORWARD_COLUMNS:].reshape(len(array), 20, k)
         return Sensitivity(
             parameters=names,
-            forward=Forward._of(array, rows[:, :_FORWARD_COLUMNS]),
+            forward=Forward.of_rows(array, rows[:, :FORWARD_COLUMNS]),
             tip=rates[:, 0:3],
             turn=rates[:, 3:6],
             serial_tip=rates[:, 6:9],
@@ -552,8 +284,8 @@ class Mechanism:
         """
         if wrist not in (1, -1):
             raise InputError(f"wrist branch: got {wrist!r}, wanted 1 or -1")
-        tips = np.atleast_2d(np.asarray(tip_mm, dtype=np.float64))
-        ways = np.asarray(direction, dtype=np.float64)
+        tips = np.atleast_2d(floats("tip_mm", tip_mm))
+        ways = floats("direction", direction)
         if tips.ndim != 2 or tips.shape[1] != 3:
             raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, wanted (n, 3) or (3,)")
         if ways.shape not in ((3,), (1, 3), tips.shape):
@@ -568,7 +300,7 @@ class Mechanism:
 
     def constraint(self, joints: ArrayLike) -> Constraint:
         """Rank, mobility and self-stress of the loops at one pose, (5,)."""
-        (pose,) = joints_array(joints)
+        pose = _one_pose(joints)
         rank, values, stress, jacobian = self._core.constraint(list(pose))
         return Constraint(
             rank=rank,
@@ -608,26 +340,26 @@ class Mechanism:
         closures
             Name and weights (mm) of each.
         """
-        (pose,) = joints_array(joints)
+        pose = _one_pose(joints)
         named = {error_name(name): float(value) for name, value in errors.items()}
         total = dict(self.errors)
         for name, value in named.items():
             total[name] = total.get(name, 0.0) + value
-        moved, left = [], []
+        moved, solved = [], []
         for weights in closures.values():
             plain = replace(self, closure_mm=weights)
             before = plain.forward(pose)
             after = plain.with_errors(total).forward(pose)
             moved.append((after.tip_mm[0] - before.tip_mm[0]) * 1e3)
-            left.append(after)
+            solved.append(after)
         tips = np.array(moved)
         spread = max((float(np.linalg.norm(a - b)) for a in tips for b in tips), default=0.0)
         return ClosureDependence(
-            errors=MappingProxyType(named),
+            errors=named,
             closures=tuple(closures),
             tip_um=tips,
-            misfit_arcsec=np.array([f.misfit_arcsec[0] for f in left]),
-            gap_um=np.array([f.gap_um[0] for f in left]),
+            misfit_arcsec=np.array([f.misfit_arcsec[0] for f in solved]),
+            gap_um=np.array([f.gap_um[0] for f in solved]),
             spread_um=spread,
         )
 
@@ -657,18 +389,17 @@ class Mechanism:
             µm per unit of each parameter.
         """
         array = joints_array(joints)
-        centres = np.broadcast_to(np.asarray(centres_mm, dtype=np.float64), (len(array), 3))
+        centres = floats("centres_mm", centres_mm)
+        if centres.shape not in ((3,), (1, 3), (len(array), 3)):
+            raise InputError(f"centres_mm: got shape {centres.shape}, wanted (3,) or (n, 3)")
+        centres = np.broadcast_to(centres, (len(array), 3))
         names = [error_name(p) for p in parameters]
         rows = self._core.ballbar(array, np.ascontiguousarray(centres), names, threads)
         return rows[:, 0], rows[:, 1:4], rows[:, 4:]
 
 
-def _numbers(what: str, table: object) -> dict[str, float]:
-    if not isinstance(table, Mapping):
-        raise InputError(f"{what}: got {table!r}, wanted a table of numbers")
-    numbers = {}
-    for key, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{what} {key}: got {value!r}, wanted a number")
-        numbers[str(key)] = float(value)
-    return numbers
+_KEYS = {
+    "home_mm": Key(Vector(3), "tool point at home", None),
+    "closure_mm": Key(Vector(4), "weights of the closure", None),
+    "errors": Key(Numbers(), "known errors, µm and arcsec", None),
+}

@@ -61,11 +61,9 @@ class Chain:
         """1 or -1 for each rotary axis, (axes,): between the control's sign and the machine's."""
         return np.array([self.setup.sense(letter) for letter in self.letters], dtype=float)
 
-    @cached_property
-    def all_senses(self) -> Floats:
-        """1 or -1 for X, Y, Z and the rotary axes, (3 + axes,)."""
-        linear = [float(self.setup.sense(letter)) for letter in "XYZ"]
-        return np.concatenate([linear, self.senses])
+    def linear_senses(self) -> Floats:
+        """1 or -1 for X, Y, Z."""
+        return np.array([self.setup.sense(letter) for letter in "XYZ"], dtype=float)
 
     @property
     def name(self) -> str:

@@ -14,7 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import array, choose
+from trunnion.base.errors import InputError
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -57,7 +58,7 @@ def forward_kinematics(
         (n, 3) each.
     """
     machine = Chain(setup).machine(errors)
-    tools = machine.forward(_rows("axes", axes, 3 + len(machine.letters)))
+    tools = machine.forward(array("axes", axes, 3 + len(machine.letters)))
     return tools[:, :3], tools[:, 3:]
 
 
@@ -74,7 +75,7 @@ def kinematic_jacobian(
     """
     machine = Chain(setup).machine(errors)
     width = 3 + len(machine.letters)
-    return machine.jacobian(_rows("axes", axes, width)).reshape(-1, 6, width)
+    return machine.jacobian(array("axes", axes, width)).reshape(-1, 6, width)
 
 
 def inverse_kinematics(
@@ -109,45 +110,26 @@ def inverse_kinematics(
     """
     machine = Chain(setup).machine(errors)
     axes_count = len(machine.letters)
-    points = _rows("point_mm", point_mm, 3)
-    directions = _rows("direction", direction, 3)
+    points = array("point_mm", point_mm, 3)
+    directions = array("direction", direction, 3)
     if len(points) != len(directions):
         raise InputError(
-            f"direction: got {len(directions)} rows, wanted {len(points)}, one a tool point"
+            f"direction: got {len(directions)} rows, expected {len(points)}, one a tool point"
         )
     reference = np.zeros(axes_count)
     if reference_deg is not None:
-        reference = np.asarray(reference_deg, dtype=float).reshape(-1)
-        if reference.shape != (axes_count,) or not np.all(np.isfinite(reference)):
-            raise InputError(
-                f"reference_deg: got {reference_deg!r}, wanted {axes_count} finite numbers"
-            )
+        reference = array("reference_deg", reference_deg, axes_count, rows=1)[0]
     tools = np.hstack([points, directions])
     both, singular = machine.inverse(tools, reference)
     both = both.reshape(-1, 2, 3 + axes_count)
-    if branch == "positive":
-        chosen = both[:, 0]
-    elif branch == "negative":
-        chosen = both[:, 1]
-    elif branch == "nearest":
+    choose("branch", branch, ("positive", "negative", "nearest"))
+    if branch == "nearest":
         turns = (both[:, :, 3:] - reference + 180.0) % 360.0 - 180.0
         nearest = np.argmin(np.abs(turns).sum(axis=2), axis=1)
         chosen = both[np.arange(len(both)), nearest]
     else:
-        raise UnknownNameError(
-            f"branch: got {branch!r}, wanted 'positive', 'negative' or 'nearest'"
-        )
+        chosen = both[:, 0 if branch == "positive" else 1]
     chosen = np.ascontiguousarray(chosen)
     if (errors is None and setup.machine.errors) or errors:
         chosen = machine.inverse_exact(tools, chosen)
     return AxisSolution(chosen, singular)
-
-
-def _rows(what: str, values: ArrayLike, width: int) -> Floats:
-    array = np.atleast_2d(np.asarray(values, dtype=float))
-    if array.ndim != 2 or array.shape[1] != width:
-        raise InputError(f"{what}: got shape {array.shape}, wanted (n, {width})")
-    if not np.isfinite(array).all():
-        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise InputError(f"{what}, row {row}: got {array[row]}, wanted finite numbers")
-    return np.ascontiguousarray(array)

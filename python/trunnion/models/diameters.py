@@ -41,7 +41,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -62,6 +62,7 @@ from trunnion.diagnosis.effect import (
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
 from trunnion.machine.estimate import CODE, Estimate
 from trunnion.setup import Setup
+from trunnion.setup.fields import Number, Part, Section, key
 
 __all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions_of"]
 
@@ -92,20 +93,19 @@ CAUSES = {
 """Id → label."""
 
 
+POSITIVE = Number(positive=True)
+
+
 @dataclass(frozen=True)
-class Conditions:
+class Conditions(Part):
     """What the set-up file's table ``[turning]`` says of a cut; None where it says nothing."""
 
-    overhang_mm: float
-    feed_mm_rev: float | None = None
-    cutting_speed_m_min: float | None = None
-    spindle_rpm: float | None = None
-    diameter_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"[turning] {name}: got {value}, expected a number above zero")
+    table: ClassVar[str] = "turning"
+    overhang_mm: float = key(..., POSITIVE, "from the chuck face to the free end")
+    feed_mm_rev: float | None = key(None, POSITIVE, "feed per revolution")
+    cutting_speed_m_min: float | None = key(None, POSITIVE, "constant surface speed")
+    spindle_rpm: float | None = key(None, POSITIVE, "constant spindle speed")
+    diameter_mm: float | None = key(None, POSITIVE, "nominal diameter")
 
 
 def conditions_of(setup: Setup | Conditions | None) -> Conditions:
@@ -113,27 +113,13 @@ def conditions_of(setup: Setup | Conditions | None) -> Conditions:
 
     Raises
     ------
-    InputError
-        No overhang, or a value that is no number above zero.
-    UnknownNameError
-        A key that is not known.
+    FileFormatError, InputError
+        No overhang, a key that is not known, or a value that is no number above zero; with its
+        place in the file of the set-up.
     """
     if isinstance(setup, Conditions):
         return setup
-    table: Mapping[str, Any] = {} if setup is None else setup.turning
-    known = tuple(Conditions.__dataclass_fields__)
-    unknown = sorted(set(table) - set(known))
-    if unknown:
-        raise UnknownNameError(f"[turning] {unknown[0]}: unknown key; expected one of {known}")
-    if "overhang_mm" not in table:
-        raise InputError(
-            "[turning] overhang_mm: got nothing, expected the distance from the chuck face to the "
-            "free end, mm: diameters cannot be diagnosed without it"
-        )
-    for name, value in table.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"[turning] {name}: got {value!r}, expected a number")
-    return Conditions(**{name: float(value) for name, value in table.items()})
+    return Section.of("turning", {} if setup is None else setup.turning).build(Conditions)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,12 @@ from .contouring import plot_path as plot_path
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
+from .hybrid import plot_ballbar_residuals as plot_ballbar_residuals
 from .hybrid import plot_ballbar_view as plot_ballbar_view
 from .hybrid import plot_cube as plot_cube
 from .hybrid import plot_cubes as plot_cubes
 from .hybrid import plot_identifiability as plot_identifiability
+from .hybrid import plot_sensitivity as plot_sensitivity
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates
 from .touches import plot_observability as plot_observability

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from trunnion.contouring.margins import Margins
 from trunnion.contouring.paths import Path
-from trunnion.contouring.reproduction import Comparison
+from trunnion.contouring.reproduction import ContourComparison
 from trunnion.contouring.simulation import ContourRun, ContourSweep
 from trunnion.plot.axes import axes_or_new
 
@@ -29,8 +29,8 @@ STYLES = {
 }
 
 
-def _runs(result: "Comparison | ContourRun | Iterable[ContourRun]") -> list[ContourRun]:
-    if isinstance(result, Comparison):
+def _runs(result: "ContourComparison | ContourRun | Iterable[ContourRun]") -> list[ContourRun]:
+    if isinstance(result, ContourComparison):
         return list(result.runs.values())
     return [result] if isinstance(result, ContourRun) else list(result)
 
@@ -54,7 +54,7 @@ def _draw(result: Any, column: str, label: str, ax: Axes | None, title: str | No
 
 
 def plot_contour_error(
-    result: "Comparison | ContourRun | Iterable[ContourRun]",
+    result: "ContourComparison | ContourRun | Iterable[ContourRun]",
     *,
     ax: Axes | None = None,
     title: str | None = None,
@@ -64,7 +64,7 @@ def plot_contour_error(
 
 
 def plot_orientation_error(
-    result: "Comparison | ContourRun | Iterable[ContourRun]",
+    result: "ContourComparison | ContourRun | Iterable[ContourRun]",
     *,
     ax: Axes | None = None,
     title: str | None = None,

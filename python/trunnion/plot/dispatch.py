@@ -10,7 +10,9 @@ from trunnion.base.errors import InputError
 __all__ = ["draw"]
 
 PICTURES = {
+    "BallbarIdentification": "plot_ballbar_residuals",
     "ClosedFormResult": "plot_estimates",
+    "ContourComparison": "plot_contour_error",
     "ContourRun": "plot_contour_error",
     "ContourSweep": "plot_contour_sweep",
     "Correction": "plot_correction",
@@ -22,6 +24,7 @@ PICTURES = {
     "Margins": "plot_margins",
     "Observability": "plot_observability",
     "ProbePath": "plot_probe_path",
+    "Sensitivity": "plot_sensitivity",
     "VolumetricError": "plot_volumetric",
 }
 """Class of a result → function of :mod:`trunnion.plot`."""

@@ -1,4 +1,4 @@
-"""Pictures of the hybrid machine: the transformed cube, what a ball-bar sees, what it can tell."""
+"""Plots of the hybrid machine: transformed cube, ball-bar view, what a plan determines."""
 
 from __future__ import annotations
 
@@ -10,11 +10,20 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from trunnion.base.errors import InputError
-from trunnion.hybrid.ballbar import Identifiability
 from trunnion.hybrid.cube import EDGES, CubeChange, CubeStudy
+from trunnion.hybrid.identifiability import Identifiability
+from trunnion.hybrid.identify import BallbarIdentification
+from trunnion.hybrid.results import Sensitivity
 from trunnion.plot.axes import axes_or_new, new_figure
 
-__all__ = ["plot_ballbar_view", "plot_cube", "plot_cubes", "plot_identifiability"]
+__all__ = [
+    "plot_ballbar_residuals",
+    "plot_ballbar_view",
+    "plot_cube",
+    "plot_cubes",
+    "plot_identifiability",
+    "plot_sensitivity",
+]
 
 
 def plot_cube(
@@ -87,14 +96,36 @@ def plot_ballbar_view(change: CubeChange, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_identifiability(result: Identifiability, *, ax: Axes | None = None) -> Axes:
-    """Draw the standard error of each combination of errors, best seen first."""
+    """Draw the standard error of each combination of errors, best determined first."""
     ax = axes_or_new(ax, 5.5, 3.2)
-    seen = result.direction_errors[: result.rank]
-    ax.semilogy(np.arange(1, len(seen) + 1), seen, "o-", markersize=4, linewidth=1)
+    determined = result.direction_errors[: result.rank]
+    ax.semilogy(np.arange(1, len(determined) + 1), determined, "o-", markersize=4, linewidth=1)
     ax.set_xlabel("combination of errors")
     ax.set_ylabel("standard error, µm or arcsec")
     ax.set_xticks(range(1, len(result.parameters) + 1, 2))
     ax.grid(visible=True, alpha=0.3)
+    return ax
+
+
+def plot_ballbar_residuals(result: BallbarIdentification, *, ax: Axes | None = None) -> Axes:
+    """Draw the residuals of an identification in the order of the readings, with ± 2 σ."""
+    ax = axes_or_new(ax)
+    ax.plot(result.residuals_um, ".", markersize=3)
+    for sign in (-2, 2):
+        ax.axhline(sign * result.sigma_um, color="0.4", linewidth=0.8, linestyle="--")
+    ax.set_xlabel("reading")
+    ax.set_ylabel("measured less modelled length, µm")
+    ax.grid(visible=True, alpha=0.3)
+    return ax
+
+
+def plot_sensitivity(result: Sensitivity, *, pose: int = 0, ax: Axes | None = None) -> Axes:
+    """Draw how far each error moves the tool point at one pose."""
+    ax = axes_or_new(ax)
+    ax.bar(result.parameters, np.linalg.norm(result.tip[pose], axis=0), color="C0")
+    ax.set_ylabel("tool point, µm per µm or arcsec")
+    ax.tick_params(axis="x", labelrotation=90, labelsize=7)
+    ax.grid(visible=True, axis="y", alpha=0.3)
     return ax
 
 

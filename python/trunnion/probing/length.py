@@ -1,4 +1,4 @@
-"""Equation (21) of paper 000: the smallest artefact for given resolutions."""
+"""The smallest artefact for given resolutions: equation (21) of Kang, Kim and Jee (2022)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["smallest_length_mm"]
 
 
 def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> float:
-    """Smallest length of the artefact, L > λ_LR csc λ_RR (paper 000, equation (21)).
+    """Smallest length of the artefact, L > λ_LR csc λ_RR (Kang, Kim and Jee 2022, equation (21)).
 
     One step of the linear axes across the length L tilts the artefact by λ_LR / L: from this length
     on the step of the linear axes is no coarser than that of the rotary axes. It is a rule of

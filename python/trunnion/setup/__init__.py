@@ -9,8 +9,8 @@ from trunnion.setup.parts import (
     Resolution,
     Setup,
     TableSetup,
-    read_setup,
 )
+from trunnion.setup.read import read_setup
 
 __all__ = [
     "Artefact",

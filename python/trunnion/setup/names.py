@@ -25,8 +25,8 @@ def canonical_error_name(text: str) -> str:
     match = _SPELLING.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None or ("{" in text) != ("}" in text):
         raise UnknownNameError(
-            f"location error: got {text!r}, wanted a name of ISO 230-1 such as EA0A (tilt about X "
-            "of the A axis) or EX0C (offset along X of the C axis)"
+            f"location error: got {text!r}, expected a name of ISO 230-1 such as EA0A (tilt "
+            "about X of the A axis) or EX0C (offset along X of the C axis)"
         )
     direction, axis = match.groups()
     return f"E{direction}0{axis}".upper()

@@ -1,54 +1,39 @@
-"""The set-up: machine, artefact and probe of a measurement, read from ``setup.toml`` or built.
+"""The set-up: machine, artefact and probe of a measurement, as it stands in ``setup.toml``.
 
-Every key but the artefact's kind has a default. This is the one place that lists them all::
-
-    [machine]
-    preset = "trt-ca"        # the chain of axes; the machine model knows the list
-    [machine.errors]         # location errors known beforehand, µm (offsets) and arcsec (tilts):
-    EX0C = 0.0               # part of the nominal model, results are totals that include them
-    [axes.C]                 # one table an axis, X Y Z A B C
-    sense = 1                # -1: the control counts this axis the other way round
-    [artefact]
-    kind = "cross"           # "cross" | "cuboid" | "sphere"; no default
-    length_mm = 100.0        # cross and cuboid: along X
-    width_mm = 25.0          #   of the bars; of the cuboid along Y
-    height_mm = 25.0
-    diameter_mm = 20.0       # sphere only, where it has no default
-    centre_mm = [0, 0, 60]   # sphere only, where it has no default; artefact frame
-    [probe]
-    ball_radius_mm = 1.0
-    repeatability_um = 0.0   # 1 σ; 0 = unknown, to be estimated
-    tick_um = 0.0            # travel between two looks at the probe, the same at every feed
-    length_mm = 150.0        # ball centre to the pivot of a rotary head; only a head uses it
-    stem_radius_mm = 0.5     # for collision checks; default half the ball radius
-    [resolution]
-    linear_um = 0.1          # commands are rounded to these; recorded positions are not
-    rotary_arcsec = 0.36
-    [table]                  # for collision checks: a disc, its top at Z = 0 when A = 0
-    radius_mm = 150.0
-    thickness_mm = 30.0
-    [plan]
-    clearance_mm = 5.0       # from the surface to the ball where an approach starts
-    overtravel_mm = 5.0      # how far behind the nominal contact an approach may search
-    rapid_mm_min = 10000.0
-    rotary_deg_min = 3600.0
-
-The tables ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to the sister machines,
-which read them themselves; a file with one of them needs no ``[artefact]`` (its kind is then
-"none"). Any other key is an error.
+Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
+unit and meaning. Tables ``[machine]`` (with ``[machine.errors]``), ``[axes.X]`` and so on,
+``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]`` and ``[plan]`` are declared here.
+``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
+and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
+key is an error.
 """
 
-import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields
-from numbers import Real
-from os import PathLike
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import trunnion._core as _core
+from trunnion.base.checks import choose, entry, instance, named, within
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.files.toml import TomlText
+from trunnion.base.frozen import FrozenMapping
+from trunnion.base.units import unit_of
+from trunnion.setup.fields import (
+    COORDINATE,
+    LENGTH,
+    Choice,
+    Key,
+    Number,
+    Part,
+    Section,
+    Sign,
+    Vector,
+    key,
+    keys_of,
+)
 from trunnion.setup.names import canonical_error_name
+from trunnion.setup.write import headline_of, report_of, tables_of, toml_of
 
 __all__ = [
     "Artefact",
@@ -59,194 +44,132 @@ __all__ = [
     "Resolution",
     "Setup",
     "TableSetup",
-    "read_setup",
 ]
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
-ARTEFACT_KINDS = ("cross", "cuboid", "sphere")
-SISTER_TABLES = ("turning", "servo", "ballbar", "hybrid")
+PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
+"""Tables that belong to a process, which declares and reads them."""
 
+DIMENSIONS: Mapping[str, tuple[str, ...]] = {
+    "cross": ("length_mm", "width_mm", "height_mm"),
+    "cuboid": ("length_mm", "width_mm", "height_mm"),
+    "sphere": ("diameter_mm", "centre_mm"),
+    "none": ("length_mm", "width_mm", "height_mm"),  # earlier versions wrote them
+}
+"""Keys of an artefact beside its kind; "none" where nothing is touched."""
 
-class _EntryError(InputError):
-    """A value that its key does not take; `keys` is its path below the table that was checked."""
+MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
+"""Location errors beyond a tenth of a metre or half a turn are typos."""
 
-    def __init__(self, message: str, keys: tuple[str | int, ...] = ()) -> None:
-        super().__init__(message)
-        self.keys = keys
-
-
-class _UnknownEntryError(_EntryError, UnknownNameError):
-    """A value that is no name of the list."""
-
-
-def _fault(name: str, got: object, wanted: str, *below: str | int) -> _EntryError:
-    return _EntryError(f"{name}: got {got!r}, wanted {wanted}", below)
-
-
-# --- checks of one value; each returns the value in its final type
-
-
-def _number(name: str, value: object, wanted: str = "a finite number") -> float:
-    if isinstance(value, Real) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except OverflowError:
-            number = math.inf
-        if math.isfinite(number):
-            return number
-    raise _fault(name, value, wanted)
-
-
-def _positive(name: str, value: object) -> float:
-    number = _number(name, value, "a finite number above 0")
-    if number <= 0.0:
-        raise _fault(name, value, "a finite number above 0")
-    return number
-
-
-def _not_negative(name: str, value: object) -> float:
-    number = _number(name, value, "a finite number, 0 or above")
-    if number < 0.0:
-        raise _fault(name, value, "a finite number, 0 or above")
-    return number
-
-
-def _sense(name: str, value: object) -> int:
-    if not isinstance(value, bool) and isinstance(value, Real) and value in (1, -1):
-        return 1 if value == 1 else -1
-    raise _fault(name, value, "1 or -1")
-
-
-def _preset(name: str, value: object) -> str:
-    if value in _core.presets():
-        return str(value)
-    raise _UnknownEntryError(f"{name}: got {value!r}, wanted one of {', '.join(_core.presets())}")
-
-
-def _kind(name: str, value: object) -> str:
-    if value in (*ARTEFACT_KINDS, "none"):
-        return str(value)
-    raise _fault(name, value, 'one of "cross", "cuboid", "sphere"')
-
-
-def _point(name: str, value: object) -> tuple[float, float, float]:
-    wanted = "three finite numbers [x, y, z]"
-    if not isinstance(value, list | tuple) or len(value) != 3:
-        raise _fault(name, value, wanted)
-    x, y, z = (_number(name, item, wanted) for item in value)
-    return x, y, z
-
-
-def _errors(name: str, value: object) -> dict[str, float]:
-    if not isinstance(value, Mapping):
-        raise _fault(name, value, "a table of location errors, µm and arcsec")
-    errors: dict[str, float] = {}
-    for spelling, size in value.items():
-        try:
-            canonical = canonical_error_name(spelling)
-        except UnknownNameError as error:
-            raise _EntryError(f"{name}: {error}", (spelling,)) from None
-        if canonical in errors:
-            raise _fault(f"{name}.{canonical}", spelling, "each error once", spelling)
-        try:
-            errors[canonical] = _number(f"{name}.{canonical}", size)
-        except _EntryError as error:
-            raise _EntryError(str(error), (spelling,)) from None
-    return errors
-
-
-def _checked(check: Callable[[str, object], object], default: object) -> Any:
-    """Field of a part with its default and check; a default None passes unchecked."""
-    return field(default=default, metadata={"check": check})
-
-
-class _Part:
-    """A table of the file. Values are checked and brought to their type when it is made."""
-
-    table: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        for item in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, item.name)
-            check = item.metadata.get("check")
-            if check is None or (value is None and item.default is None):
-                continue
-            try:
-                value = check(f"{self.table}.{item.name}", value)
-            except _EntryError as error:
-                error.keys = (item.name, *error.keys)
-                raise
-            object.__setattr__(self, item.name, value)
-
-
-# --- the parts
+UNCERTAINTY = Number(0.0, 1e4)
+SPEED = Number(1e-3, 1e7)
 
 
 @dataclass(frozen=True)
-class Machine(_Part):
-    """Chain of axes and what is known of its location errors (µm, arcsec; part of the model)."""
+class _Presets:
+    """A machine that the core knows."""
+
+    @property
+    def words(self) -> str:
+        return "one of " + ", ".join(_core.presets())
+
+    def __call__(self, what: str, value: Any) -> str:
+        return choose(what, value, _core.presets())
+
+
+@dataclass(frozen=True)
+class _LocationErrors:
+    """Location errors by name, in any spelling."""
+
+    words: str = "a table of location errors, µm and arcsec"
+
+    def __call__(self, what: str, value: Any) -> FrozenMapping[float]:
+        errors: dict[str, float] = {}
+        for spelling, size in named(what, value, self.words).items():
+            with entry(spelling):
+                name = _canonical(what, spelling)
+                if name in errors:
+                    raise InputError(f"{what}.{name}: got {spelling!r}, expected each error once")
+                limit = MAX_ERROR[unit_of(name)]
+                errors[name] = within(f"{what}.{name}", size, -limit, limit, unit_of(name))
+        return FrozenMapping(errors)
+
+
+def _canonical(what: str, spelling: str) -> str:
+    try:
+        return canonical_error_name(spelling)
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{what}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Machine(Part):
+    """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
+
+    Results are totals that include the known errors.
+    """
 
     table: ClassVar[str] = "machine"
-    preset: str = _checked(_preset, "trt-ca")
-    errors: Mapping[str, float] = field(default_factory=dict, metadata={"check": _errors})
+    preset: str = key("trt-ca", _Presets(), "chain of axes")
+    errors: Mapping[str, float] = key(FrozenMapping({}), _LocationErrors(), "errors known before")
 
     def __post_init__(self) -> None:
+        """Check every field, and that the machine has these errors."""
         super().__post_init__()
         known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
         for name in self.errors:
-            if name not in known:
-                raise _UnknownEntryError(
-                    f"machine.errors: got {name!r}, wanted an error that {self.preset} has: "
-                    f"{', '.join(known)}",
-                    ("errors", name),
-                )
+            with entry("errors", name):
+                choose(f"machine.errors of {self.preset}", name, known)
 
 
 @dataclass(frozen=True)
-class AxisSetup(_Part):
+class AxisSetup(Part):
     """One axis. `sense` -1: the control counts it against the right-handed turn of the table."""
 
     table: ClassVar[str] = "axes"
-    sense: int = _checked(_sense, 1)
+    sense: int = key(1, Sign(), "-1: the control counts the axis the other way round")
 
 
 @dataclass(frozen=True)
-class Artefact(_Part):
+class Artefact(Part):
     """What is touched, mm. `kind` is "cross", "cuboid" or "sphere" ("none" where nothing is).
 
     A sphere needs `diameter_mm` and `centre_mm` (artefact frame); they are None for the others.
     """
 
     table: ClassVar[str] = "artefact"
-    kind: str = field(metadata={"check": _kind})
-    length_mm: float = _checked(_positive, 100.0)
-    width_mm: float = _checked(_positive, 25.0)
-    height_mm: float = _checked(_positive, 25.0)
-    diameter_mm: float | None = _checked(_positive, None)
-    centre_mm: tuple[float, float, float] | None = _checked(_point, None)
+    kind: str = key(..., Choice(tuple(DIMENSIONS)), "what is touched")
+    length_mm: float = key(100.0, LENGTH, "along X")
+    width_mm: float = key(25.0, LENGTH, "of a cross's bars; of a cuboid along Y")
+    height_mm: float = key(25.0, LENGTH, "along Z")
+    diameter_mm: float | None = key(None, LENGTH, "of the sphere")
+    centre_mm: tuple[float, float, float] | None = key(
+        None, Vector(3, COORDINATE), "of the sphere, artefact frame"
+    )
 
     def __post_init__(self) -> None:
+        """Check every field, and that the kind has these dimensions."""
         super().__post_init__()
-        for item in fields(self)[1:]:
-            key, value = item.name, getattr(self, item.name)
-            of_sphere = item.default is None
-            if value is None and self.kind == "sphere":
-                raise _EntryError(f"artefact.{key}: got none, wanted one: a sphere needs it")
-            if value != item.default and of_sphere != (self.kind == "sphere"):
-                raise _fault(
-                    f"artefact.{key}", value, f"none: a {self.kind} has no such dimension", key
-                )
+        own = DIMENSIONS[self.kind]
+        for name, declared in keys_of(Artefact).items():
+            value = getattr(self, name)
+            if name in own and value is None:
+                raise self.refuse(name, f"{declared.takes.words}: a {self.kind} needs it")
+            if name not in (*own, "kind") and value != declared.default:
+                has = ", ".join(own)
+                raise self.refuse(name, f"none: a {self.kind} has {has}")
         if self.kind == "cross" and self.width_mm >= self.length_mm:
-            raise _fault(
-                "artefact.width_mm",
-                self.width_mm,
-                f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms",
-                "width_mm",
-            )
+            limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
+            raise self.refuse("width_mm", limit)
+
+    def own_keys(self) -> Mapping[str, Key]:
+        """Return the kind and its dimensions."""
+        own = ("kind", *DIMENSIONS[self.kind])
+        return {name: declared for name, declared in keys_of(Artefact).items() if name in own}
 
 
 @dataclass(frozen=True)
-class Probe(_Part):
+class Probe(Part):
     """Touch probe. `tick_um` is the travel between two looks at it; 0 σ means unknown.
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
@@ -254,21 +177,20 @@ class Probe(_Part):
     """
 
     table: ClassVar[str] = "probe"
-    ball_radius_mm: float = _checked(_positive, 1.0)
-    repeatability_um: float = _checked(_not_negative, 0.0)
-    tick_um: float = _checked(_not_negative, 0.0)
-    length_mm: float = _checked(_positive, 150.0)
-    stem_radius_mm: float | None = _checked(_positive, None)
+    ball_radius_mm: float = key(1.0, LENGTH, "radius of the ball")
+    repeatability_um: float = key(0.0, UNCERTAINTY, "standard deviation; 0: to be estimated")
+    tick_um: float = key(0.0, UNCERTAINTY, "travel between two looks at the probe, at every feed")
+    length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
+    stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
 
     def __post_init__(self) -> None:
+        """Check every field, and that the ball is thicker than its stem."""
         super().__post_init__()
         if self.effective_stem_radius_mm > self.ball_radius_mm:
-            raise _fault(
-                "probe.stem_radius_mm",
-                self.stem_radius_mm,
-                f"at most probe.ball_radius_mm = {self.ball_radius_mm:g}: the ball touches first",
-                "stem_radius_mm",
+            limit = (
+                f"at most probe.ball_radius_mm = {self.ball_radius_mm:g}: the ball touches first"
             )
+            raise self.refuse("stem_radius_mm", limit)
 
     @property
     def effective_stem_radius_mm(self) -> float:
@@ -278,47 +200,42 @@ class Probe(_Part):
 
 
 @dataclass(frozen=True)
-class Resolution(_Part):
+class Resolution(Part):
     """What commands are rounded to; 0 = not rounded. Recorded positions are not rounded."""
 
     table: ClassVar[str] = "resolution"
-    linear_um: float = _checked(_not_negative, 0.1)
-    rotary_arcsec: float = _checked(_not_negative, 0.36)
+    linear_um: float = key(0.1, UNCERTAINTY, "step of commands to linear axes; 0: not rounded")
+    rotary_arcsec: float = key(0.36, UNCERTAINTY, "step of commands to rotary axes")
 
 
 @dataclass(frozen=True)
-class TableSetup(_Part):
+class TableSetup(Part):
     """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks."""
 
     table: ClassVar[str] = "table"
-    radius_mm: float = _checked(_positive, 150.0)
-    thickness_mm: float = _checked(_positive, 30.0)
+    radius_mm: float = key(150.0, LENGTH, "of the rotary table, a disc with its top at Z = 0")
+    thickness_mm: float = key(30.0, LENGTH, "of the rotary table")
 
 
 @dataclass(frozen=True)
-class PlanSetup(_Part):
+class PlanSetup(Part):
     """How a plan moves: where an approach starts, how far it searches, at what rapid speeds."""
 
     table: ClassVar[str] = "plan"
-    clearance_mm: float = _checked(_positive, 5.0)
-    overtravel_mm: float = _checked(_positive, 5.0)
-    rapid_mm_min: float = _checked(_positive, 10000.0)
-    rotary_deg_min: float = _checked(_positive, 3600.0)
+    clearance_mm: float = key(5.0, LENGTH, "from the surface to the ball where an approach starts")
+    overtravel_mm: float = key(5.0, LENGTH, "how far behind the contact an approach may search")
+    rapid_mm_min: float = key(10000.0, SPEED, "rapid feed of linear axes")
+    rotary_deg_min: float = key(3600.0, SPEED, "rapid speed of rotary axes")
 
 
-_PARTS: dict[str, type[_Part]] = {
-    "machine": Machine,
-    "artefact": Artefact,
-    "probe": Probe,
-    "resolution": Resolution,
-    "table": TableSetup,
-    "plan": PlanSetup,
+PARTS: Mapping[str, type[Part]] = {
+    part.table: part for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup)
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Setup:
-    """A whole set-up; see the module for every key, its unit and its default.
+    """A whole set-up; ``print(setup)`` lists every key with its value, unit and meaning.
 
     Examples
     --------
@@ -340,156 +257,36 @@ class Setup:
     hybrid: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for key, part in _PARTS.items():
-            if not isinstance(getattr(self, key), part):
-                raise _fault(key, getattr(self, key), f"a {part.__name__}", key)
-        if not isinstance(self.axes, Mapping):
-            raise _fault("axes", self.axes, "a mapping of axis name to AxisSetup", "axes")
-        for name, axis in self.axes.items():
-            if name not in AXES:
-                wanted = f"an axis name, one of {', '.join(AXES)}"
-                raise _fault("axes", name, wanted, "axes", name)
-            if not isinstance(axis, AxisSetup):
-                raise _fault(f"axes.{name}", axis, "an AxisSetup", "axes", name)
-        for key in SISTER_TABLES:
-            if not isinstance(getattr(self, key), Mapping):
-                raise _fault(key, getattr(self, key), "a table", key)
+        """Check the types of the parts and the names of the axes."""
+        for name, part in PARTS.items():
+            instance(name, getattr(self, name), part, f"{_article(part)} {part.__name__}")
+        for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
+            instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
+        object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
+        for name in PROCESS_TABLES:
+            object.__setattr__(self, name, Section.of(name, getattr(self, name)))
 
     def sense(self, axis: str) -> int:
         """Return 1 or -1: the sense of an axis (1 unless the set-up says otherwise)."""
         return self.axes[axis].sense if axis in self.axes else 1
 
+    def to_dict(self) -> dict[str, dict[str, Any]]:
+        """Return the tables of the file with plain values; empty ones left out."""
+        return tables_of(self)
+
     def to_toml(self) -> str:
-        """Return the set-up as the text of a ``setup.toml`` that reads back as this set-up."""
-        tables: dict[str, Any] = {
-            key: {
-                item.name: value
-                for item in fields(part)  # type: ignore[arg-type]
-                if (value := getattr(getattr(self, key), item.name)) is not None
-            }
-            for key, part in _PARTS.items()
-        }
-        if self.artefact.kind == "sphere":
-            for key in ("length_mm", "width_mm", "height_mm"):
-                del tables["artefact"][key]
-        tables["axes"] = {name: {"sense": axis.sense} for name, axis in self.axes.items()}
-        tables |= {key: getattr(self, key) for key in SISTER_TABLES if getattr(self, key)}
-        return "\n".join(line for line in _toml_lines(tables, ())).lstrip("\n") + "\n"
+        """Return the text of a ``setup.toml`` that reads back as an equal set-up."""
+        return toml_of(self)
+
+    def __repr__(self) -> str:
+        return f"<Setup: {headline_of(self)}>"
+
+    def __str__(self) -> str:
+        return report_of(self).text()
+
+    def _repr_html_(self) -> str:
+        return report_of(self).html()
 
 
-# --- files
-
-
-def read_setup(path: str | PathLike[str]) -> Setup:
-    """Read ``setup.toml``; see the module for its keys.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is not TOML, has a key that nobody knows or a value that its key does not take;
-        the message has file, line and column, what stood there and what is wanted.
-    """
-    file = TomlText.read(path)
-    tables = {key: file.tables[key] for key in file.tables}
-    for key, value in tables.items():
-        if key not in (*_PARTS, "axes", *SISTER_TABLES):
-            raise _unknown(file, (key,), (*_PARTS, "axes", *SISTER_TABLES))
-        if not isinstance(value, Mapping):
-            raise _wrong(file, (key,), "a table")
-    sisters: dict[str, Any] = {key: tables[key] for key in SISTER_TABLES if key in tables}
-    if "artefact" not in tables and sisters:
-        tables["artefact"] = {"kind": "none"}
-    if "kind" not in _table(tables, "artefact"):
-        what = 'artefact.kind: missing, wanted kind = "cross", "cuboid" or "sphere"'
-        raise file.error(("artefact", "kind"), f"{what} in a table [artefact]", at_value=False)
-    built: dict[str, Any] = {
-        key: _build(file, part, (key,), _table(tables, key)) for key, part in _PARTS.items()
-    }
-    axes = {}
-    for name, axis in _table(tables, "axes").items():
-        if name not in AXES:
-            raise _unknown(file, ("axes", name), AXES)
-        if not isinstance(axis, Mapping):
-            raise _wrong(file, ("axes", name), "a table with the key sense")
-        axes[name] = _build(file, AxisSetup, ("axes", name), axis)
-    return Setup(axes=axes, **built, **sisters)
-
-
-def _table(tables: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    table: Mapping[str, Any] = tables.get(key, {})
-    return table
-
-
-def _unknown(file: TomlText, keys: tuple[str, ...], known: tuple[str, ...]) -> Exception:
-    what = f"{'.'.join(keys)}: unknown key, wanted one of {', '.join(known)}"
-    return file.error(keys, what, at_value=False)
-
-
-def _wrong(file: TomlText, keys: tuple[str, ...], wanted: str) -> Exception:
-    what = f"{'.'.join(keys)}: got {file.written(keys)}, wanted {wanted}"
-    return file.error(keys, what, at_value=True)
-
-
-def _build(
-    file: TomlText, part: type[_Part], keys: tuple[str, ...], values: Mapping[str, Any]
-) -> Any:
-    """Make a part from its table; its faults become errors of the file, with their place."""
-    known = tuple(item.name for item in fields(part))  # type: ignore[arg-type]
-    if values.get("kind") == "sphere":
-        known = ("kind", "diameter_mm", "centre_mm")
-    for key in values:
-        if key not in known:
-            raise _unknown(file, (*keys, key), known)
-    try:
-        return part(**values)
-    except _EntryError as error:
-        what = ".".join(keys) + str(error).removeprefix(part.table)  # axes.C, not axes
-        raise file.error((*keys, *error.keys), what, at_value=True) from None
-
-
-# --- writing
-
-
-def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
-    """Lines of a table: its own values, then its sub-tables under their headers."""
-    inner = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    if path and (len(inner) < len(table) or not inner):
-        yield f"\n[{'.'.join(_toml_key(key) for key in path)}]"
-    for key, value in table.items():
-        if key not in inner:
-            yield f"{_toml_key(key)} = {_toml_value(value)}"
-    for key, value in inner.items():
-        if value or (path and path[0] in SISTER_TABLES):
-            yield from _toml_lines(value, (*path, key))
-
-
-def _toml_key(key: str) -> str:
-    bare = key and key.isascii() and key.replace("_", "").replace("-", "").isalnum()
-    return key if bare else _toml_value(key)
-
-
-def _toml_value(value: object) -> str:
-    match value:
-        case bool():
-            return "true" if value else "false"
-        case str():
-            return '"' + "".join(_toml_character(character) for character in value) + '"'
-        case int():
-            return str(value)
-        case float():
-            return repr(value)
-        case list() | tuple():
-            return "[" + ", ".join(_toml_value(item) for item in value) + "]"
-        case Mapping():
-            pairs = (f"{_toml_key(key)} = {_toml_value(item)}" for key, item in value.items())
-            return "{" + ", ".join(pairs) + "}"
-        case _:
-            return str(value)  # date and time
-
-
-def _toml_character(character: str) -> str:
-    if character in ('"', "\\"):
-        return "\\" + character
-    if ord(character) < 0x20 or ord(character) == 0x7F:
-        return f"\\u{ord(character):04x}"
-    return character
+def _article(kind: type) -> str:
+    return "an" if kind.__name__[0] in "AEIOU" else "a"

@@ -2,11 +2,13 @@
 
 A study says what one node does (:mod:`.study`, the built-in ones in one file each); the grid is
 checked before anything runs (:mod:`.grid`); blocks of samples go to this process or to an executor
-and come back in any order (:mod:`.run`) into arrays and a file (:mod:`.store`).
+and come back in any order (:mod:`.run`) into arrays and a file (:mod:`.store`), and at the end into
+a labelled dataset (:mod:`.dataset`).
 """
 
 from trunnion.probing.length import smallest_length_mm
-from trunnion.studies.run import open_sweep, sweep
+from trunnion.studies.dataset import open_sweep
+from trunnion.studies.run import sweep
 from trunnion.studies.study import STUDIES, Block, FunctionStudy, Output, Parameter, Seeds, Study
 
 __all__ = [

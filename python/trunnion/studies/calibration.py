@@ -78,8 +78,10 @@ class Bench:
             threads,
         )
 
-    def told(self, truths: Floats, failures: list[tuple[int, str]]) -> tuple[tuple[int, str], ...]:
-        """Failures of the core, each with its sample's truth."""
+    def described(
+        self, truths: Floats, failures: list[tuple[int, str]]
+    ) -> tuple[tuple[int, str], ...]:
+        """Failures of the core, each with the true values of its sample."""
         return tuple((index, f"{why} (truth {truths[index].tolist()})") for index, why in failures)
 
 
@@ -149,15 +151,15 @@ class CalibrationStudy:
         units = tuple(_unit(name) for name in names)
         every = ("parameter", names)
         closed = (
-            Output("separating_error", units, *every, words="separating forms minus truth"),
+            Output("separating_error", units, *every, label="separating forms minus truth"),
             Output("printed_error", units[:8], "error", names[:8], "printed forms minus truth"),
         )
         if not values["identify"]:
             return closed
         return (
             *closed,
-            Output("identified_error", units, *every, words="least squares minus truth"),
-            Output("identified_std_error", units, *every, words="standard errors as estimated"),
+            Output("identified_error", units, *every, label="least squares minus truth"),
+            Output("identified_std_error", units, *every, label="standard errors as estimated"),
             Output("converged", "1"),
         )
 
@@ -180,4 +182,4 @@ class CalibrationStudy:
         rows[:, p : p + 8] -= truths[:, :8]
         if values["identify"]:
             rows[:, p + 8 : 2 * p + 8] -= truths
-        return Block(rows, bench.told(truths, failures))
+        return Block(rows, bench.described(truths, failures))

@@ -22,7 +22,7 @@ GRID_MM = tuple(
 
 @dataclass(frozen=True)
 class CompensationStudy:
-    """Volumetric error before compensation, and left after it with the errors as estimated.
+    """Volumetric error before compensation, and left after it with the estimated errors.
 
     The control puts the tool point right, with the linear axes, for the machine of the estimates:
     :class:`trunnion.ModelCompensation`, over the paper's volume at one position of A and C. The
@@ -43,10 +43,10 @@ class CompensationStudy:
     def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:  # noqa: ARG002
         """Largest and root-mean-square volumetric error, before and after."""
         return (
-            Output("before_max_um", "µm", words="largest volumetric error before compensation"),
-            Output("before_rms_um", "µm", words="rms volumetric error before compensation"),
-            Output("left_max_um", "µm", words="largest volumetric error left"),
-            Output("left_rms_um", "µm", words="rms volumetric error left"),
+            Output("before_max_um", "µm", label="largest volumetric error before compensation"),
+            Output("before_rms_um", "µm", label="rms volumetric error before compensation"),
+            Output("left_max_um", "µm", label="largest volumetric error left"),
+            Output("left_rms_um", "µm", label="rms volumetric error left"),
         )
 
     def run(
@@ -73,4 +73,4 @@ class CompensationStudy:
             [float(values["a_deg"]), float(values["c_deg"])],
             threads,
         )
-        return Block(rows, bench.told(truths, failures))
+        return Block(rows, bench.described(truths, failures))

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.checks import entry, named, shown
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.studies.study import Parameter, Study, Value
 
-__all__ = ["MOST_NUMBERS", "Grid"]
+__all__ = ["MAX_NUMBERS", "Grid"]
 
-MOST_NUMBERS = 250_000_000
-"""Most numbers in a result, 2 GB: beyond it a sweep is a mistake or several sweeps."""
-
-MOST_NODES = 1_000_000
-"""Most nodes: each is a call of the study at least."""
-LARGEST = 2**53
+MAX_NUMBERS = 250_000_000
+"""Numbers in a result, 2 GB: beyond it a sweep is a mistake or several sweeps."""
+MAX_NODES = 1_000_000
+"""Each node is a call of the study at least."""
+MAX_WHOLE = 2**53
 """Largest whole number: files hold numbers in double precision."""
-TAKEN = ("sample", "failure", "**")
+RESERVED = ("sample", "failure", "**")
 """Names of dimensions that every result may have."""
 
 
@@ -50,30 +50,43 @@ class Grid:
         UnknownNameError
             A name that the study does not have.
         InputError
-            Anything else.
+            Anything else. Both say in `entry` which value of grid or fixed it is.
         """
         known = study.parameters
+        tables = {}
         for what, given in (("grid", grid), ("fixed", fixed)):
-            if given is not None and not isinstance(given, Mapping):
-                raise InputError(f"{what}: got {given!r}, wanted a dict of names")
-            for name in given or {}:
-                _known(name, known, study)
-        lengths = [_length(name, values) for name, values in (grid or {}).items()]
+            with entry(what):
+                tables[what] = named(what, given, "a dict of names")
+        for what, table in tables.items():
+            for name in table:
+                with entry(what, name):
+                    _known(name, known, study)
+        lengths = []
+        for name, values in tables["grid"].items():
+            with entry("grid", name):
+                lengths.append(_length(name, values))
         _check_size(math.prod(lengths), samples, 1)
-        axes = {name: _axis(name, values, known) for name, values in (grid or {}).items()}
-        held = {
-            name: parameter.default
-            for name, parameter in known.items()
-            if parameter.default is not None and name not in axes
-        }
-        for name, value in (fixed or {}).items():
-            if name in axes:
-                raise InputError(f"{name}: got it in the grid and in fixed, wanted it in one")
-            held[name] = _value(name, value, known)
-        for name, parameter in known.items():
-            if parameter.default is None and name not in axes and name not in held and name != "**":
-                raise InputError(f"{name}: got nothing, wanted it in the grid or in fixed")
-        return cls(axes, held)
+        axes = {}
+        for name, values in tables["grid"].items():
+            with entry("grid", name):
+                axes[name] = _axis(name, values, known)
+        return cls(axes, _fixed(tables["fixed"], axes, known))
+
+    @classmethod
+    def restored(cls, grid: Mapping[str, Any], fixed: Mapping[str, Any]) -> Grid:
+        """From the tables that a file holds.
+
+        Raises
+        ------
+        InputError
+            Values that no sweep has.
+        """
+        for name, values in grid.items():
+            _length(name, values)
+        for name, value in fixed.items():
+            if not isinstance(value, float | int | str):
+                raise InputError(f"{name}: got {shown(value)}, wanted a number or text")
+        return cls({name: _axis(name, values, {}) for name, values in grid.items()}, dict(fixed))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -99,28 +112,56 @@ class Grid:
 
 
 def _check_size(nodes: int, samples: int, width: int) -> None:
-    if nodes > MOST_NODES:
-        raise InputError(f"grid: got {nodes:.6g} nodes, wanted at most {MOST_NODES:.0e}")
-    numbers = nodes * samples * width
-    if numbers > MOST_NUMBERS:
-        raise InputError(
-            f"sweep: got {nodes:.6g} nodes × {samples:.6g} samples × {width} numbers = "
-            f"{numbers:.3g}, wanted at most {MOST_NUMBERS:.3g}: fewer samples, or several sweeps"
-        )
+    if nodes > MAX_NODES:
+        with entry("grid"):
+            raise InputError(f"grid: got {_count(nodes)} nodes, wanted at most {MAX_NODES:.0e}")
+    if nodes * samples * width > MAX_NUMBERS:
+        with entry("samples"):
+            raise InputError(
+                f"sweep: got {_count(nodes)} nodes × {_count(samples)} samples × {width} numbers "
+                f"= {_count(nodes * samples * width)}, wanted at most {MAX_NUMBERS:.3g}: fewer "
+                "samples, or several sweeps"
+            )
+
+
+def _count(value: int) -> str:
+    return f"{value:.6g}" if value < 10**300 else "more than 1e300"
+
+
+def _fixed(
+    given: Mapping[Any, Any], axes: Mapping[str, object], known: Mapping[str, Parameter]
+) -> dict[str, Value]:
+    """What stays the same: defaults, then what is given."""
+    fixed: dict[str, Value] = {
+        name: parameter.default
+        for name, parameter in known.items()
+        if parameter.default is not None and name not in axes
+    }
+    for name, value in given.items():
+        with entry("fixed", name):
+            if name in axes:
+                raise InputError(f"{name}: got it in the grid and in fixed, wanted it in one")
+            fixed[name] = _value(name, value, known)
+    for name in known:
+        if name not in axes and name not in fixed and name != "**":
+            raise InputError(f"{name}: got nothing, wanted it in the grid or in fixed")
+    return fixed
 
 
 def _known(name: Any, known: Mapping[str, Parameter], study: Study) -> None:
     if not isinstance(name, str) or (name not in known and "**" not in known):
         wanted = f"one of {', '.join(known)}" if known else "none: it has no parameters"
-        raise UnknownNameError(f"parameter of study {study.name}: got {name!r}, wanted {wanted}")
+        raise UnknownNameError(
+            f"parameter of study {study.name}: got {shown(name)}, wanted {wanted}"
+        )
 
 
 def _length(name: str, values: Any) -> int:
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
-        raise InputError(f"axis {name}: got {values!r}, wanted a list of values")
+        raise InputError(f"axis {name}: got {shown(values)}, wanted a list of values")
     if isinstance(values, np.ndarray) and values.ndim != 1:
         raise InputError(f"axis {name}: got an array of shape {values.shape}, wanted one dimension")
-    if name in TAKEN:
+    if name in RESERVED:
         raise InputError(f"axis {name}: the name is taken, wanted another")
     try:
         length = len(values)
@@ -134,7 +175,10 @@ def _length(name: str, values: Any) -> int:
 def _axis(name: str, values: Any, known: Mapping[str, Parameter]) -> tuple[Value, ...]:
     if name in known and not known[name].in_grid:
         raise InputError(f"{name}: got it in the grid, wanted it in fixed: outputs depend on it")
-    checked = tuple(_value(name, value, known) for value in values)
+    checked = []
+    for place, value in enumerate(values):
+        with entry(place):
+            checked.append(_value(name, value, known))
     if len({_kind(value) for value in checked}) > 1:
         raise InputError(
             f"axis {name}: got values of several kinds, wanted only numbers, only text or only "
@@ -142,7 +186,7 @@ def _axis(name: str, values: Any, known: Mapping[str, Parameter]) -> tuple[Value
         )
     if len(set(checked)) < len(checked):
         raise InputError(f"axis {name}: got a value twice, wanted each once")
-    return checked
+    return tuple(checked)
 
 
 def _kind(value: Value) -> type:
@@ -154,21 +198,11 @@ def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:
     if isinstance(value, np.generic):
         value = value.item()
     kind = type(parameter.default)
-    if parameter.default is None:
-        good, wanted = isinstance(value, float | int | str), "a number or text"
-    elif kind is str:
-        good, wanted = isinstance(value, str), "text"
-    elif kind is bool:
-        good, wanted = isinstance(value, bool), "true or false"
-    elif kind is int:
-        good, wanted = isinstance(value, int) and not isinstance(value, bool), "a whole number"
-    else:
-        good = isinstance(value, float | int) and not isinstance(value, bool)
-        wanted = "a number"
-    if isinstance(value, int) and abs(value) > LARGEST:
+    if isinstance(value, int) and abs(value) > MAX_WHOLE:
         raise InputError(f"{name}: got a whole number beyond 2^53, wanted a smaller one")
-    if not good or (isinstance(value, float) and not math.isfinite(value)):
-        raise InputError(f"{name}: got {value!r}, wanted {wanted}")
+    wanted = _wanted(value, kind)
+    if wanted:
+        raise InputError(f"{name}: got {shown(value)}, wanted {wanted}")
     if parameter.choices and value not in parameter.choices:
         choices = ", ".join(str(choice) for choice in parameter.choices)
         raise InputError(f"{name}: got {value!r}, wanted one of {choices}")
@@ -178,3 +212,20 @@ def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:
         raise InputError(f"{name}: got {value!r}, wanted {parameter.high:g} or less")
     checked: Value = float(value) if kind is float else value
     return checked
+
+
+def _wanted(value: Any, kind: type) -> str:
+    """What a parameter with a default of this kind takes; "" if it takes the value."""
+    flag = isinstance(value, bool)
+    if kind is str:
+        good, wanted = isinstance(value, str), "text"
+    elif kind is bool:
+        good, wanted = flag, "true or false"
+    elif kind is int:
+        good, wanted = isinstance(value, int) and not flag, "a whole number"
+    elif kind is type(None):
+        good, wanted = isinstance(value, float | int | str), "a number or text"
+    else:
+        good, wanted = isinstance(value, float | int) and not flag, "a number"
+    finite = not isinstance(value, float) or math.isfinite(value)
+    return "" if good and finite else wanted

@@ -30,13 +30,13 @@ def effects() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class DiagnosisPowerStudy:
-    """An effect of the catalogue, hidden in a simulated measurement, and what the diagnosis says.
+    """A hidden effect in a simulated measurement, and what the diagnosis reports.
 
     Its parameters are drawn at random and scaled so that `rms_um` of it is left in the readings
     after the location errors and the placement have been fitted. Exactly one of four outputs is 1:
     ``found`` (it is the first explanation), ``among_alternatives`` (another that explains the data
     as well comes first), ``missed`` (nothing is found) or ``wrong`` (something else). With effect
-    "none", or `rms_um` 0, silence counts as found.
+    "none", or `rms_um` 0, reporting nothing counts as found.
     """
 
     name: str = "diagnosis-power"
@@ -122,9 +122,9 @@ def _one(values: Mapping[str, Value], rng: np.random.Generator) -> list[float]:
     )
     diagnosis = diagnose(data, setup)
     named = frozenset(cause.id for cause in diagnosis.causes)
-    wanted = frozenset(hidden)
-    found = named == wanted and diagnosis.verdict != "unexplained"
-    among = not found and wanted in diagnosis.alternatives
+    true = frozenset(hidden)
+    found = named == true and diagnosis.verdict != "unexplained"
+    among = not found and true in diagnosis.alternatives
     missed = not found and not among and diagnosis.verdict == "consistent"
     return [float(found), float(among), float(missed), float(not (found or among or missed))]
 
@@ -155,12 +155,12 @@ def _hidden(
     without = values.copy()
     without[linear] = 0.0
     change = model.core.residuals(moves, without) - model.core.residuals(moves, values)
-    left = change - plain @ (plain.T @ change)
-    size = float(np.sqrt(np.mean(left**2)))
+    residual = change - plain @ (plain.T @ change)
+    size = float(np.sqrt(np.mean(residual**2)))
     if size < 1e-3 * max(1e-3, float(np.abs(change).max())):
         raise DataError(
             f"effect {effect!r}: got nothing left of it after the plain fit, wanted an "
-            "effect that the plan can see"
+            "effect that is identifiable with the plan"
         )
     values[linear] *= rms_um / size
     return {model.names[k].split(".", 1)[1]: float(values[k]) for k in own}

@@ -2,47 +2,51 @@
 
 from __future__ import annotations
 
-import json
 import os
 import queue
-import sys
-import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from importlib import import_module
 from itertools import chain, islice
 from multiprocessing import get_context
-from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-import trunnion._core as _core
+from trunnion._core import MOST_THREADS
+from trunnion.base.checks import entry, whole
 from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
+from trunnion.studies.dataset import (
+    dataset,
+    import_xarray,
+    journal_of,
+    read_same,
+    target_of,
+    write,
+)
+from trunnion.studies.description import Description, check_names
 from trunnion.studies.grid import Grid
-from trunnion.studies.store import Blocks, Journal, Place, alone, check_same
-from trunnion.studies.study import Block, FunctionStudy, Output, Seeds, Study, Value, study_of
+from trunnion.studies.progress import progress_bar
+from trunnion.studies.store import Blocks, Place, exclusive
+from trunnion.studies.study import Block, FunctionStudy, Output, Seeds, Study, study_of
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import xarray as xr
 
-__all__ = ["open_sweep", "sweep"]
+__all__ = ["sweep"]
 
-QUIET_S = 0.5
-"""A sweep that is done by then shows no bar."""
-TRIES = 3
+MAX_TRIES = 3
 """How often a block is sent out whose worker died."""
-AHEAD = 64
+MAX_WAITING = 64
 """Blocks that wait at an executor at a time."""
-MOST_TRIALS = 64
+MAX_TRIALS = 64
 """Nodes that are asked for the outputs before none is taken to work."""
-FAILURE = ("failure_sample", "failure_parameters", "failure_error")
-"""What tells of failed samples."""
+MIN_FAILURES = 20
+"""So many failed samples do not end a sweep, whatever their share."""
 
 
 class Submits(Protocol):
@@ -134,45 +138,28 @@ def sweep(
     {'s': 2, 'sample': 3}
     """
     import_xarray()
-    chosen = study_of(study, units)
-    samples = _whole("samples", samples, 1)
-    seed = _whole("seed", seed, 0)
+    with entry("study"):
+        chosen = study_of(study, units)
+    with entry("samples"):
+        samples = whole("samples", samples, 1)
+    with entry("seed"):
+        seed = whole("seed", seed, 0)
     if threads is not None:
-        threads = _whole("threads", threads, 1, _core.MOST_THREADS)
+        threads = whole("threads", threads, 1, MOST_THREADS)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: got {executor!r}, wanted an object with submit")
     limit = _Limit(most_failures)
-    target = None if path is None else _target(path)
+    target = None if path is None else target_of(path)
     nodes = Grid.checked(chosen, grid, fixed, samples)
-    size = _whole("chunk", chunk if chunk is not None else chosen.chunk, 1)
-    outputs = _outputs(chosen, nodes)
-    width = sum(output.width for output in outputs)
-    nodes.check_size(samples, width)
+    size = whole("chunk", chosen.chunk if chunk is None else chunk, 1)
+    with entry("fixed"):
+        outputs = _outputs(chosen, nodes)
+    nodes.check_size(samples, sum(output.width for output in outputs))
     if isinstance(chosen, FunctionStudy):
         chosen = replace(chosen, names=tuple(output.name for output in outputs))
-    described = _described(chosen, nodes, samples, seed, outputs)
-    if target is not None and target.exists():
-        return _complete(target, described)
-    blocks = Blocks(nodes.nodes, samples, width)
-    run = _Run(chosen, nodes, seed, size, executor, threads, limit, progress)
-    if target is None:
-        run.fill(blocks, None)
-        return _dataset(nodes, outputs, blocks, described)
-    lock = target.with_name(target.name + ".lock")
-    with alone(lock):
-        if target.exists():  # another process has just ended it
-            return _complete(target, described)
-        journal = Journal(target.with_name(target.name + ".part"))
-        journal.start(described)
-        for place, block in journal.read():
-            blocks.put(place, block)
-        with journal.writing() as write:
-            run.fill(blocks, write)
-        result = _dataset(nodes, outputs, blocks, described)
-        _write(result, target)
-        journal.path.unlink()
-        lock.unlink(missing_ok=True)
-    return result
+    description = Description.of(chosen, nodes, samples, seed, outputs)
+    run = _Run(chosen, description, size, executor, threads, limit, progress)
+    return run.in_memory() if target is None else run.into(target)
 
 
 @dataclass(frozen=True)
@@ -180,27 +167,56 @@ class _Run:
     """What is to be run, and on what."""
 
     study: Study
-    nodes: Grid
-    seed: int
+    description: Description
     chunk: int
     executor: Submits | None
     threads: int | None
     limit: _Limit
     progress: bool | None
 
-    def fill(self, blocks: Blocks, write: Callable[[Place, Block], None] | None) -> None:
+    def in_memory(self) -> xr.Dataset:
+        """Run all of it."""
+        blocks = self.blocks()
+        self.fill(blocks, lambda _place, _block: None)
+        return dataset(self.description, blocks)
+
+    def into(self, target: Path) -> xr.Dataset:
+        """Run what the files of the sweep do not have yet, and complete them."""
+        if target.exists():
+            return read_same(target, self.description)
+        lock = target.with_name(target.name + ".lock")
+        with exclusive(lock):
+            if target.exists():  # another process has just ended it
+                return read_same(target, self.description)
+            journal = journal_of(target)
+            journal.start(self.description)
+            blocks = self.blocks()
+            journal.restore(blocks)
+            with journal.writing() as keep:
+                self.fill(blocks, keep)
+            result = dataset(self.description, blocks)
+            write(result, target)
+            journal.path.unlink()
+            lock.unlink(missing_ok=True)
+        return result
+
+    def blocks(self) -> Blocks:
+        """Room for all outputs."""
+        described = self.description
+        return Blocks(described.grid.nodes, described.samples, described.width)
+
+    def fill(self, blocks: Blocks, keep: Callable[[Place, Block], None]) -> None:
         """Run what is not done yet."""
         begun, total = int(blocks.done.sum()), blocks.done.size
         places = (
             (node, first, count)
-            for node in range(self.nodes.nodes)
+            for node in range(len(blocks.done))
             for first, count in _missing(blocks.done[node].copy(), self.chunk)
         )
-        with _bar(self.study.name, total, begun, self.progress) as advance:
+        with progress_bar(self.study.name, total, begun, self.progress) as advance:
             for place, block in self.results(places):
                 blocks.put(place, block)
-                if write is not None:
-                    write(place, block)
+                keep(place, block)
                 advance(place[2])
                 self.limit.check(blocks)
 
@@ -220,7 +236,8 @@ class _Run:
 
     def task(self, place: Place) -> tuple[Study, dict[str, Any], Seeds]:
         """What a block is made from."""
-        return self.study, self.nodes.at(place[0]), Seeds(self.seed, place[0])
+        values = self.description.grid.at(place[0])
+        return self.study, values, Seeds(self.description.seed, place[0])
 
     def sent(self, places: Iterator[Place], executor: Submits) -> Iterator[tuple[Place, Block]]:
         """Blocks from an executor as they come; one whose worker died is sent again."""
@@ -229,7 +246,7 @@ class _Run:
         out: dict[Any, tuple[Place, int]] = {}
         try:
             while True:
-                while len(out) < AHEAD:
+                while len(out) < MAX_WAITING:
                     place, tries = again.popleft() if again else (next(places, None), 1)
                     if place is None:
                         break
@@ -246,7 +263,7 @@ class _Run:
                 try:
                     block = future.result()
                 except Exception as error:
-                    if tries >= TRIES:
+                    if tries >= MAX_TRIES:
                         raise _broken(error) from error
                     again.append((place, tries + 1))
                 else:
@@ -256,75 +273,10 @@ class _Run:
                 future.cancel()
 
 
-def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Read a sweep from its file, finished or still running; samples not done yet are missing.
-
-    Raises
-    ------
-    DataError
-        There is neither `path` nor `path.part`, or it is none of a sweep.
-    """
-    xarray = import_xarray()
-    target = _target(path)
-    if target.exists():
-        try:
-            found: xr.Dataset = xarray.load_dataset(target, engine="scipy")
-        except (TypeError, ValueError, OSError, IndexError, KeyError, EOFError) as error:
-            why = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise DataError(f"{target}: {why}; wanted the file (netCDF) of a sweep") from None
-        return found
-    journal = Journal(target.with_name(target.name + ".part"))
-    if not journal.path.exists():
-        raise DataError(f"{target}: no such sweep, finished or running")
-    described = journal.described()
-    outputs = tuple(_output(entry) for entry in described["outputs"])
-    axes = {name: tuple(values) for name, values in described["grid"].items()}
-    nodes = Grid(axes, described["fixed"])
-    blocks = Blocks(nodes.nodes, described["samples"], sum(output.width for output in outputs))
-    for place, block in journal.read():
-        blocks.put(place, block)
-    return _dataset(nodes, outputs, blocks, described)
-
-
-def import_xarray() -> ModuleType:
-    """xarray, which holds the results.
-
-    Raises
-    ------
-    ImportError
-        It is not installed.
-    """
-    try:
-        return import_module("xarray")
-    except ImportError as error:
-        raise ImportError('sweeps need xarray; pip install "trunnion[sweep]"') from error
-
-
-def _whole(what: str, value: Any, low: int, high: float = np.inf) -> int:
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or not low <= value <= high:
-        to = "" if high == np.inf else f" to {high:g}"
-        raise InputError(f"{what}: got {value!r}, wanted a whole number from {low}{to}")
-    return int(value)
-
-
-def _target(path: Any) -> Path:
-    """Where the result goes; a file that may be, in a folder that is there."""
-    try:
-        target = Path(path)
-    except TypeError:
-        raise InputError(f"path: got {path!r}, wanted the path of a file") from None
-    if target.is_dir():
-        raise InputError(f"path: got {target}, a folder, wanted a file")
-    if not target.parent.is_dir():
-        raise InputError(f"path: got {target}, wanted a file in a folder that is there")
-    return target
-
-
 def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
     """Outputs from the first node that works; names that the result can hold."""
     first: TrunnionError | None = None
-    for node in range(min(nodes.nodes, MOST_TRIALS)):
+    for node in range(min(nodes.nodes, MAX_TRIALS)):
         try:
             outputs = study.outputs(nodes.at(node))
             break
@@ -332,24 +284,12 @@ def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
             first = first or error
     else:
         raise first or InputError(f"study {study.name}: no outputs")
-    if not outputs:
-        raise InputError(f"study {study.name}: got no outputs, wanted at least one")
-    taken = {*nodes.axes, *FAILURE, "sample", "failure"}
-    taken |= {output.dim for output in outputs} | {f"{output.dim}_unit" for output in outputs}
-    for output in outputs:
-        if output.name in taken:
-            raise InputError(
-                f"study {study.name}: got an output named {output.name!r} as a parameter or a "
-                "dimension is, wanted another name"
-            )
-        taken.add(output.name)
-        if output.dim in nodes.axes:
-            raise InputError(f"axis {output.dim}: the name is taken, wanted another")
+    check_names(study.name, outputs, nodes.axes)
     if isinstance(study, FunctionStudy):
+        names = [output.name for output in outputs]
         for name in study.units:
-            if name not in taken:
-                names = ", ".join(output.name for output in outputs)
-                raise UnknownNameError(f"units: got {name!r}, wanted some of {names}")
+            if name not in names:
+                raise UnknownNameError(f"units: got {name!r}, wanted some of {', '.join(names)}")
     return outputs
 
 
@@ -396,165 +336,9 @@ class _Limit:
 
     def check(self, blocks: Blocks) -> None:
         failed = len(blocks.failures)
-        if failed > 20 and failed > self.share * blocks.done.sum():
+        if failed > MIN_FAILURES and failed > self.share * blocks.done.sum():
             (node, sample), why = next(iter(blocks.failures.items()))
             raise DataError(
                 f"sweep: {failed} of {int(blocks.done.sum())} samples failed, wanted at most "
                 f"{self.share:.0%}; the first, node {node} sample {sample}: {why}"
             )
-
-
-@contextmanager
-def _bar(name: str, total: int, done: int, wanted: bool | None) -> Iterator[Callable[[int], None]]:
-    """A bar with the remaining time, in a terminal or a notebook, once it is worth one."""
-    begun = time.monotonic()
-    so_far = done
-    show: Callable[[int], None] | None = None
-    with ExitStack() as stack:
-
-        def advance(count: int) -> None:
-            nonlocal so_far, show
-            so_far += count
-            if show is None and (wanted or time.monotonic() - begun > QUIET_S):
-                notebook = "ipykernel" in sys.modules
-                show = (_in_notebook if notebook else _in_terminal)(name, total, done, stack)
-            if show is not None:
-                show(so_far)
-
-        yield (lambda _count: None) if wanted is False else advance
-
-
-def _in_terminal(name: str, total: int, done: int, stack: ExitStack) -> Callable[[int], None]:
-    from rich.console import Console
-    from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (*Progress.get_default_columns()[:2], MofNCompleteColumn(), TimeRemainingColumn())
-    bar = Progress(*columns, console=console, disable=not console.is_terminal)
-    stack.enter_context(bar)
-    task = bar.add_task(name, total=total, completed=done)
-    return lambda so_far: bar.update(task, completed=so_far)
-
-
-def _in_notebook(name: str, total: int, done: int, stack: ExitStack) -> Callable[[int], None]:  # noqa: ARG001
-    from IPython import display as notebook
-
-    shown: Any = notebook
-    begun = time.monotonic()
-
-    def html(so_far: int) -> Any:
-        rate = (so_far - done) / max(time.monotonic() - begun, 1e-3)
-        left = f"{(total - so_far) / rate:.0f} s left" if rate > 0 else ""
-        bar = f"<progress value='{so_far}' max='{total}'></progress>"
-        return shown.HTML(f"{name} {bar} {so_far} of {total} samples, {left}")
-
-    handle = shown.display(html(done), display_id=True)
-    return lambda so_far: handle.update(html(so_far))
-
-
-def _described(
-    study: Study, nodes: Grid, samples: int, seed: int, outputs: tuple[Output, ...]
-) -> dict[str, Any]:
-    """What makes a sweep this sweep, as JSON."""
-    return {
-        "study": study.name,
-        "grid": {name: list(values) for name, values in nodes.axes.items()},
-        "grid_units": {
-            name: study.parameters[name].unit for name in nodes.axes if name in study.parameters
-        },
-        "fixed": nodes.fixed,
-        "samples": int(samples),
-        "seed": int(seed),
-        **({"code": study.code()} if isinstance(study, FunctionStudy) else {}),
-        "outputs": [
-            [output.name, output.unit, output.dim, list(output.labels), output.words]
-            for output in outputs
-        ],
-        "trunnion": _core.__version__,
-    }
-
-
-def _output(entry: list[Any]) -> Output:
-    name, unit, dim, labels, words = entry
-    return Output(name, unit if isinstance(unit, str) else tuple(unit), dim, tuple(labels), words)
-
-
-def _write(result: xr.Dataset, target: Path) -> None:
-    """The whole file or none, on the disk before what it was made from goes."""
-    new = target.with_name(target.name + ".new")
-    result.to_netcdf(new, engine="scipy")
-    with new.open("rb+") as written:
-        os.fsync(written.fileno())
-    new.replace(target)
-
-
-def _complete(target: Path, described: dict[str, Any]) -> xr.Dataset:
-    found = open_sweep(target)
-    text = found.attrs.get("described")
-    if text is None:
-        raise DataError(f"{target}: holds no sweep; wanted the file of one, or another file")
-    check_same(target, json.loads(str(text)), described)
-    return found
-
-
-def _dataset(
-    nodes: Grid, outputs: tuple[Output, ...], blocks: Blocks, described: dict[str, Any]
-) -> xr.Dataset:
-    """Arrays with names: grid axes, sample, and the outputs' own dimensions."""
-    import xarray as xr
-
-    samples = blocks.columns.shape[1]
-    axes = tuple(nodes.axes)
-    coordinates: dict[str, Any] = {
-        name: (name, _storable(values), {"units": described["grid_units"].get(name, "")})
-        for name, values in nodes.axes.items()
-    }
-    variables: dict[str, Any] = {}
-    column = 0
-    for output in outputs:
-        dims: tuple[str, ...] = (*axes, "sample")
-        shape = (*nodes.shape, samples)
-        taken = blocks.columns[:, :, column : column + output.width]
-        column += output.width
-        attributes = {"long_name": output.words} if output.words else {}
-        if output.dim:
-            dims, shape = (*dims, output.dim), (*shape, output.width)
-            coordinates[output.dim] = (output.dim, list(output.labels))
-            if isinstance(output.unit, tuple):
-                coordinates[f"{output.dim}_unit"] = (output.dim, list(output.unit))
-        if isinstance(output.unit, str):
-            attributes["units"] = output.unit
-        variables[output.name] = (dims, taken.reshape(shape), attributes)
-    told = sorted(blocks.failures.items())
-    if told:
-        places = [nodes.at(node) for (node, _), _ in told]
-        variables["failure_sample"] = ("failure", [sample for (_, sample), _ in told])
-        variables["failure_parameters"] = (
-            "failure",
-            [json.dumps({name: place[name] for name in axes}) for place in places],
-        )
-        variables["failure_error"] = ("failure", [why for _, why in told])
-    described_by: dict[str, Any] = {
-        **{name: _attribute(value) for name, value in described["fixed"].items()},
-        "study": described["study"],
-        "seed": _attribute(described["seed"]),
-        "samples_done": int(blocks.done.sum()),
-        "samples_failed": len(told),
-        "trunnion": described["trunnion"],
-        "described": json.dumps(described, sort_keys=True),
-    }
-    return xr.Dataset(variables, coordinates, described_by)
-
-
-def _attribute(value: Value) -> Value:
-    """The classic netCDF format has no truth values, and no whole numbers beyond 32 bits."""
-    if isinstance(value, bool):
-        return int(value)
-    return str(value) if isinstance(value, int) and abs(value) >= 2**31 else value
-
-
-def _storable(values: tuple[Value, ...]) -> list[Value]:
-    whole = all(type(value) is int for value in values)
-    if whole and any(abs(int(value)) >= 2**31 for value in values):
-        return [float(value) for value in values]
-    return list(values)

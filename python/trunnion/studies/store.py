@@ -9,26 +9,23 @@ from __future__ import annotations
 
 import json
 import sqlite3
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.studies.description import Description
 from trunnion.studies.study import Block, Floats
 
-__all__ = ["Blocks", "Journal", "alone", "check_same"]
+__all__ = ["Blocks", "Journal", "Place", "exclusive"]
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
-EVERY_S = 0.25
-"""Blocks are written to the disk together that come within this time."""
-_HELD: set[Path] = set()
-"""What this process holds: its own locks do not keep a process out."""
+COMMIT_EVERY_S = 0.25
+"""Blocks that come within this time are written to the disk together."""
 
 
 class Blocks:
@@ -40,17 +37,30 @@ class Blocks:
         self.failures: dict[tuple[int, int], str] = {}
 
     def put(self, place: Place, block: Block) -> None:
-        """Take a block."""
+        """Take a block.
+
+        Raises
+        ------
+        InputError
+            A place that is not there, or another number of outputs.
+        """
         node, first, count = place
-        if block.columns.shape != (count, self.columns.shape[2]):
-            # A block in which every sample failed cannot know how many outputs there are.
-            if len(block.failures) < count:
-                raise InputError(
-                    f"study: got outputs of shape {block.columns.shape}, wanted "
-                    f"{(count, self.columns.shape[2])}: the same names at every node"
-                )
-        else:
+        nodes, samples, width = self.columns.shape
+        if not (0 <= node < nodes and 0 <= first < first + count <= samples):
+            raise InputError(
+                f"block: got node {node}, samples {first} to {first + count}, wanted them within "
+                f"{nodes} nodes of {samples} samples"
+            )
+        if not all(0 <= index < count for index, _ in block.failures):
+            raise InputError(f"block: got failures beyond its {count} samples")
+        if block.columns.shape == (count, width):
             self.columns[node, first : first + count] = block.columns
+        elif len(block.failures) < count:
+            # A block in which every sample failed cannot know how many outputs there are.
+            raise InputError(
+                f"study: got outputs of shape {block.columns.shape}, wanted "
+                f"{(count, width)}: the same names at every node"
+            )
         self.done[node, first : first + count] = True
         for index, why in block.failures:
             self.failures[node, first + index] = why
@@ -62,13 +72,13 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def start(self, described: dict[str, Any]) -> None:
+    def start(self, description: Description) -> None:
         """Create it, or check that it belongs to the same sweep.
 
         Raises
         ------
         DataError
-            The file holds another sweep, or is none.
+            The file holds another sweep, or none.
         """
         with self._open() as base:
             base.execute("CREATE TABLE IF NOT EXISTS sweep (described TEXT)")
@@ -78,25 +88,24 @@ class Journal:
             )
             found = base.execute("SELECT described FROM sweep").fetchone()
             if found is None:
-                text = json.dumps(described, sort_keys=True)
-                base.execute("INSERT INTO sweep VALUES (?)", (text,))
+                base.execute("INSERT INTO sweep VALUES (?)", (description.text(),))
             else:
-                check_same(self.path, self._described(found[0]), described)
+                description.check_same(self.path, Description.read(self.path, found[0]))
 
-    def described(self) -> dict[str, Any]:
+    def description(self) -> Description:
         """What the sweep is."""
         with self._open() as base:
             found = base.execute("SELECT described FROM sweep").fetchone()
         if found is None:
             raise DataError(f"{self.path}: got no sweep, wanted one that has begun")
-        return self._described(found[0])
+        return Description.read(self.path, found[0])
 
     @contextmanager
     def writing(self) -> Iterator[Callable[[Place, Block], None]]:
         """What adds a block; one that is there already stays.
 
-        Blocks are on the disk `EVERY_S` later at most, all of them at the end, even one that an
-        exception makes.
+        Blocks are on the disk `COMMIT_EVERY_S` later at most, all of them at the end, even one
+        that an exception makes.
         """
         with self._open() as base:
             last = time.monotonic()
@@ -106,7 +115,7 @@ class Journal:
                 columns = np.ascontiguousarray(block.columns, dtype="<f8")
                 row = (*place, columns.tobytes(), columns.shape[1], json.dumps(block.failures))
                 base.execute("INSERT OR IGNORE INTO block VALUES (?, ?, ?, ?, ?, ?)", row)
-                if time.monotonic() - last > EVERY_S:
+                if time.monotonic() - last > COMMIT_EVERY_S:
                     base.commit()
                     last = time.monotonic()
 
@@ -121,21 +130,32 @@ class Journal:
             rows = base.execute("SELECT node, first, count, columns, width, failures FROM block")
             for node, first, count, data, width, failures in rows:
                 try:
-                    columns = np.frombuffer(data, dtype="<f8").reshape(count, width)
-                    told = tuple((int(index), str(why)) for index, why in json.loads(failures))
-                except (TypeError, ValueError):
-                    raise DataError(
-                        f"{self.path}: the block of node {node} from sample {first} is damaged; "
-                        "wanted a whole file: remove it to begin again"
-                    ) from None
-                yield (node, first, count), Block(columns, told)
+                    place = (_index(node), _index(first), _index(count))
+                    columns = np.frombuffer(data, dtype="<f8").reshape(count, _index(width))
+                    failed = tuple((_index(index), str(why)) for index, why in json.loads(failures))
+                except (TypeError, ValueError, RecursionError):
+                    raise self._damaged(node, first) from None
+                yield place, Block(columns, failed)
 
-    def _described(self, text: Any) -> dict[str, Any]:
-        try:
-            found: dict[str, Any] = json.loads(text)
-        except (TypeError, ValueError):
-            raise DataError(f"{self.path}: damaged, wanted the file of a running sweep") from None
-        return found
+    def restore(self, blocks: Blocks) -> None:
+        """Put all blocks so far into `blocks`.
+
+        Raises
+        ------
+        DataError
+            A block that is damaged, or none of this sweep.
+        """
+        for place, block in self.read():
+            try:
+                blocks.put(place, block)
+            except InputError:
+                raise self._damaged(*place[:2]) from None
+
+    def _damaged(self, node: object, first: object) -> DataError:
+        return DataError(
+            f"{self.path}: the block of node {node} from sample {first} is damaged; wanted a "
+            "whole file: remove it to begin again"
+        )
 
     @contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
@@ -151,56 +171,37 @@ class Journal:
             ) from None
 
 
+def _index(value: object) -> int:
+    """A count or index of a row; the database holds whatever was put into it."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise ValueError(value)
+    return value
+
+
 @contextmanager
-def alone(path: Path) -> Iterator[None]:
-    """Hold `path` as this process's own; it falls free with the process, however that ends.
+def exclusive(path: Path) -> Iterator[None]:
+    """Hold the lock file `path`; it falls free with the process, however that ends.
 
     Raises
     ------
     DataError
         Another process has it, or it cannot be made.
     """
-    name = path.resolve()
-    if name in _HELD:
-        raise DataError(f"{path}: this process is running this sweep; wanted one at a time")
+    from filelock import FileLock, Timeout  # part of the extra "sweep", as xarray is
+
+    lock = FileLock(path, timeout=0)
     try:
-        held = path.open("ab")
+        lock.acquire()
+    except Timeout:
+        raise DataError(
+            f"{path}: another process is running this sweep, or another thread of this one; "
+            "wanted one at a time"
+        ) from None
     except OSError as error:
         raise DataError(
             f"{path}: {error.strerror}; wanted a folder that can be written to"
         ) from None
-    with held:
-        try:
-            if sys.platform == "win32":
-                import msvcrt
-
-                msvcrt.locking(held.fileno(), msvcrt.LK_NBLCK, 1)
-            else:
-                import fcntl
-
-                # Not flock: workers that are forked meanwhile would share it and might outlive us.
-                fcntl.lockf(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except (BlockingIOError, PermissionError):
-            raise DataError(
-                f"{path}: another process is running this sweep; wanted one at a time"
-            ) from None
-        _HELD.add(name)
-        try:
-            yield
-        finally:
-            _HELD.discard(name)
-
-
-def check_same(path: Path, found: dict[str, Any], wanted: dict[str, Any]) -> None:
-    """Refuse to go on with the file of another sweep."""
-    for key, value in json.loads(json.dumps(wanted)).items():
-        if key == "code" and key in found and found[key] != value:
-            raise DataError(
-                f"{path}: holds another sweep: the code of {wanted['study']} was another; wanted "
-                "the same function to go on with, or another file"
-            )
-        if found.get(key) != value:
-            raise DataError(
-                f"{path}: holds another sweep: {key} is {found.get(key)!r} there, {value!r} here; "
-                "wanted the same sweep to go on with, or another file"
-            )
+    try:
+        yield
+    finally:
+        lock.release()

@@ -17,6 +17,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.checks import shown
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 
 __all__ = ["STUDIES", "Block", "FunctionStudy", "Output", "Parameter", "Seeds", "Study", "study_of"]
@@ -46,14 +47,14 @@ class Parameter:
 class Output:
     """An output of a study, one number a sample, or one for each `labels` along dimension `dim`.
 
-    `unit` may be a tuple, one for each label.
+    `unit` may be a tuple, one for each of `labels`. `label` says to people what it is.
     """
 
     name: str
     unit: str | tuple[str, ...] = ""
     dim: str = ""
     labels: tuple[str, ...] = ()
-    words: str = ""
+    label: str = ""
 
     @property
     def width(self) -> int:
@@ -166,7 +167,7 @@ class FunctionStudy:
     def parameters(self) -> Mapping[str, Parameter]:
         """The function's arguments but for the first; ``**`` in its signature allows any.
 
-        A default that is no number and no text is the function's own affair.
+        A default that is no number and no text is left to the function.
         """
         found: dict[str, Parameter] = {}
         for number, (name, argument) in enumerate(
@@ -190,7 +191,7 @@ class FunctionStudy:
         for sample in range(2**32 - 8, 2**32):
             try:
                 found = self._call(values, Seeds(0, 2**32 - 1).generator(sample))
-            except Exception as error:  # a sample may fail; the next one tells
+            except Exception as error:  # a sample may fail; the next one may not
                 last = error
             else:
                 return tuple(Output(name, self.units.get(name, "")) for name in found)
@@ -223,8 +224,8 @@ class FunctionStudy:
                 found = self._call(values, seeds.generator(first + index))
                 names = names or tuple(found)
                 if set(found) != set(names):
-                    got, wanted = ", ".join(found), ", ".join(names)
-                    raise InputError(f"outputs: got {got or 'none'}, wanted {wanted}")
+                    got = ", ".join(found) or "none"
+                    raise InputError(f"outputs: got {got}, wanted {', '.join(names)}")
                 rows.append([found[name] for name in names])
             except Exception as error:  # whatever a user's function raises is a record
                 rows.append(None)
@@ -280,7 +281,7 @@ def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] |
         raise InputError("units: got some for a study that has its own, wanted none")
     if isinstance(study, str):
         if study not in STUDIES:
-            raise UnknownNameError(f"study: got {study!r}, wanted one of {', '.join(STUDIES)}")
+            raise UnknownNameError(f"study: got {shown(study)}, wanted one of {', '.join(STUDIES)}")
         module, name = STUDIES[study]
         found: Study = getattr(import_module(module), name)()
         return found

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
 from trunnion.data.diameters import Diameters
 from trunnion.turning.profile import Follows
 
@@ -20,14 +21,14 @@ Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Correction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Correction(Result):
     """A corrected program and what it leaves of the error.
 
     Attributes
     ----------
-    program, original : Program
-        After and before.
+    dialect, text, original_text : str
+        The program after and before, in its dialect.
     inserted : ndarray of int
         Indices of the blocks put in, in the new program.
     window_z_mm, window_mean_um, window_k : ndarray
@@ -45,8 +46,9 @@ class Correction:
         is left.
     """
 
-    program: Program
-    original: Program
+    dialect: str
+    text: str
+    original_text: str
     rule: Rule
     unit_um: float
     window: int
@@ -60,40 +62,43 @@ class Correction:
     covered: npt.NDArray[np.bool_]
     bound_um: float | None
 
-    def summary(self) -> str:
+    @property
+    def program(self) -> Program:
+        """The corrected program."""
+        return Program.parse(self.text, self.dialect)
+
+    @property
+    def original(self) -> Program:
+        """The program before."""
+        return Program.parse(self.original_text, self.dialect)
+
+    def sentences(self) -> Sequence[str]:
         """Say what was done and what is left."""
-        on = self.covered
-        before, after = self.error_um[on], self.remaining_um[on]
         lines = [
             f"{len(self.inserted)} blocks put in (rule {self.rule!r}, unit {self.unit_um:g} µm, "
-            f"windows of {self.window})",
-            f"  error before: {before.min():+.1f} to {before.max():+.1f} µm, "
-            f"rms {np.sqrt(np.mean(before**2)):.2f} µm",
-            f"  left if it repeats: {after.min():+.1f} to {after.max():+.1f} µm, "
-            f"rms {np.sqrt(np.mean(after**2)):.2f} µm",
+            f"windows of {self.window}).",
         ]
         if self.bound_um is not None:
-            lines.append(f"  bound: no window mean is left with more than {self.bound_um:.2f} µm")
-        if not on.all():
-            lines.append(f"  {int((~on).sum())} readings lie where the program does not cut")
-        return "\n".join(lines)
+            lines.append(f"Bound: no window mean is left with more than {self.bound_um:.2f} µm.")
+        if not self.covered.all():
+            count = int((~self.covered).sum())
+            lines.append(f"{count} readings lie where the program does not cut.")
+        return lines
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers, lists and the program's text."""
-        return {
-            "rule": self.rule,
-            "unit_um": self.unit_um,
-            "window": self.window,
-            "inserted": self.inserted.tolist(),
-            "z_mm": self.z_mm.tolist(),
-            "error_um": self.error_um.tolist(),
-            "remaining_um": self.remaining_um.tolist(),
-            "bound_um": self.bound_um,
-            "program": self.program.text(),
-        }
+    def tables(self) -> tuple[Table, ...]:
+        """The error before, and what is left if it repeats."""
+        on = self.covered
+        rows = [
+            _extent("before", self.error_um[on]),
+            _extent("left if it repeats", self.remaining_um[on]),
+        ]
+        columns = ("", "least", "greatest", "rms")
+        return (Table.of("Error of the diameter, µm", columns, rows, digits=2),)
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{self.summary()}</pre>"
+
+def _extent(name: str, values: FloatArray) -> tuple[str, float, float, float]:
+    rms = float(np.sqrt(np.mean(values**2)))
+    return name, float(values.min()), float(values.max()), rms
 
 
 def correct(
@@ -174,8 +179,9 @@ def correct(
         keep_numbers=keep_numbers,
     )
     return Correction(
-        program=got["program"],
-        original=program,
+        dialect=program.dialect,
+        text=got["program"].text(),
+        original_text=program.text(),
         rule=rule,
         unit_um=unit_um,
         window=window,

@@ -21,7 +21,7 @@ class Gauge:
 
     It touches one side of the part, so that half of a diameter's error moves its stylus, and it
     rides on the slides that cut: what the slides do on the way is in the part and in the gauge's
-    own path alike, and is not seen.
+    own path alike, and is not measured.
 
     Parameters
     ----------

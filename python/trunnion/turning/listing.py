@@ -1,4 +1,4 @@
-"""What a corrected listing tells of the error behind it: where it crossed (k ± 1/2) units."""
+"""What a corrected listing says of the error behind it: where it crossed (k ± 1/2) units."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program
 from trunnion.base.errors import DataError
+from trunnion.base.report import Result, Table
 from trunnion.nc import follow
 
 __all__ = ["Crossing", "crossings"]
@@ -17,8 +18,8 @@ __all__ = ["Crossing", "crossings"]
 FloatArray = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Crossing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Crossing(Result):
     """The window mean passed a half unit between two windows.
 
     Attributes
@@ -31,6 +32,16 @@ class Crossing:
 
     z_mm: tuple[float, float]
     level_um: float
+
+    def sentences(self) -> Sequence[str]:
+        """Where, and at which level."""
+        before, after = self.z_mm
+        return (f"{self.level_um:g} µm passed between z {before:.3f} and {after:.3f} mm.",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """One row."""
+        columns = ("", "from z mm", "to z mm", "level µm")
+        return (Table.of("Crossing", columns, [("1", *self.z_mm, self.level_um)], digits=3),)
 
 
 def crossings(

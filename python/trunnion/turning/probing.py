@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from trunnion._core import Program, TurnedProbePath
+from trunnion._core import Program, TurnedProbePath, TurnedProfile
+from trunnion.base.checks import finite, floats
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
 from trunnion.turning.profile import Blocks, Profile
 
 __all__ = ["Interval", "ProbePath", "TurningProbe", "probe_path"]
@@ -40,8 +42,8 @@ class TurningProbe:
     body_diameter_mm: float = 4.9
 
 
-@dataclass(frozen=True)
-class Interval:
+@dataclass(frozen=True, eq=False, repr=False)
+class Interval(Result):
     """A stretch of one line along which the part is measured; positions of the ball's centre.
 
     Attributes
@@ -59,13 +61,27 @@ class Interval:
     end_mm: tuple[float, float]
     slope: float
 
+    def sentences(self) -> Sequence[str]:
+        """Where it runs; X as a diameter."""
+        (z0, x0), (z1, x1) = self.start_mm, self.end_mm
+        return (f"Element {self.element}: Z {z0:.3f} X {2 * x0:.3f} to Z {z1:.3f} X {2 * x1:.3f}.",)
 
-@dataclass(frozen=True, eq=False)
-class ProbePath:
+    def tables(self) -> tuple[Table, ...]:
+        """One row."""
+        return (interval_table([self]),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ProbePath(Result):
     """The probe's path.
 
     Attributes
     ----------
+    elements, reliefs
+        Of the profile: lines and arcs, shape (n, 7), as `Profile.elements` has them; z, x and half
+        width of each relief.
+    probe, options
+        What it was laid out for.
     intervals : tuple of Interval
         In the order of measurement.
     left_out : dict
@@ -79,7 +95,8 @@ class ProbePath:
         measuring, never negative.
     """
 
-    profile: Profile
+    elements: npt.NDArray[np.float64]
+    reliefs: tuple[tuple[float, float, float], ...]
     probe: TurningProbe
     options: dict[str, Any]
     intervals: tuple[Interval, ...]
@@ -88,6 +105,11 @@ class ProbePath:
     feed: npt.NDArray[np.bool_]
     measures: npt.NDArray[np.bool_]
     clearance_mm: npt.NDArray[np.float64]
+
+    @property
+    def profile(self) -> Profile:
+        """The finished contour."""
+        return Profile(TurnedProfile.from_elements(self.elements, list(self.reliefs)))
 
     def _core(self) -> TurnedProbePath:
         return self.profile.core.probe_path(**self.options)
@@ -98,12 +120,12 @@ class ProbePath:
         Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
         the ball.
         """
-        z = np.atleast_1d(np.asarray(z_mm, dtype=float))
+        z = np.atleast_1d(floats("z_mm", z_mm))
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
     def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
-        if not pitch_mm > 0:
+        if finite("pitch_mm", pitch_mm) <= 0:
             raise InputError(f"pitch_mm: got {pitch_mm}, wanted more than zero")
         rows = []
         for index, interval in enumerate(self.intervals):
@@ -151,30 +173,26 @@ class ProbePath:
             retract_last=retract_last,
         )
 
-    def summary(self) -> str:
-        """List the intervals and what was left out."""
-        lines = [f"{len(self.intervals)} intervals, ball centre (Z, diameter), mm:"]
-        for i in self.intervals:
-            (z0, x0), (z1, x1) = i.start_mm, i.end_mm
-            lines.append(
-                f"  element {i.element}: Z {z0:.3f} X {2 * x0:.3f} to Z {z1:.3f} X {2 * x1:.3f}"
-            )
-        lines += [f"  element {index}: {reason}" for index, reason in self.left_out.items()]
-        return "\n".join(lines)
+    def sentences(self) -> Sequence[str]:
+        """Count, and what was left out."""
+        return (
+            f"{len(self.intervals)} intervals.",
+            *(f"element {index}: {reason}" for index, reason in self.left_out.items()),
+        )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain numbers and lists."""
-        return {
-            "intervals": [
-                {"element": i.element, "start_mm": list(i.start_mm), "end_mm": list(i.end_mm)}
-                for i in self.intervals
-            ],
-            "left_out": {str(index): reason for index, reason in self.left_out.items()},
-            "moves_mm": self.moves_mm.tolist(),
-        }
+    def tables(self) -> tuple[Table, ...]:
+        """The intervals."""
+        return (interval_table(self.intervals),)
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{self.summary()}</pre>"
+
+def interval_table(intervals: Sequence[Interval]) -> Table:
+    """One row an interval; X as a diameter."""
+    rows = [
+        (f"element {i.element}", i.start_mm[0], 2 * i.start_mm[1], i.end_mm[0], 2 * i.end_mm[1])
+        for i in intervals
+    ]
+    columns = ("", "from Z", "X", "to Z", "X")
+    return Table.of("Ball centre (Z, diameter), mm", columns, rows, digits=3)
 
 
 def probe_path(
@@ -193,7 +211,7 @@ def probe_path(
     Lines are measured between their change points (Fig. 5) as far as slope (2.3(2)) and the corners
     before and behind (2.3(3), (4); Fig. 6) allow. Then ball, cone and body are checked on every
     move against the part with its allowance and the chuck; an interval on which they would touch
-    is shortened or left out, and told.
+    is shortened or left out, and named in `left_out`.
 
     Parameters
     ----------
@@ -237,7 +255,8 @@ def probe_path(
     core = profile.core.probe_path(**options)
     moves = core.moves()
     return ProbePath(
-        profile=profile,
+        elements=profile.elements,
+        reliefs=tuple(profile.core.reliefs()),
         probe=probe,
         options=options,
         intervals=tuple(

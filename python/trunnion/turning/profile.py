@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProfile
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
 
 __all__ = ["Blocks", "Corner", "Finishing", "Follows", "Kind", "Profile"]
 
@@ -44,21 +45,39 @@ class Corner:
     radius_mm: float = 0.0
 
 
-@dataclass(frozen=True)
-class Finishing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Finishing(Result):
     """A finishing program.
 
     Attributes
     ----------
-    program : Program
-        X in diameters, arcs by radius.
+    dialect, text : str
+        The program: X in diameters, arcs by radius.
     left_out_mm : tuple of (z, z)
         Stretches, from the tailstock, that fall more steeply than the tool can follow, up to where
         it plunged: another tool's work.
     """
 
-    program: Program
+    dialect: str
+    text: str
     left_out_mm: tuple[tuple[float, float], ...]
+
+    @property
+    def program(self) -> Program:
+        """The program."""
+        return Program.parse(self.text, self.dialect)
+
+    def sentences(self) -> Sequence[str]:
+        """Length, and what is left to another tool."""
+        return (
+            f"Finishing program of {len(self.program)} blocks; stretches left out: "
+            f"{len(self.left_out_mm)}.",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Stretches that another tool has to cut."""
+        rows = [(str(k + 1), *z) for k, z in enumerate(self.left_out_mm)]
+        return (Table.of("Stretches left out", ("", "from z mm", "to z mm"), rows, digits=3),)
 
 
 @dataclass(frozen=True)
@@ -233,7 +252,7 @@ class Profile:
             head=head,
             tail=tail,
         )
-        return Finishing(program, tuple(left_out))
+        return Finishing(dialect, program.text(), tuple(left_out))
 
 
 def outline(elements: npt.NDArray[np.float64], step_mm: float) -> npt.NDArray[np.float64]:

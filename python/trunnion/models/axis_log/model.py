@@ -22,12 +22,13 @@ from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo", "build"]
 
+
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ExtendedServo(Estimate):
-    """The servo model with what a diagnosis found: an :class:`Estimate`.
+    """The servo model with what a diagnosis found.
 
     Attributes
     ----------
@@ -73,7 +74,7 @@ class AxisLogModel(BaseModel):
     ) -> None:
         self.data = log
         self.setup = setup
-        self.servo = Servo.from_table(setup.servo)
+        self.servo = Servo.from_setup(setup)
         self.axes = tuple(letter.upper() for letter in log.axes)
         check_servo(self.axes, self.servo)
         self.runs = runs_of(log, self.servo)

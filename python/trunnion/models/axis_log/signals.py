@@ -307,7 +307,7 @@ class ToolTip:
 
     Attributes
     ----------
-    setup:
+    chain:
         Machine with its known location errors, sense of each axis, length from tip to pivot.
     measured:
         Table's frame, mm, shape (rows, 3).
@@ -315,7 +315,7 @@ class ToolTip:
         Actual positions X, Y, Z (mm) and rotary (deg) in the machine's sense, shape (rows, 5).
     """
 
-    setup: Setup
+    chain: Chain
     measured: Floats
     axes: Floats = field(repr=False)
 
@@ -336,15 +336,15 @@ class ToolTip:
                 f"{', '.join(letters)} (machine {setup.machine.preset})"
             )
         measured = [np.asarray(log.extra[name], dtype=np.float64) for name in TIP_COLUMNS]
-        axes = np.stack([np.asarray(log.actual(x.lower())) for x in letters], axis=1)
-        return cls(setup, np.stack(measured, axis=1), axes * chain.all_senses)
+        linear = np.stack([log.actual(x) for x in "xyz"], axis=1) * chain.linear_senses()
+        rotary = chain.to_machine({x: log.actual(x.lower()) for x in chain.letters})
+        return cls(chain, np.stack(measured, axis=1), np.hstack([linear, rotary]))
 
     @property
     def offsets(self) -> tuple[str, ...]:
         """Location errors that are offsets of rotary axes, the last axis first: EX0C."""
-        chain = Chain(self.setup)
-        names = [name for name, unit in chain.location_errors.items() if unit == "um"]
-        return tuple(n for letter in reversed(chain.letters) for n in names if n[-1] == letter)
+        names = [name for name, unit in self.chain.location_errors.items() if unit == "um"]
+        return tuple(n for x in reversed(self.chain.letters) for n in names if n[-1] == x)
 
     def deviation(self) -> Floats:
         """Measured less modelled tip, mm, shape (rows, 3)."""
@@ -356,10 +356,10 @@ class ToolTip:
 
     def _tip(self, errors: dict[str, float]) -> Floats:
         """Tip under location errors beside those of the set-up, table's frame, mm."""
-        known = dict(self.setup.machine.errors)
+        known = self.chain.named_errors(None)
         for name, value in errors.items():
             known[name] = known.get(name, 0.0) + value
-        return np.ascontiguousarray(Chain(self.setup).machine(known).forward(self.axes)[:, :3])
+        return np.ascontiguousarray(self.chain.machine(known).forward(self.axes)[:, :3])
 
 
 def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:

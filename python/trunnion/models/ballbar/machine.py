@@ -13,7 +13,8 @@ from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.model import Covariate, Nuisance
-from trunnion.hybrid.mechanism import PAPER_ERRORS, Mechanism
+from trunnion.hybrid.mechanism import Mechanism
+from trunnion.hybrid.parameters import PAPER_ERRORS
 from trunnion.machine.effects import Owner
 from trunnion.models.ballbar.effects import CATALOGUED, Bar, three_axis
 from trunnion.models.ballbar.hybrid_effects import hybrid

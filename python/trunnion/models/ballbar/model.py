@@ -20,7 +20,7 @@ from trunnion.diagnosis.effect import (
 )
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.hybrid.ballbar import (
+from trunnion.hybrid.readings import (
     check_enough,
     check_near,
     gradient_with_centres,

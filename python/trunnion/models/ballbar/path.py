@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
-from trunnion.hybrid.ballbar import setup_index
+from trunnion.hybrid.readings import setup_index
 from trunnion.machine.linear_axes import Travel
 
 __all__ = ["AXES", "Path"]

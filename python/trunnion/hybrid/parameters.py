@@ -1,0 +1,29 @@
+"""Names of the hybrid machine's errors and joints."""
+
+from __future__ import annotations
+
+import trunnion._core as _core
+from trunnion.base.errors import InputError, UnknownNameError
+
+__all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name"]
+
+_PAPER, _OUTSIDE = _core.hybrid_parameters()
+#: Names of the paper's 17 errors, with units.
+PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
+#: Names of every component at every place, with units.
+OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)
+JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
+
+
+def error_name(name: str) -> str:
+    """Return the full name with unit of an error: ``e5`` → ``e5_um``.
+
+    Raises
+    ------
+    UnknownNameError
+        A name that is none.
+    """
+    try:
+        return _core.hybrid_parameter(name)
+    except InputError as error:
+        raise UnknownNameError(str(error)) from None

@@ -1,0 +1,59 @@
+"""The reader of ``setup.toml``."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import Any
+
+from trunnion.files.toml import TomlText
+from trunnion.setup.fields import Section, keys_of
+from trunnion.setup.parts import (
+    AXES,
+    DIMENSIONS,
+    PARTS,
+    PROCESS_TABLES,
+    Artefact,
+    AxisSetup,
+    Setup,
+)
+
+__all__ = ["read_setup"]
+
+
+def read_setup(path: str | PathLike[str]) -> Setup:
+    """Read ``setup.toml``; ``print(setup)`` lists its keys.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not TOML, has a key that nobody knows or a value that its key does not take;
+        the message has file, line and column, what stood there and what is expected.
+    """
+    file = TomlText.read(path)
+    root = Section(file.tables, (), file)
+    root.only((*PARTS, "axes", *PROCESS_TABLES))
+    tables = {name: root.table(name) for name in (*PARTS, "axes", *PROCESS_TABLES)}
+    axes = tables.pop("axes")
+    axes.only(AXES)
+    processes: dict[str, Any] = {name: tables.pop(name) for name in PROCESS_TABLES}
+    built: dict[str, Any] = {
+        name: _artefact(table, needed=not any(processes.values()))
+        if name == "artefact"
+        else table.build(PARTS[name])
+        for name, table in tables.items()
+    }
+    with root.placed():
+        return Setup(
+            axes={letter: axes.table(letter).build(AxisSetup) for letter in axes},
+            **built,
+            **processes,
+        )
+
+
+def _artefact(table: Section, *, needed: bool) -> Artefact:
+    """Return the artefact; a kind takes only its own dimensions."""
+    if not table and not needed:
+        return Artefact("none")
+    kind, declared = table.get("kind"), keys_of(Artefact)
+    own = DIMENSIONS.get(kind, declared) if isinstance(kind, str) else declared
+    return table.build(Artefact, {k: v for k, v in declared.items() if k in ("kind", *own)})

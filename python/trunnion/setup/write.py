@@ -1,0 +1,62 @@
+"""A set-up as plain values, as the text of a file, and as people read it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import tomli_w
+
+from trunnion.base.frozen import thawed
+from trunnion.base.report import Table
+from trunnion.setup.fields import report
+
+if TYPE_CHECKING:
+    from trunnion.setup.parts import Setup
+
+__all__ = ["headline_of", "report_of", "tables_of", "toml_of"]
+
+PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan")
+PROCESSES = ("turning", "servo", "ballbar", "hybrid")
+
+
+def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
+    """Return every table of the file that is not empty, with plain values."""
+    tables = {name: getattr(setup, name).to_dict() for name in PARTS}
+    tables["axes"] = {letter: axis.to_dict() for letter, axis in setup.axes.items()}
+    tables |= {name: thawed(getattr(setup, name)) for name in PROCESSES}
+    if not setup.machine.errors:
+        del tables["machine"]["errors"]
+    return {name: table for name, table in tables.items() if table}
+
+
+def toml_of(setup: Setup) -> str:
+    """Return the text of a file that reads back as an equal set-up."""
+    return tomli_w.dumps(tables_of(setup))
+
+
+def report_of(setup: Setup) -> Table:
+    """Return every key with its value, unit and meaning."""
+    parts = [(name, getattr(setup, name)) for name in PARTS]
+    parts += [(f"axes.{letter}", axis) for letter, axis in setup.axes.items()]
+    table = report("Set-up", parts)
+    rows = [
+        (f"{name}.{key}", str(thawed(value)), "", "")
+        for name in PROCESSES
+        for key, value in getattr(setup, name).items()
+    ]
+    return Table.of(table.title, table.columns, (*table.rows, *rows))
+
+
+def headline_of(setup: Setup) -> str:
+    """Return the machine, the artefact and the probe in one line."""
+    artefact = setup.artefact.to_dict()
+    kind = artefact.pop("kind")
+    size = " × ".join(f"{value:g}" for value in artefact.values() if isinstance(value, float))
+    processes = [f"[{name}]" for name in PROCESSES if getattr(setup, name)]
+    said = [
+        setup.machine.preset,
+        "no artefact" if kind == "none" else f"{kind} {size} mm",
+        f"ball radius {setup.probe.ball_radius_mm:g} mm",
+        *processes,
+    ]
+    return ", ".join(said)

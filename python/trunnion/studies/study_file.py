@@ -1,0 +1,57 @@
+"""A study as a TOML file: what ``trunnion sweep`` runs.
+
+::
+
+    study = "calibration"     # a built-in study
+    samples = 1000            # random draws at each node of the grid, 1 if absent
+    seed = 1                  # 0 if absent
+    [grid]                    # every combination is a node
+    noise_um = [0.1, 0.3, 1.0]
+    [fixed]                   # the rest keeps its default
+    length_mm = 150.0
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from trunnion.base.errors import TrunnionError, UnknownNameError
+from trunnion.files.toml import TomlText
+from trunnion.studies.run import sweep
+from trunnion.studies.study import STUDIES
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["sweep_file"]
+
+KEYS = ("study", "samples", "seed", "grid", "fixed")
+
+
+def sweep_file(study: str | PathLike[str], **how: Any) -> xr.Dataset:
+    """Run the study in a file, or go on with it; keywords as in :func:`trunnion.sweep`.
+
+    Raises
+    ------
+    FileFormatError
+        The file is not TOML, or has a key or value that the study does not take; with its place.
+    TrunnionError
+        As :func:`trunnion.sweep`.
+    """
+    file = TomlText.read(study)
+    for key in file.tables:
+        if key not in KEYS:
+            what = f"got key {key!r}, wanted some of {', '.join(KEYS)}"
+            raise file.error((key,), what, at_value=False)
+    if not isinstance(file.tables.get("study"), str):
+        what = f"study: got {file.written(('study',))}, wanted one of {', '.join(STUDIES)}"
+        raise file.error(("study",), what, at_value=True)
+    described: dict[str, Any] = dict(file.tables)
+    try:
+        return sweep(described.pop("study"), described.pop("grid", {}), **described, **how)
+    except TrunnionError as error:
+        if not error.entry:  # not about the file: about where the result goes, say
+            raise
+        key_alone = isinstance(error, UnknownNameError) and error.entry != ("study",)
+        raise file.error(error.entry, str(error), at_value=not key_alone) from None
