@@ -138,7 +138,7 @@ def test_command_line(tmp_path: Path) -> None:
     noisy.to_csv(path)
     result = CliRunner().invoke(app, ["ballbar", "diagnose", str(path)])
     assert result.exit_code == 0, result.output
-    assert "consistent" in result.output
+    assert "Consistent: " in result.output
     plan = tmp_path / "plan.csv"
     ballbar_plan(Mechanism(), HOME, step_deg=20.0).to_csv(plan)
     result = CliRunner().invoke(app, ["ballbar", "plan", str(plan)])

@@ -250,7 +250,7 @@ def test_an_effect_is_one_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) ->
     d = diagnose(log, replace(SETUP, servo=known.to_table()))
     (cause,) = d.causes
     assert cause.id == "screw_c"
-    assert cause.words == "the screw of the C axis has an error of its known pitch"
+    assert cause.label == "the screw of the C axis has an error of its known pitch"
     found, error = cause.parameters["screw_arcsec"], cause.std_errors["screw_arcsec"]
     assert found == pytest.approx(9.0, abs=4 * error)
     assert d.model.servo.axes["C"].cyclic_arcsec == found

@@ -158,7 +158,7 @@ def test_what_cannot_be_seen_has_no_finite_error() -> None:
         lambda x, v: v["k_um"] * x + v["h_um"] * (x > 50),
     )
     d = tn.diagnose(line(4.0 * (X > 50) + noise(6), (blind, half)))
-    assert d.invisible == ("blind",)
+    assert list(d.not_identifiable) == ["blind"]
     assert d.causes[0].std_errors["k_um"] == np.inf
     assert np.isfinite(d.causes[0].std_errors["h_um"])
     assert "nan" not in d.summary().lower()
@@ -249,9 +249,11 @@ def test_score_on_data_not_seen() -> None:
         return offset + 0.2 * X + 5.0 * (X / 50 - 1) ** 2 + noise(seed)
 
     d = tn.diagnose(line(measured(14, 0.0)))
-    g = d.score((X, measured(15, 300.0)))  # another set-up: its offset is fitted anew
+    g = d.score(line(measured(15, 300.0)))  # another set-up: its offset is fitted anew
     assert g.rms_after_um == pytest.approx(1.0, abs=0.2)
     assert g.rms_before_um > 1.3
+    with pytest.raises(tn.InputError, match=r"expected a model of the other data"):
+        d.score((X, measured(15, 300.0)))  # a diagnosis holds no model that could be bound to them
 
 
 def test_bad_input() -> None:
@@ -277,8 +279,8 @@ def test_what_a_diagnosis_shows(tmp_path: Path) -> None:
     y[30] += 50
     d = tn.diagnose(line(y))
     text = d.summary()
-    assert text.splitlines()[0].startswith("Bow of the guide: ")
-    assert "Row 30 belongs to no model" in text
+    assert text.splitlines()[0].startswith("Explained by one cause: bow of the guide (bow): ")
+    assert "Outlier, left out: row 30 (counted from 0)." in text
     page = d.to_html(tmp_path / "d.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 2
     assert "http-equiv" not in page

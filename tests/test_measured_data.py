@@ -76,8 +76,7 @@ def test_the_first_holes_of_2010_were_measured_elsewhere(
     assert "setup_shift" not in {c.id for c in diagnoses[2003].causes}
     # without any model: what changed between the years, early and late holes
     change = plates[2010].measured_mm - plates[2003].measured_mm
-    turned = tn.diagnose(plates[2003]).source
-    assert turned is not None
+    turned = tn.diagnose(plates[2003]).rebuilt_model()
     again = turned.bind(plates[2010])
     x = (again.readings.values - turned.readings.values)[::2]
     assert np.mean(x[:50]) - np.mean(x[70:]) > 8.0

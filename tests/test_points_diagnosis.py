@@ -147,8 +147,8 @@ def test_results_pickle_and_turn_to_plain_numbers() -> None:
     again = pickle.loads(pickle.dumps(d))
     assert again.to_dict() == d.to_dict()
     assert isinstance(again.model, ExtendedPoints)
-    assert d.model.error_um(again.source.data)[:, 0] == pytest.approx(
-        again.model.error_um(again.source.data)[:, 0]
+    assert d.model.error_um(again.data)[:, 0] == pytest.approx(
+        again.model.error_um(again.data)[:, 0]
     )
 
 

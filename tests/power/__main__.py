@@ -102,8 +102,11 @@ def main() -> int:
                 f"spread of the errors, times the clean one: median {_median(ratios):.2f}, "
                 f"largest {max(ratios):.2f} (≤ 1.2)"
             )
-            lost = sum(bool(o.diagnosis.lost) for o in tally.outcomes) / len(tally.outcomes)
-            said.append(f"told that an error is lost with them {100 * lost:.1f} %")
+            lost = sum(
+                any(name in o.diagnosis.not_identifiable for name in o.diagnosis.errors_after)
+                for o in tally.outcomes
+            ) / len(tally.outcomes)
+            said.append(f"an error is not identifiable without them {100 * lost:.1f} %")
         coverage, intervals = tally.coverage
         lines.append(
             f"| {case.name} | {case.plan} | {len(tally.outcomes)} | {'; '.join(said)} "
@@ -155,7 +158,7 @@ def _relative_spread(tally: Tally) -> dict[str, float]:
         if not o.outliers_found:
             continue
         for name, value in o.diagnosis.errors_after.items():
-            if name in o.diagnosis.lost:
+            if name in o.diagnosis.not_identifiable:
                 continue
             miss = (value - o.measurement.truth.errors.get(name, 0.0)) / o.measurement.noise_um
             total.setdefault(name, []).append(miss * miss)

@@ -49,13 +49,14 @@ def diagnose(
     """
     d = _diagnosis(files, kind)
     shown: list[Any] = [d]
-    values = d.to_dict()
+    # Readings and data are in files already; `Diagnosis.to_json` has them, too.
+    values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:
         found = tn.prospect(d, next_)
         shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
-    elif isinstance(_source(d), tn.Diameters):
+    elif isinstance(d.data, tn.Diameters):
         passes = tn.next_passes(d)
         values["next_passes"] = [one.to_dict() for one in passes]
         if passes:
@@ -101,7 +102,3 @@ def _kind(path: Path, name: str) -> Kind:
     if found is None:
         raise tn.InputError(f"{path}: got columns {header.strip()!r}, expected those of {known}")
     return found
-
-
-def _source(d: Diagnosis) -> Any:
-    return getattr(d.source, "data", None)

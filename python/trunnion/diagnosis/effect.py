@@ -106,7 +106,7 @@ class Effect:
         Derivative of ``change`` by each parameter, shape (n, k). None: the difference of
         ``change`` over one unit, which is exact for the linear parameters.
     label:
-        What people call it: "drift of the Z axis". By default the id in words.
+        What people call it: "drift of the Z axis". Without one they read the id.
     owner:
         What it belongs to. Effects of a workpiece or a placement are estimated anew on other data;
         all others are kept.
@@ -130,11 +130,6 @@ class Effect:
     needs: tuple[str, ...] = ()
     least: NamedValues | None = None
 
-    def __post_init__(self) -> None:
-        """Label an effect that has none by its id."""
-        if not self.label:
-            object.__setattr__(self, "label", self.id.replace("_", " "))
-
     @property
     def linear(self) -> bool:
         """Whether every parameter is linear."""
@@ -150,8 +145,9 @@ class Effect:
             ParameterInfo(p.name, p.unit, "linear" if p.linear else "searched")
             for p in self.parameters
         )
+        label = self.label or self.id.replace("_", " ")
         return EffectInfo(
-            self.id, self.label, self.owner, tuple(parameters), self.needs, iso_codes(self.id)
+            self.id, label, self.owner, tuple(parameters), self.needs, iso_codes(self.id)
         )
 
     def columns(self, values: NamedValues) -> Floats:

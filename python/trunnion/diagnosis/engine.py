@@ -26,7 +26,8 @@ from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.effect import Effect, Values, lengths
 from trunnion.diagnosis.fit import VISIBLE, Fit, fit, variants
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain
+from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, units_of
+from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
 from trunnion.diagnosis.selection import MOST_CAUSES, WITHIN, Candidates, Found, search
 
@@ -47,6 +48,9 @@ TINY = 1e-300
 ROUNDING = 1e-12  # of the largest reading
 PERMUTATION_SEED = 1
 MOST_ALTERNATIVES = 50
+LOST = "only the outliers identify it: measure them again"
+UNSEEN = "these data do not determine it"
+ABSORBED = "what is always fitted absorbs it"
 BEHIND = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind named causes
 
 
@@ -505,8 +509,8 @@ def _rest(case: _Case, f: Fit) -> tuple[str | None, float]:
                 if p < REPEAT_LEVEL:
                     note = (
                         f"repeats agree to {np.sqrt(pure / dof_pure):.3g}, but the model misses "
-                        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; on no recorded "
-                        "quantity that was looked at does it depend"
+                        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
+                        "quantity explains it"
                     )
     sigma = case.model.readings.sigma
     if sigma is not None and note is None:
@@ -516,8 +520,8 @@ def _rest(case: _Case, f: Fit) -> tuple[str | None, float]:
         worst = min(worst, p / SCATTER_LEVEL)
         if p < SCATTER_LEVEL:
             note = (
-                f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise and depends on "
-                "no recorded quantity that was looked at"
+                f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise; no "
+                "recorded quantity explains it"
             )
     return note, worst
 
@@ -560,29 +564,42 @@ def _report(case: _Case, e: _Explanation, dropped: IntArray) -> Diagnosis:
     causes = _causes(case, e, f, variance, alternatives)
     outlier_rows = sorted({int(r) for r in model.readings.rows[dropped]})
     std, std_all = (_errors_std(model, of, variance) for of in (f, case.plain))
+    names = [x.name for x in model.nuisance]
+    gain = _gain(model, rows, plain, f, case.whiten)
+    sigma = float(np.sqrt(variance))
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
+    invisible = {ids[i] for i in e.candidates.invisible if i < len(ids)}
+    said = invisible.union(f.effects, *(a.causes for a in alternatives))
     return Diagnosis(
         verdict=verdict,  # type: ignore[arg-type]
         causes=causes,
-        alternatives=tuple(a.causes for a in alternatives),
-        gain=_gain(model, rows, plain, f, case.whiten),
+        evidence=tuple(alternatives),
+        gain=gain,
         unexplained=unexplained,
         errors_before=model.location_errors(case.plain.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
         outliers=tuple(outlier_rows),
-        lost=tuple(k for k, s in std.items() if np.isinf(s) and np.isfinite(std_all[k])),
-        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance)),
+        not_identifiable={
+            **{
+                k: LOST if np.isfinite(std_all[k]) else UNSEEN
+                for k, s in std.items()
+                if np.isinf(s)
+            },
+            **{x: ABSORBED for x in ids if x in invisible},
+        },
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
         p_value=e.alarm,
-        sigma=float(np.sqrt(variance)),
-        evidence=tuple(alternatives),
-        invisible=tuple(ids[i] for i in e.candidates.invisible if i < len(ids)),
-        source=model,
-        nuisance_before=case.plain.nuisance,
-        nuisance_after=f.nuisance,
-        effects=f.effects,
-        residuals_before=case.plain.residuals,
-        residuals_after=f.residuals,
-        kept=rows,
+        sigma=sigma,
+        nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
+        nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
+        units={x.name: x.unit for x in model.nuisance},
+        labels={x.id: x.label for x in model.effects if x.id in said},
+        residuals=Residuals.of(
+            model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
+        ),
     )
 
 
@@ -593,14 +610,14 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
 
 
-def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
+def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
     names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
     std = f.std() * np.sqrt(variance)
     return Uncertainty(
         names,
         dict(zip(names, map(float, std), strict=True)),
         f.covariance * variance,
-        float(np.sqrt(variance)),
+        sigma,
         f.dof,
     )
 
@@ -608,9 +625,9 @@ def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
 def _unexplained(e: _Explanation) -> str | None:
     if e.terms:
         (first, share), *others = e.terms
-        text = f"the rest depends on {first}: {100 * share:.0f} % of its variance"
+        text = f"the residual depends on {first}: {100 * share:.0f} % of its variance"
         if others:
-            text += "; as well explained by " + " or ".join(s for s, _ in others)
+            text += "; equally consistent with " + " or ".join(s for s, _ in others)
         return text
     return e.note
 
@@ -672,11 +689,14 @@ def _gain(
     """Residual rms fitted and held out, on the readings that are no outliers."""
     before = plain.residuals[rows]
     after = f.residuals[rows]
-    return Gain(
-        _rms(before),
-        _rms(after),
+    units, index = units_of(model.readings)
+    return Gain.of(
+        before,
+        after,
         _held_out(model, rows, plain, whiten),
         _held_out(model, rows, f, whiten),
+        units,
+        index[rows],
     )
 
 
@@ -684,8 +704,8 @@ def _rms(r: Array) -> float:
     return float(np.sqrt(np.mean(r * r)))
 
 
-def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Array]) -> float:
-    """Rms of the readings of each group, predicted from all other groups.
+def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Array]) -> Array:
+    """Errors of the readings of each group, predicted from all other groups, shape (m,).
 
     Linear in the parameters about the fit. What the other groups cannot see of the nuisance (the
     ball centre of a set-up that is left out) is fitted to the group itself; what they cannot see
@@ -704,7 +724,7 @@ def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Ar
     gram = white.T @ white
     rhs = white.T @ y
     frame = _frame(gram[:p, :p])
-    total = 0.0
+    miss = np.empty(len(rows))
     for g in np.unique(groups):
         held = groups == g
         a = white[held]
@@ -719,9 +739,8 @@ def _held_out(model: Model, rows: IntArray, f: Fit, whiten: Callable[[Array], Ar
         if unseen.shape[1]:
             own_n = a[:, :p] @ unseen
             beta[:p] += unseen @ np.linalg.lstsq(own_n, y[held] - a @ beta, rcond=1e-6)[0]
-        miss = y_raw[held] - raw[held] @ beta
-        total += float(miss @ miss)
-    return float(np.sqrt(total / len(rows)))
+        miss[held] = y_raw[held] - raw[held] @ beta
+    return miss
 
 
 def _frame(gram: Array) -> Array:

@@ -140,7 +140,7 @@ class Uncertainty:
             "names": self.names,
             "covariance": self.covariance,
             "sigma_um": self.sigma,
-            "degrees_of_freedom": self.degrees_of_freedom,
+            "degrees_of_freedom": float(self.degrees_of_freedom),
         }
 
 

@@ -84,9 +84,10 @@ def read_table(path: str | PathLike[str], kind: type[T]) -> T:
     file = _CsvFile(name, lines, numbers, kind)
     columns = file.columns()
     try:
-        return kind.checked(columns)
+        table = kind.checked(columns)
     except ColumnError as fault:
         raise file.located(fault) from None
+    return table.read_from(name, [number + 1 for number in file.data_lines])
 
 
 class _CsvFile:

@@ -6,7 +6,7 @@ Least squares on the exact model; lengths and derivatives are the core's.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.hybrid.spectrum import Spectrum
-from trunnion.machine.estimate import CODE, Estimate, named_combination
+from trunnion.machine.estimate import Estimate, named_combination
 
 __all__ = ["BallbarIdentification", "identify_ballbar"]
 
@@ -63,7 +63,7 @@ class BallbarIdentification(Estimate):
     residuals_um: Floats
     rank: int
     converged: bool
-    mechanism: Mechanism = field(metadata=CODE)
+    mechanism: Mechanism
 
     @property
     def rms_um(self) -> float:
@@ -282,7 +282,7 @@ def _result(
         centres_mm={k: (c[0], c[1], c[2]) for k, c in zip(problem.labels, centres, strict=True)},
         residuals_um=residuals,
         sigma_um=sigma,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=float(freedom),
         rank=spectrum.rank,
         combinations=tuple(
             named_combination(names, vector, NAMED_SHARE)

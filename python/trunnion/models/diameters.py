@@ -60,7 +60,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 from trunnion.setup.fields import Number, Part, Section, key
 
@@ -323,7 +323,7 @@ class DiameterLaw(Estimate):
     """
 
     offset_um: Mapping[str, float]
-    source: DiameterModel = field(metadata=CODE)
+    source: DiameterModel = field(compare=False, repr=False)
 
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Floats:
         """Predict the error of the diameter along a planned pass.

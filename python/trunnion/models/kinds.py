@@ -6,7 +6,7 @@ A kind of one's own needs no entry here: :func:`add_kind` takes it from any pack
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
@@ -192,4 +192,8 @@ def diagnose(
     DataError
         The data cannot belong to the model: too few readings, readings off the surface.
     """
-    return diagnose_model(model_of(data, setup, effects))
+    model = model_of(data, setup, effects)
+    found = diagnose_model(model)
+    if model is data:
+        return found
+    return replace(found, data=data, setup=setup, candidates=tuple(effects))

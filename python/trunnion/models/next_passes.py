@@ -87,9 +87,9 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     trunnion.InputError
         If it is no diagnosis of diameters.
     """
-    model = diagnosis.source
-    if model is None or not isinstance(model.data, Diameters):
-        raise InputError("next_passes: wanted a diagnosis of diameters")
+    if not isinstance(diagnosis.data, Diameters):
+        raise InputError("diagnosis: got one of other data, expected a diagnosis of diameters")
+    model = diagnosis.rebuilt_model()
     others = [s for s in diagnosis.alternatives if s != diagnosis.named]
     if not others:
         return ()
@@ -119,9 +119,9 @@ def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
     start = next(a.start for a in diagnosis.evidence if a.causes == causes)
     effects = [e for e in model.effects if e.id in causes]
     values = {id_: Values(v) for id_, v in start.items()}
-    fitted = fit(
-        model, diagnosis.kept, effects, diagnosis.nuisance_before, values, lambda rows: rows
-    )
+    used = np.flatnonzero(~np.isin(model.readings.rows, diagnosis.outliers))
+    offsets = np.array(list(diagnosis.nuisance_before.values()))
+    fitted = fit(model, used, effects, offsets, values, lambda rows: rows)
     return fitted.effects
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -104,19 +106,20 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         The diagnosis is not one of touches, or n is no positive number.
     """
     instance("d", d, Diagnosis, "a Diagnosis, as diagnose gives it")
-    model = d.source
-    if not isinstance(model, TouchDiagnosisModel):
-        raise InputError("diagnosis: got one of other data, wanted a diagnosis of touches")
+    if not isinstance(d.data, Touches):
+        raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
+    model = cast(TouchDiagnosisModel, d.rebuilt_model())
     if not isinstance(n, int) or isinstance(n, bool) or n < 1:
         raise InputError(f"n: got {n!r}, wanted a whole number from 1")
     pool = _pool(model)
-    old = model.data[d.kept]
+    used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
+    old = d.data[used]
     both = model.bind(_joined(old, pool))
     is_old = np.arange(len(both.data)) < len(old)
-    sets = [_hypothesis(model, both, d, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
+    sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
     if not sets:
-        sets = [_hypothesis(model, both, d, {}, 0.0)]
-    nuisance = both.jacobian(d.nuisance_after, {})
+        sets = [_hypothesis(model, both, d, used, {}, 0.0)]
+    nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
         parting = Parting(nuisance, is_old, sets, d.sigma)
         many = parting.choose(max(n, MANY[-1]))
@@ -128,7 +131,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
     else:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
-    before, after = _std(d, nuisance, sets[0].columns, is_old, chosen)
+    before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
     return Prospect(
         _ordered(both.data, chosen, old), len(sets), chance, enough, alike, before, after
     )
@@ -169,13 +172,14 @@ def _hypothesis(
     model: TouchDiagnosisModel,
     both: TouchDiagnosisModel,
     d: Diagnosis,
+    used: Integers,
     start: EffectValues,
     distance: float,
 ) -> Hypothesis:
     """Fit a set to the measurement; give its columns on old and possible touches."""
     effects = [e for e in model.effects if e.id in start]
     at = {k: Values(v) for k, v in start.items()}
-    f = fit(model, d.kept, effects, d.nuisance_after, at, lambda a: a)
+    f = fit(model, used, effects, _values(d), at, lambda a: a)
     named: dict[str, Effect] = {e.id: e for e in both.effects}
     parts = [both.effect_jacobian(f.nuisance, named[e.id], f.effects[e.id]) for e in effects]
     columns = np.concatenate([np.zeros((len(both.data), 0)), *parts], axis=1)
@@ -202,12 +206,21 @@ def _sharpest(nuisance: Floats, columns: Floats, old: Flags, n: int) -> Integers
     return np.array(chosen, dtype=np.intp)
 
 
+def _values(d: Diagnosis) -> Floats:
+    """Return the errors and the placement under the extended model."""
+    return np.array(list(d.nuisance_after.values()))
+
+
 def _std(
-    d: Diagnosis, nuisance: Floats, columns: Floats, old: Flags, chosen: Integers
+    d: Diagnosis,
+    effects: Sequence[Effect],
+    nuisance: Floats,
+    columns: Floats,
+    old: Flags,
+    chosen: Integers,
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Standard errors of the named causes' parameters before and after."""
-    source = d.source
-    order = [] if source is None else [e for e in source.effects if e.id in d.effects]
+    order = [e for e in effects if e.id in d.named]
     names = [f"{e.id}.{q.name}" for e in order for q in e.parameters]
     if len(names) != columns.shape[1]:
         return {}, {}

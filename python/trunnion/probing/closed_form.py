@@ -116,7 +116,7 @@ def closed_form(
         covariance=covariance,
         residuals_um=residuals,
         sigma_um=sigma,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=float(freedom),
         converged=True,
         per_position=per_position,
         checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},

@@ -34,8 +34,7 @@ from trunnion.probing.result import IdentificationResult
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
-    from trunnion.machine.chain import Chain
-from trunnion.setup import Setup
+    from trunnion.setup import Setup
 
 __all__ = ["identify", "linearise"]
 

@@ -22,7 +22,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.effects import (
     CATALOGUED,
@@ -358,7 +358,7 @@ class ExtendedPoints(Estimate):
     features_mm: Floats
     features_um: Floats
     features: FeatureScatter | None
-    source: PointsModel = field(metadata=CODE)
+    source: PointsModel = field(compare=False, repr=False)
 
     def error_um(
         self,

@@ -104,9 +104,10 @@ def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     InputError
         ``d`` is not of points, or fewer than ten features are in both.
     """
-    model, extended = d.source, d.model
-    if not isinstance(model, PointsModel) or not isinstance(extended, ExtendedPoints):
+    extended = d.model
+    if not isinstance(d.data, Points) or not isinstance(extended, ExtendedPoints):
         raise InputError("repeatable_part: got a diagnosis of other data, expected one of points")
+    model = extended.source
     again = model.bind(other)
     one, two = _shared(model.data, other)
 

@@ -22,7 +22,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.machine.estimate import CODE, Estimate
+from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
 
@@ -339,7 +339,7 @@ class ExtendedSweep(Estimate):
     frame: Floats
     radius_mm: dict[Any, float]
     height_mm: dict[Any, float]
-    source: SweepModel = field(metadata=CODE)
+    source: SweepModel = field(compare=False, repr=False)
 
     def error_motions(self, angle_deg: Floats) -> dict[str, Floats]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.

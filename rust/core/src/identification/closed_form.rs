@@ -93,6 +93,13 @@ impl PaperRows {
         Ok(found)
     }
 
+    /// Rows of each touch that is used, its repeats together: the forms take their mean.
+    fn repeats(&self) -> impl Iterator<Item = &[usize]> {
+        let turned = self.turned.iter().flat_map(|position| position.rows.iter());
+        let tilted = self.tilted.iter().flat_map(|position| position.rows.iter());
+        turned.chain(tilted).map(Vec::as_slice).filter(|rows| !rows.is_empty())
+    }
+
     fn turned_at(&mut self, angle: f64) -> &mut Turned {
         let place = self.turned.iter().position(|p| same(p.angle, angle));
         let place = place.unwrap_or_else(|| {
@@ -502,12 +509,17 @@ pub fn separate(
 pub fn separating_operator(rows: &PaperRows, readings: usize) -> Result<Vec<f64>> {
     let mut operator = vec![0.0; COUNT * readings];
     let mut along = vec![0.0; readings];
-    for row in 0..readings {
-        along[row] = 1.0;
-        for (k, value) in separating(rows, &along)?.values.into_iter().enumerate() {
-            operator[k * readings + row] = value;
+    for repeats in rows.repeats() {
+        for &row in repeats {
+            along[row] = 1.0;
         }
-        along[row] = 0.0;
+        let values = separating(rows, &along)?.values;
+        for &row in repeats {
+            along[row] = 0.0;
+            for (k, value) in values.into_iter().enumerate() {
+                operator[k * readings + row] = value / repeats.len() as f64;
+            }
+        }
     }
     Ok(operator)
 }
@@ -521,17 +533,24 @@ pub fn printed_operator(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> 
     let step = 0.5 * UM;
     let mut operator = vec![0.0; ERRORS * readings];
     let mut points = moves.point.to_vec();
-    for row in 0..readings {
+    for repeats in rows.repeats() {
         for side in [1.0, -1.0] {
-            let moved = Moves::vector(moves.point, row)
-                + Moves::vector(moves.direction, row) * (side * step);
-            points[3 * row..3 * row + 3].copy_from_slice(moved.as_slice());
+            for &row in repeats {
+                let moved = Moves::vector(moves.point, row)
+                    + Moves::vector(moves.direction, row) * (side * step);
+                points[3 * row..3 * row + 3].copy_from_slice(moved.as_slice());
+            }
             let shifted = printed(model, rows, &Moves { point: &points, ..*moves });
-            for (k, value) in shifted.errors.into_iter().enumerate() {
-                operator[k * readings + row] += side * value / (2.0 * step);
+            for &row in repeats {
+                for (k, value) in shifted.errors.into_iter().enumerate() {
+                    operator[k * readings + row] +=
+                        side * value / (2.0 * step * repeats.len() as f64);
+                }
             }
         }
-        points[3 * row..3 * row + 3].copy_from_slice(&moves.point[3 * row..3 * row + 3]);
+        for &row in repeats {
+            points[3 * row..3 * row + 3].copy_from_slice(&moves.point[3 * row..3 * row + 3]);
+        }
     }
     operator
 }
