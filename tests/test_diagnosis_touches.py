@@ -161,7 +161,7 @@ def test_next_touches_part_the_aliases_of_a() -> None:
     assert np.min(np.asarray(more.time_s)) > np.max(m.columns["time_s"])
     said = tn.prospect(d, 8)
     assert said.chance > 0.8
-    assert "touches part the" in said.summary()
+    assert "touches distinguish the" in said.summary()
 
 
 def test_next_touches_say_when_none_can() -> None:

@@ -42,7 +42,7 @@ def test_reversed_feed_parts_wear_from_taper() -> None:
     assert got.verdict == "ambiguous"
     assert {frozenset({"tool_wear"}), frozenset({"taper"})} <= set(got.alternatives)
     best = next_passes(got)[0]
-    assert "reversed feed" in best.words
+    assert "reversed feed" in best.label
     # Wear or taper, whichever is named, is parted from the other.
     other = ({"taper"} if got.named == {"tool_wear"} else {"tool_wear"},)
     assert frozenset(other[0]) in best.parts
@@ -55,7 +55,7 @@ def test_a_warm_tool_parts_wear_from_heating() -> None:
         got = diagnose(*measured(11, hidden, 2))
         assert {frozenset(both[:1]), frozenset(both)} <= set(got.alternatives)
         best = next_passes(got)[0]
-        assert "right behind four more" in best.words
+        assert "right behind four more" in best.label
         other = next(s for s in got.alternatives if s <= set(both) and s != got.named)
         assert other in best.parts
         settled = diagnose(*measured(11, hidden, 2, warm=True))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from trunnion.base.errors import UnknownNameError
 
-__all__ = ["canonical_error_name", "effect_ids", "iso_codes"]
+__all__ = ["canonical_error_name", "effect_ids", "is_code", "iso_codes"]
 
 # EA0C: an error E in direction A..C (tilt) or X..Z (offset), zero for location, of an axis.
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
@@ -34,6 +34,7 @@ def canonical_error_name(text: str) -> str:
 
 # Effects by id → codes of the errors that they are part of. A letter in braces is that of the axis
 # or of the direction; tilts have the letters of rotary axes.
+_CODE = re.compile(r"E_?\{?[XYZABC][0O]?[XYZABC]\}?", re.IGNORECASE)
 _SQUARENESS = {"xy": "EC0Y", "xz": "EB0Z", "yz": "EA0Z"}
 _TILT = dict(zip("xyz", "ABC", strict=True))
 _AXIS = re.compile(r"(?:scale|positioning|periodic|cyclic)_([xyz])")
@@ -78,6 +79,11 @@ def _rotary_codes(axis: str, kind: str) -> tuple[str, ...]:
     return (f"E{across[0]}{axis}",) if kind == "twist" else tuple(f"E{t}{axis}" for t in across)
 
 
+def is_code(name: str) -> bool:
+    """Whether a name has the form of a code of ISO 230-1: EXX, EC0Y, in any accepted spelling."""
+    return _CODE.fullmatch(name) is not None
+
+
 def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
     """Return the ids that a name stands for: itself, or those with this code of ISO 230-1.
 
@@ -85,7 +91,7 @@ def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
     """
     if name in known:
         return (name,)
-    code = re.sub(r"[_{}]", "", name).upper()
-    if len(code) == 4:
-        code = f"{code[:2]}{code[2].replace('O', '0')}{code[3]}"
+    if not is_code(name):
+        return ()
+    code = re.sub(r"[_{}]", "", name).upper().replace("O", "0")
     return tuple(i for i in known if code in iso_codes(i))

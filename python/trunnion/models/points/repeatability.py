@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers
 from trunnion.data.points import Points
 from trunnion.diagnosis.result import Diagnosis
@@ -19,8 +20,8 @@ __all__ = ["RepeatablePart", "repeatable_part"]
 MIN_FEATURES = 10
 
 
-@dataclass(frozen=True)
-class RepeatablePart:
+@dataclass(frozen=True, eq=False, repr=False)
+class RepeatablePart(Result):
     """What of one measurement of features is there again in another, and what it is made of.
 
     All rms values are per coordinate, in µm, under a placement fitted to the data they belong to.
@@ -57,32 +58,35 @@ class RepeatablePart:
     left_hole_by_hole_um: float
     features: int
 
-    def summary(self) -> str:
-        """Say it as a table."""
+    def sentences(self) -> Sequence[str]:
+        """Say how much repeats."""
         by_axis = ", ".join(f"{c:.2f} in {a}" for a, c in self.correlation.items())
-        return "\n".join(
-            [
-                f"{self.features} features measured twice; residuals correlate {by_axis}.",
-                f"  placement alone     {self.rms_um:6.2f} µm rms, {self.other_rms_um:.2f} other",
-                f"  repeats             {self.repeatable_um:6.2f} µm rms",
-                f"    named causes      {100 * self.named:6.1f} % of its variance",
-                f"    smooth, no name   {100 * self.smooth:6.1f} %",
-                f"    hole by hole      {100 * self.hole_by_hole:6.1f} %",
-                f"  does not repeat     {self.scatter_um:6.2f} µm rms (one measurement)",
-                "  left on the other measurement:",
-                f"    named causes      {self.left_named_um:6.2f} µm rms",
-                f"    and smooth field  {self.left_smooth_um:6.2f} µm rms",
-                f"    and hole by hole  {self.left_hole_by_hole_um:6.2f} µm rms",
-            ]
+        return (
+            f"{self.features} features measured twice; residuals correlate {by_axis}.",
+            f"{self.repeatable_um:.2f} µm rms repeat, {self.scatter_um:.2f} µm rms do not.",
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return all of it as plain numbers."""
-        return {k: dict(v) if isinstance(v, dict) else v for k, v in vars(self).items()}
-
-    def __str__(self) -> str:
-        """Return the summary."""
-        return self.summary()
+    def tables(self) -> tuple[Table, ...]:
+        """What repeats and what it is made of; what is left on the other measurement."""
+        variance = self.repeatable_um**2
+        repeats = (
+            ("placement alone", self.rms_um, None),
+            ("placement alone, other measurement", self.other_rms_um, None),
+            ("repeats", self.repeatable_um, 100.0 if variance else None),
+            ("  named causes", None, 100 * self.named),
+            ("  smooth, no name", None, 100 * self.smooth),
+            ("  hole by hole", None, 100 * self.hole_by_hole),
+            ("does not repeat (one measurement)", self.scatter_um, None),
+        )
+        left = (
+            ("named causes", self.left_named_um),
+            ("and smooth field", self.left_smooth_um),
+            ("and hole by hole", self.left_hole_by_hole_um),
+        )
+        return (
+            Table.of("What repeats", ("", "rms, µm", "share of the variance, %"), repeats),
+            Table.of("Left on the other measurement by", ("", "rms, µm"), left),
+        )
 
 
 def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from scipy import optimize
 
 from trunnion.base.errors import DataError
+from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers
 from trunnion.data.sweep import Sweep
 
@@ -78,8 +79,8 @@ class Geometry:
         return x, float(np.sum((y - design @ x) ** 2))
 
 
-@dataclass(frozen=True)
-class Circle:
+@dataclass(frozen=True, eq=False, repr=False)
+class Circle(Result):
     """Plain circle of one target; the commanded positions do not enter.
 
     Attributes
@@ -105,6 +106,27 @@ class Circle:
     def axial_rms_um(self) -> float:
         """Rms of the axial distances."""
         return float(np.sqrt(np.mean(self.axial_um**2)))
+
+    def sentences(self) -> Sequence[str]:
+        """Say radius and residuals."""
+        return (
+            f"Circle of radius {self.radius_mm:.4f} mm: {self.radial_rms_um:.2f} µm rms radially, "
+            f"{self.axial_rms_um:.2f} µm rms axially.",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Distance of each position."""
+        rows = [
+            (i, float(r), float(a))
+            for i, (r, a) in enumerate(zip(self.radial_um, self.axial_um, strict=True))
+        ]
+        return (
+            Table.of("Distances from the circle", ("position", "radial, µm", "axial, µm"), rows),
+        )
+
+    def derived(self) -> Mapping[str, Any]:
+        """Rms of the distances."""
+        return {"radial_rms_um": self.radial_rms_um, "axial_rms_um": self.axial_rms_um}
 
 
 def fit_circles(data: Sweep) -> dict[Any, Circle]:
