@@ -262,7 +262,8 @@ def check_not_identifiable_is_refused(model: Model, setup: Any) -> None:
                 np.asarray(model.start), found, Uncertainty(names, full, covariance, 0.3, 20)
             )
 
-        if effect.id in estimate({}).not_compensable:
+        whole = estimate({})
+        if not isinstance(whole, tn.Estimate) or effect.id in whole.not_compensable:
             continue
         volumetric_error(setup, estimate({}), x_mm=(0.0, 10.0), y_mm=0.0, z_mm=0.0)
         accepted += 1

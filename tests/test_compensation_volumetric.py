@@ -203,7 +203,15 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
         errors: list[float], effects: list[tuple[str, list[float]]], work: list[float]
     ) -> _core.MachineModel:
         named = list(zip(names, errors, strict=True))
-        return _core.MachineModel(preset, 150.0, named, work, effects, [0.0] * 3, [0.0] * 2)
+        return _core.MachineModel(
+            preset,
+            150.0,
+            errors=named,
+            placement=work,
+            effects=effects,
+            direction=[0.0] * 3,
+            sense=[0.0] * 2,
+        )
 
     flat = [*values, *(v for _, vs in effects for v in vs)]
 

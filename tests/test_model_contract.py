@@ -1,7 +1,9 @@
 """Every kind of data keeps what the engine was promised of a model."""
 
+import runpy
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
@@ -28,3 +30,10 @@ def test_every_kind_has_an_example() -> None:
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 def test_promise(check: Callable[[Model, Any], None], example: str) -> None:
     check(*made(example))
+
+
+def test_the_page_of_effects_is_that_of_the_catalogues() -> None:
+    docs = Path(__file__).parents[1] / "docs"
+    made = runpy.run_path(str(docs / "make_effects_table.py"))
+    text = (docs / "effects.md").read_text(encoding="utf-8")
+    assert made["page"](text) == text, "run `make docs`"

@@ -234,7 +234,18 @@ def identification() -> None:
     moves = model.moves(data)
     many = 1000
     points = np.repeat(data.position_mm.reshape(1, -1), many, axis=0)
-    ours = seconds(lambda: model.core.fit_many(moves, points, model.values(), None, 0.0, [], 50, 1))
+    ours = seconds(
+        lambda: model.core.fit_many(
+            moves,
+            points,
+            model.values(),
+            huber=None,
+            sigma_um=0.0,
+            priors=[],
+            max_steps=50,
+            threads=1,
+        )
+    )
     ours /= many
     line("identification of 14 parameters, array call", f"{ours * 1e6:.0f} µs", 150e-6 / ours, 1)
 

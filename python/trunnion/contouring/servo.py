@@ -284,7 +284,14 @@ class Coupling:
         return Coupling(self.position, self.orientation, gains, self.order)
 
     @property
-    def core(self) -> tuple[str, str, Array, str]:
+    def core(
+        self,
+    ) -> tuple[
+        Literal["circle", "tangent"],
+        Literal["proposed", "tangent"],
+        Array,
+        Literal["controller_last", "jacobian_last", "as_printed"],
+    ]:
         """Arguments of the core."""
         return self.position, self.orientation, self.gains, self.order
 

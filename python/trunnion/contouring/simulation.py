@@ -363,12 +363,12 @@ def simulate(
     columns = _core.contour_simulate(
         _path(path).core,
         _feed(feed).core,
-        period * 1e-3,
-        servo.rows(),
-        servo.feedback,
-        None if coupling is None else coupling.core,
-        location_errors(believed),
-        location_errors(errors),
+        period_s=period * 1e-3,
+        axes=servo.rows(),
+        feedback=servo.feedback,
+        coupling=None if coupling is None else coupling.core,
+        assumed=location_errors(believed),
+        real=location_errors(errors),
     )
     arrays: dict[str, Any] = dict(columns)
     return ContourRun(controller=_name(controller), period_ms=period, **arrays)
@@ -464,15 +464,15 @@ def sweep(
     feeds = [replace(common, feed_mm_min=number("feed", f)).core for f in feeds_mm_min]
     names, values = _core.contour_sweep(
         [_path(p).core for p in paths],
-        [i for i, _, _ in index],
-        [feeds[j] for _, j, _ in index],
-        period_ms(servo) * 1e-3,
-        np.tile(servo.rows(), (len(index), 1)),
-        servo.feedback,
-        [None if c is None else c.core for c in couplings],
-        [k for _, _, k in index],
-        location_errors(believed),
-        location_errors(errors),
+        path_index=[i for i, _, _ in index],
+        feeds=[feeds[j] for _, j, _ in index],
+        period_s=period_ms(servo) * 1e-3,
+        axes=np.tile(servo.rows(), (len(index), 1)),
+        feedback=servo.feedback,
+        couplings=[None if c is None else c.core for c in couplings],
+        coupling_index=[k for _, _, k in index],
+        assumed=location_errors(believed),
+        real=location_errors(errors),
     )
     columns: dict[str, Any] = {
         name: values[:, i].reshape(shape).copy() for i, name in enumerate(names)

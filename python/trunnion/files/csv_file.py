@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self, TextIO, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError
 from trunnion.files.columns import ColumnError, shown_field
@@ -37,6 +37,10 @@ class Readable(Protocol):
     @classmethod
     def checked(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
         """Make a table of these columns, or raise `ColumnError`."""
+        ...
+
+    def read_from(self, file: str, lines: ArrayLike) -> Self:
+        """Return the table with its origin: a file, and the line of each row in it."""
         ...
 
 

@@ -294,7 +294,12 @@ class Mechanism:
         offsets = any(self.dimensions.get(f"e{i}_mm", 0.0) for i in (1, 2, 3, 14))
         exact = bool(self.errors) or offsets
         rows = self._core.inverse(
-            tips, np.ascontiguousarray(directions), reference_deg, wrist < 0, exact, threads
+            tips,
+            np.ascontiguousarray(directions),
+            reference_deg=reference_deg,
+            negative=wrist < 0,
+            exact=exact,
+            threads=threads,
         )
         return rows[:, :5]
 

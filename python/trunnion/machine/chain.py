@@ -171,11 +171,11 @@ class Chain:
         return _core.MachineModel(
             self.setup.machine.preset,
             self.setup.probe.length_mm,
-            list(errors.items()),
-            list(placement),
-            list(effects),
-            [float(value) for value in approach],
-            [turned.get(x, 0.0) * s for x, s in zip(self.letters, self.senses, strict=True)],
+            errors=list(errors.items()),
+            placement=list(placement),
+            effects=list(effects),
+            direction=[float(value) for value in approach],
+            sense=[turned.get(x, 0.0) * s for x, s in zip(self.letters, self.senses, strict=True)],
         )
 
     def table_pose(self, rotary_deg: Floats) -> tuple[Floats, Floats]:

@@ -81,7 +81,7 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     )
 
 
-_KINDS = [  # a file is looked up in this order
+_KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
     _kind("sweep", "Sweep", "sweep", "rotary", "angle_deg", "target"),
@@ -117,8 +117,9 @@ def add_kind(kind: Kind) -> None:
 
 
 def kind_of_columns(names: set[str]) -> Kind | None:
-    """Return the kind whose columns a file with these columns has; None if it is of no kind."""
-    return next((kind for kind in _KINDS if names.issuperset(kind.columns)), None)
+    """Return the kind of a file with these columns: of several the one that asks for most."""
+    fitting = [kind for kind in _KINDS if names.issuperset(kind.columns)]
+    return max(fitting, key=lambda kind: len(kind.columns), default=None)
 
 
 def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] = ()) -> Model:

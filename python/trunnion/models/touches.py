@@ -27,7 +27,6 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
-from trunnion.machine.chain import Chain
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import known_sigma_um
@@ -289,24 +288,7 @@ class TouchDiagnosisModel(BaseModel):
     @property
     def _faces(self) -> NDArray[np.str_]:
         """Name of the touched face, from the nominal pose: "+X arm, top", "+Y side", ..."""
-        setup, data = self.setup, self.data
-        chain = Chain(setup)
-        turn, shift = chain.table_pose(chain.to_machine(data.rotary_deg, len(data)))
-        contact = data.position_mm + setup.probe.ball_radius_mm * data.direction - shift
-        at = np.einsum("nji,nj->ni", turn, contact)
-        normal = -np.einsum("nji,nj->ni", turn, data.direction)
-        axis = np.argmax(np.abs(normal), axis=1)
-        sign = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] > 0
-        side = np.where(axis == 2, "top", np.where(axis == 0, "X side", "Y side"))
-        side = np.char.add(np.where(axis == 2, "", np.where(sign, "+", "-")), side)
-        if setup.artefact.kind == "sphere":
-            return np.full(len(side), "sphere")
-        if setup.artefact.kind != "cross":
-            return side
-        along = np.argmax(np.abs(at[:, :2]), axis=1)
-        out = np.take_along_axis(at, along[:, None], axis=1)[:, 0] > 0
-        arm = np.char.add(np.where(out, "+", "-"), np.where(along == 0, "X arm, ", "Y arm, "))
-        return np.char.add(arm, side)
+        return np.array(self._full.core.faces(self._moves))
 
     # --- what a user gets
 

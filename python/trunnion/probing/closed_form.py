@@ -100,7 +100,9 @@ def closed_form(
     sigma = known_sigma_um(setup)
     if sigma == 0.0:
         # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
-        sigma = model.core.fit(moves, start, None, 0.0, [], MAX_STEPS)["sigma_um"]
+        sigma = model.core.fit(
+            moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS
+        )["sigma_um"]
     covariance = sigma**2 * operator @ operator.T
     names = model.names[:kept]
     spread = np.sqrt(np.diag(covariance))

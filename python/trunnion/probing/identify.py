@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from trunnion._core import Moves
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import PLACEMENT, Effect, Moving, split_effects
+from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.model import TouchModel
-from trunnion.probing.own_effects import Found, Loss, TouchProblem
+from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
 
@@ -78,7 +78,7 @@ def identify(
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
-    names = (*model.names, *(f"{e.id}.{name}" for e in own for name in e.parameters))
+    names = own_names(model, own)
     knee = HUBER_KNEE if loss == "huber" else None
     how = Loss(knee, known_sigma_um(setup), _priors(names, priors or {}))
     found = (
@@ -86,6 +86,18 @@ def identify(
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
+    return _result(model, data, own, found, knee)
+
+
+def _result(
+    model: TouchModel,
+    data: Touches,
+    own: Sequence[UserEffect],
+    found: Found,
+    knee: float | None,
+) -> IdentificationResult:
+    """Estimates by name."""
+    names = own_names(model, own)
     count, built_in = len(model.error_names), len(model.names)
     values, kinds = found.values, [*model.kinds, *["linear"] * (len(names) - built_in)]
     effects_found = model.effects_of(values[:built_in])
@@ -95,7 +107,7 @@ def identify(
         effects_found[e.id] = dict(zip(e.parameters, part, strict=True))
         at += len(e.parameters)
     return IdentificationResult(
-        method="least squares" if loss == "squares" else "least squares, Huber's loss",
+        method="least squares" if knee is None else "least squares, Huber's loss",
         errors=dict(zip(model.error_names, map(float, values[:count]), strict=True)),
         placement=dict(zip(PLACEMENT, map(float, values[count : count + 6]), strict=True)),
         effects=effects_found,
@@ -125,7 +137,12 @@ def identify(
 
 def _by_the_core(model: TouchModel, moves: Moves, loss: Loss, max_steps: int) -> Found:
     fit = model.core.fit(
-        moves, model.values(), loss.knee, loss.sigma_um, list(loss.priors), max_steps
+        moves,
+        model.values(),
+        huber=loss.knee,
+        sigma_um=loss.sigma_um,
+        priors=list(loss.priors),
+        max_steps=max_steps,
     )
     return Found(
         fit["values"],
@@ -176,11 +193,11 @@ def identify_many(
         model.moves(plan),
         positions.reshape(len(positions), -1),
         model.values(),
-        None,
-        known_sigma_um(setup),
-        [],
-        max_steps,
-        threads,
+        huber=None,
+        sigma_um=known_sigma_um(setup),
+        priors=[],
+        max_steps=max_steps,
+        threads=threads,
     )
     return model.names, values, errors, converged
 

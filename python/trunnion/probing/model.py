@@ -51,9 +51,9 @@ class TouchModel:
             setup.machine.preset,
             setup.probe.length_mm,
             *artefact_dimensions(setup),
-            setup.probe.ball_radius_mm,
-            setup.probe.tick_um if tick_um is None else tick_um,
-            list(self.effect_ids),
+            ball_radius_mm=setup.probe.ball_radius_mm,
+            tick_um=setup.probe.tick_um if tick_um is None else tick_um,
+            effect_ids=list(self.effect_ids),
         )
         self.names = tuple(name for name, _, _ in self.core.parameters)
         self.units = tuple(unit for _, unit, _ in self.core.parameters)

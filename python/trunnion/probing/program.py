@@ -95,10 +95,10 @@ def safe_levels(
         setup.probe.length_mm,
         *artefact_dimensions(setup),
         Chain(setup).to_machine(plan.rotary_deg, len(plan)),
-        setup.probe.ball_radius_mm,
-        setup.plan.clearance_mm,
-        setup.table.radius_mm,
-        setup.table.thickness_mm,
+        ball_radius_mm=setup.probe.ball_radius_mm,
+        clearance_mm=setup.plan.clearance_mm,
+        table_radius_mm=setup.table.radius_mm,
+        table_thickness_mm=setup.table.thickness_mm,
     )
 
 

@@ -101,11 +101,11 @@ def simulate(
     travel = model.core.simulate(
         moves,
         values,
-        from_start,
-        reach,
-        noise_um,
-        _whole("seed", seed or 0),
-        _whole("sample", sample),
+        from_start=from_start,
+        reach_mm=reach,
+        noise_um=noise_um,
+        seed=_whole("seed", seed or 0),
+        sample=_whole("sample", sample),
     )
     for effect in own:
         travel = travel + 1e-3 * effect.change(plan, effects[effect])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from trunnion._core import MOST_THREADS
+from trunnion._core import MAX_THREADS
 from trunnion.base.checks import entry, whole
 from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
 from trunnion.studies.dataset import (
@@ -145,7 +145,7 @@ def sweep(
     with entry("seed"):
         seed = whole("seed", seed, 0)
     if threads is not None:
-        threads = whole("threads", threads, 1, MOST_THREADS)
+        threads = whole("threads", threads, 1, MAX_THREADS)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise InputError(f"executor: got {executor!r}, wanted an object with submit")
     limit = _Limit(most_failures)

@@ -234,7 +234,7 @@ class AxisSignal:
         out = np.empty((len(servos), len(self.commanded)))
         for run, command in zip(self.runs, fine, strict=True):
             out[:, run.rows] = _core.contour_axis_responses(
-                self.letter, numbers, run.control_s, feedback, command, run.substeps
+                self.letter, numbers, run.control_s, feedback, command, stride=run.substeps
             )
         return out
 

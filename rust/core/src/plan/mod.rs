@@ -9,17 +9,15 @@
 //! level above everything at this position of the axes, across, and down to the next start.
 
 pub mod collision;
-pub mod targets;
 
 use nalgebra::Vector3;
 
-use crate::artefact::{Artefact, Line, Search};
+use crate::artefact::{Artefact, Layout, Line, Search, Target, View};
 use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::pose::Direction;
 use crate::{Error, Result};
 
 use collision::{Stylus, Surroundings};
-use targets::{Layout, Target, targets};
 
 /// How a plan is made; mm, rad, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,8 +129,8 @@ struct PlanAxes {
 
 impl PlanAxes {
     fn of(machine: &Machine) -> Self {
-        let find = |wanted: &dyn Fn(Direction, Side) -> bool| {
-            machine.rotary().iter().position(|axis| wanted(axis.direction, axis.side))
+        let find = |expected: &dyn Fn(Direction, Side) -> bool| {
+            machine.rotary().iter().position(|axis| expected(axis.direction, axis.side))
         };
         Self {
             turning: find(&|direction, _| direction == Direction::Z),
@@ -275,7 +273,9 @@ impl Planner<'_> {
         let axes = &rotary[..self.machine.rotary().len()];
         let posture = Posture::new(self.machine, axes, &Places::default());
         let stem = posture.head.rotation * Vector3::z();
-        let found = targets(self.artefact, &posture.table, &stem, self.options);
+        let PlanOptions { layout, all_faces, .. } = *self.options;
+        let found =
+            self.artefact.targets(&View { table: &posture.table, stem: &stem, layout, all_faces });
         let touches = found.into_iter().filter_map(|target| {
             self.touch(&posture, &stem, &target).map(|mut touch| {
                 touch.rotary = rotary;
@@ -380,10 +380,10 @@ impl<'a> Clock<'a> {
             if !moves {
                 continue;
             }
-            let wanted = if is_turning || both_senses { sense } else { way.signum() };
-            let back = if way * wanted > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
+            let expected = if is_turning || both_senses { sense } else { way.signum() };
+            let back = if way * expected > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
             longest = longest.max(way.abs() + back);
-            self.sense[axis] = wanted;
+            self.sense[axis] = expected;
         }
         self.rotary = Some(*to);
         if longest > 0.0 {
@@ -444,7 +444,7 @@ mod tests {
     }
 
     fn cross() -> Artefact {
-        Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }
+        Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap()
     }
 
     #[test]
