@@ -194,12 +194,13 @@ def _sorted_effects(
     split_effects(effects)
     motions = {k: v for estimate in estimates for k, v in estimate.motions.items()}
     idle = {name for estimate in estimates for name in estimate.not_compensable}
-    known = Chain(setup).effects
+    chain = Chain(setup)
+    known = chain.effects
     machine: dict[str, dict[str, float]] = {}
     own: list[OwnMotion] = []
     ignored: list[str] = []
     for effect, values in effects.items():
-        name = effect_id(effect)
+        name = chain.effect_id(effect) if isinstance(effect, str) else effect_id(effect)
         numbers = {k: _finite(f"{name}.{k}", v) for k, v in values.items()}
         motion = effect.motion if isinstance(effect, Moving) else motions.get(name)
         if motion is not None:

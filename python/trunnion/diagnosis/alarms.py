@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.diagnosis.scan import Dictionary
 from trunnion.diagnosis.selection import Candidates
 

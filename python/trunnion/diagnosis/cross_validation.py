@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.fit import Fit, Flags, Whiten
-from trunnion.diagnosis.protocol import Array, IntArray, Model
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.selection import DEPENDENT
 
 __all__ = ["cross_validated"]

@@ -5,10 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.cross_validation import cross_validated
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Uncertainty
+from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
 from trunnion.diagnosis.result import Diagnosis
 
@@ -64,7 +67,7 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.words for x in model.effects if x.id in named},
+        labels={x.id: x.label for x in model.effects if x.id in named},
         residuals=Residuals.of(
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
@@ -166,7 +169,7 @@ def _causes(
             {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)},
             min(1.0, chance * e.candidates.multiplicity * places),
             tuple(sorted(aliases)),
-            effect.words,
+            effect.label,
         )
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.fit import Fit, Whiten
-from trunnion.diagnosis.protocol import Array, Covariate, IntArray, Model, identity
+from trunnion.diagnosis.model import Covariate, Model, identity
 from trunnion.diagnosis.selection import ROUNDING, storage
 
 __all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]

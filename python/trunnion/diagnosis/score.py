@@ -6,8 +6,10 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
 from trunnion.diagnosis import outliers
-from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
+from trunnion.diagnosis.effect import EffectValues, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Gain, units_of
 
 __all__ = ["score"]
@@ -34,7 +36,7 @@ def score(
     """
     before = _anew(model, nuisance_before, {})
     after = _anew(model, nuisance_after, effects)
-    p = sum(x.scope == "setup" for x in model.nuisance)
+    p = sum(x.owner.of_setup for x in model.nuisance)
     leverage = np.full(len(after), min(p / max(len(after), 1), 0.9))
     keep = np.ones(len(after), dtype=bool)
     if len(after) - p > 5:
@@ -46,7 +48,7 @@ def score(
 
 def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Array:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
-    free = np.array([x.scope == "setup" for x in model.nuisance], dtype=bool)
+    free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
     for i, x in enumerate(model.nuisance):
         if not free[i]:
@@ -64,7 +66,7 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
             f"score: got data whose model lacks {', '.join(sorted(missing))}, expected every cause "
             "of the diagnosis among its effects"
         )
-    loose = [e for e in kept if e.scope == "workpiece"]
+    loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
     r: Array = y - model.predict(at, values)

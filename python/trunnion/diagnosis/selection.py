@@ -22,13 +22,14 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 
 Flags: TypeAlias = NDArray[np.bool_]
 Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
@@ -116,7 +117,8 @@ class Candidates:
         n, p = basis.shape
         self.dof = n - p
         kind = storage(numbers)
-        parts, owner, rank, start = [], [NONE], [NONE], [NONE]
+        parts: list[Any] = []  # of single precision where there are very many numbers
+        owner, rank, start = [NONE], [NONE], [NONE]
         filled = 0
         for batch in _batches(pieces):
             longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for _, v in batch))

@@ -46,19 +46,19 @@ class TouchModel:
     ) -> None:
         self.chain = Chain(setup)
         self.setup = setup
+        self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
             setup.machine.preset,
             setup.probe.length_mm,
             *artefact_dimensions(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
-            effect_ids=list(effects),
+            effect_ids=list(self.effect_ids),
         )
         self.names = tuple(name for name, _, _ in self.core.parameters)
         self.units = tuple(unit for _, unit, _ in self.core.parameters)
         self.kinds = tuple(kind for _, _, kind in self.core.parameters)
         self.error_names = self.names[: self.core.error_count]
-        self.effect_ids = tuple(effects)
 
     @property
     def owners(self) -> dict[str, Owner]:
@@ -114,7 +114,7 @@ class TouchModel:
                 )
             values[name] = value
         for effect, parameters in (effects or {}).items():
-            self._take_effect(values, effect, parameters)
+            self._take_effect(values, self.chain.effect_id(effect), parameters)
         return np.array([finite(name, values[name]) for name in self.names])
 
     def _take_effect(
