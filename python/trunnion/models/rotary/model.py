@@ -37,6 +37,25 @@ TARGET_PARAMETERS = 3  # nuisance parameters of a target
 NO_AXIS = "a sweep does not say which axis of a machine turned, nor how the instrument stood to it"
 
 
+@dataclass(frozen=True, eq=False)
+class _Turned:
+    """Targets at every row: where they are, mm, and the turns that take them there.
+
+    In the frame of the axis (``place``), before its tilt (``inside``), before the error motions
+    (``target``), all (n, 3); ``tilt`` (3, 3), ``wobble`` and ``spin`` (n, 3, 3), derivatives by the
+    angles first.
+    """
+
+    place: Floats
+    inside: Floats
+    target: Floats
+    tilt: Floats
+    tilt_by: Floats
+    wobble: Floats
+    wobble_by: Floats
+    spin: Floats
+
+
 class SweepModel(BaseModel):
     """A sweep, as the diagnosis engine asks for it.
 
@@ -81,8 +100,9 @@ class SweepModel(BaseModel):
                 for name in ("target_x_um", "target_y_um", "target_z_um")
             ),
         )
+        self._at: tuple[bytes, Floats] | None = None
         self._local = self._directions()
-        self._reference = self._places(np.zeros(len(self.nuisance)), self._still)[0]
+        self._reference = self._turned(np.zeros(len(self.nuisance)), self._still).place
         measured = (data.position_mm - self._geometry.origin) @ self._geometry.frame
         away = np.einsum("nij,nj->ni", self._local, measured - self._reference)
         self._check_near(away)
@@ -125,7 +145,7 @@ class SweepModel(BaseModel):
 
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return the readings, µm; a user's own effects are added."""
-        place = self._places(nuisance, self._moved(effects))[0]
+        place = self._turned(nuisance, self._moved(effects)).place
         out = 1e3 * np.einsum("nij,nj->ni", self._local, place - self._reference).reshape(-1)
         for e in self._own:
             if e.id in effects:
@@ -134,8 +154,15 @@ class SweepModel(BaseModel):
 
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Exact derivative by axis average line and targets."""
-        by = self._places(nuisance, self._moved(effects))[1]
-        return np.asarray(1e3 * np.einsum("nij,njp->nip", self._local, by).reshape(-1, by.shape[2]))
+        turned = self._turned(nuisance, self._moved(effects))
+        by = np.zeros((len(self._turn), 3, len(nuisance)))
+        by[:, 0, 0] = by[:, 1, 1] = 1e-3
+        for j in range(2):
+            by[:, :, 2 + j] = turned.inside @ turned.tilt_by[j].T * ARCSEC
+        own = 1e-3 * (turned.tilt @ turned.wobble @ turned.spin)
+        for j in range(TARGET_PARAMETERS):
+            by[np.arange(len(by)), :, 4 + TARGET_PARAMETERS * self._target + j] = own[:, :, j]
+        return np.asarray(1e3 * (self._local @ by).reshape(-1, len(nuisance)))
 
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
@@ -144,9 +171,32 @@ class SweepModel(BaseModel):
         if effect.id not in self._motions:
             return effect.columns(values)
         moved, columns = self._motion(effect.id, values)
-        by = self._places(nuisance, moved)[2]
-        out = 1e3 * np.einsum("nij,njm,nmk->nik", self._local, by, columns)
-        return np.asarray(out.reshape(-1, columns.shape[2]))
+        acting = np.flatnonzero(np.any(columns, axis=(0, 2)))
+        by = self._by_motions(nuisance, moved)[:, :, acting]
+        return np.asarray((by @ columns[:, acting]).reshape(-1, columns.shape[2]))
+
+    def _by_motions(self, nuisance: Floats, moved: Floats) -> Floats:
+        """Derivative of the readings by the motions, µm by mm and rad, (n, 3, 6).
+
+        The last one without any motion is kept: the columns of all effects need it.
+        """
+        still = not np.any(moved)
+        key = nuisance.tobytes()
+        if still and self._at is not None and self._at[0] == key:
+            return self._at[1]
+        turned = self._turned(nuisance, moved)
+        by = np.empty((len(moved), 3, len(MOTIONS)))
+        by[:, :, :3] = turned.tilt
+        for j in range(2):
+            lever = np.einsum("nij,nj->ni", turned.wobble_by[j], turned.target)
+            by[:, :, 3 + j] = lever @ turned.tilt.T
+        x, y = turned.target[:, 0], turned.target[:, 1]
+        faster = np.stack([-y, x, np.zeros(len(x))], axis=1)
+        by[:, :, 5] = np.einsum("nij,nj->ni", turned.wobble, faster) @ turned.tilt.T
+        out = 1e3 * (self._local @ by)
+        if still:
+            self._at = (key, out)
+        return out
 
     def _motion(self, name: str, values: Mapping[str, float]) -> tuple[Floats, Floats]:
         """Motion of one effect, mm and rad (n, 6), and its derivative by each parameter."""
@@ -160,42 +210,22 @@ class SweepModel(BaseModel):
                 out = out + self._motion(name, values)[0]
         return out
 
-    def _places(self, nuisance: Floats, moved: Floats) -> tuple[Floats, Floats, Floats]:
-        """Where the targets are in the frame of the axis, mm, (n, 3).
-
-        Also the derivatives by the nuisance parameters (n, 3, p) and by the motions (n, 3, 6).
-        """
-        n = len(self._turn)
+    def _turned(self, nuisance: Floats, moved: Floats) -> _Turned:
+        """Where the targets are under these motions, mm and rad (n, 6)."""
         shift = np.array([nuisance[0], nuisance[1], 0.0]) * 1e-3
-        (tilt,), tilt_by = rotations(np.array([[*nuisance[2:4] * ARCSEC, 0.0]]))
+        tilt, tilt_by = rotations(np.array([[*nuisance[2:4] * ARCSEC, 0.0]]))
         own = self._geometry.targets + nuisance[4:].reshape(-1, TARGET_PARAMETERS) * 1e-3
-        v = own[self._target]
-        # E_A and E_B tilt, then the axis turns with E_C
-        wobble, wobble_by = rotations(np.column_stack([moved[:, 3:5], np.zeros(n)]))
+        # E_A and E_B tilt, before that the axis turns, with E_C
+        wobble, wobble_by = rotations(np.column_stack([moved[:, 3:5], np.zeros(len(moved))]))
         at = self._turn + moved[:, 5]
-        spin = np.zeros((n, 3, 3))
+        spin = np.zeros((len(moved), 3, 3))
         spin[:, 0, 0] = spin[:, 1, 1] = np.cos(at)
         spin[:, 1, 0], spin[:, 0, 1] = np.sin(at), -np.sin(at)
         spin[:, 2, 2] = 1.0
-        turned = np.einsum("nij,nj->ni", spin, v)
-        faster = np.stack([-turned[:, 1], turned[:, 0], np.zeros(n)], axis=1)
-        inside = moved[:, :3] + np.einsum("nij,nj->ni", wobble, turned)
-        place = shift + inside @ tilt.T
-
-        by_motion = np.empty((n, 3, len(MOTIONS)))
-        by_motion[:, :, :3] = tilt
-        for j in range(2):
-            by_motion[:, :, 3 + j] = np.einsum("nij,nj->ni", wobble_by[j], turned) @ tilt.T
-        by_motion[:, :, 5] = np.einsum("nij,nj->ni", wobble, faster) @ tilt.T
-
-        by = np.zeros((n, 3, len(nuisance)))
-        by[:, 0, 0] = by[:, 1, 1] = 1e-3
-        for j in range(2):
-            by[:, :, 2 + j] = inside @ tilt_by[j][0].T * ARCSEC
-        own_by = 1e-3 * (tilt @ wobble @ spin)
-        for j in range(TARGET_PARAMETERS):
-            by[np.arange(n), :, 4 + TARGET_PARAMETERS * self._target + j] = own_by[:, :, j]
-        return place, by, by_motion
+        target = np.einsum("nij,nj->ni", spin, own[self._target])
+        inside = moved[:, :3] + np.einsum("nij,nj->ni", wobble, target)
+        place = shift + inside @ tilt[0].T
+        return _Turned(place, inside, target, tilt[0], tilt_by[:, 0], wobble, wobble_by, spin)
 
     def _effect(self, name: str, motion: Motion) -> Effect:
         bound = MotionChange(self, name)
