@@ -239,12 +239,12 @@ def test_diagnosis_and_identification_agree_on_what_is_identifiable(
     d = tn.diagnose(touches, setup)
     assert d.verdict == "consistent"
     for name, value in d.errors_after.items():
-        std, wanted = d.errors_std[name], fit.std_errors[name]
-        assert np.isinf(std) == np.isinf(wanted), name
+        std, expected = d.errors_std[name], fit.std_errors[name]
+        assert np.isinf(std) == np.isinf(expected), name
         if np.isinf(std):
             assert value == pytest.approx(fit.errors[name], abs=1e-3)
         else:
-            assert std == pytest.approx(wanted, rel=1e-4)
+            assert std == pytest.approx(expected, rel=1e-4)
             assert abs(value - fit.errors[name]) < 1e-3 * std
 
 

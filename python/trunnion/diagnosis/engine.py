@@ -69,9 +69,9 @@ def _case(model: Model) -> Case:
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
         bad = model.readings.rows[~np.isfinite(model.readings.values)]
-        raise DataError(f"readings of row {bad[0]} are not finite; a number is wanted")
+        raise DataError(f"readings of row {bad[0]} are not finite; a number is expected")
     if n <= p:
-        raise DataError(f"{n} readings for {p} unknowns; more readings than unknowns are wanted")
+        raise DataError(f"{n} readings for {p} unknowns; more readings than unknowns are expected")
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)

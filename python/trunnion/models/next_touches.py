@@ -141,7 +141,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
     if not isinstance(n, int) or isinstance(n, bool) or n < 1:
-        raise InputError(f"n: got {n!r}, wanted a whole number from 1")
+        raise InputError(f"n: got {n!r}, expected a whole number from 1")
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]

@@ -275,7 +275,7 @@ class PointsModel(BaseModel):
         if data.dimension != self.dimension:
             raise InputError(
                 f"other data: got points with {data.dimension} coordinates, "
-                f"wanted {self.dimension} as in the diagnosed ones"
+                f"expected {self.dimension} as in the diagnosed ones"
             )
         return PointsModel(data, source=self)
 
