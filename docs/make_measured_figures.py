@@ -26,9 +26,9 @@ def plate() -> None:
     """Errors of the plate, what named causes and the field make of them, and what is left."""
     data = tn.read_points(MEASURED / "plate1597a_2003.csv")
     d = tn.diagnose(data)
-    model, source = d.model, d.source
-    assert source is not None
-    whole = d.residuals_before.reshape(-1, 2)
+    model, source = d.model, d.rebuilt_model()
+    assert d.residuals is not None
+    whole = d.residuals.before.reshape(-1, 2)
     rigid = np.linalg.qr(source.jacobian(np.zeros(len(source.nuisance)), {}))[0]
 
     def placed(e: np.ndarray) -> np.ndarray:
@@ -59,8 +59,7 @@ def order() -> None:
     """What changed between the years, in the order of measurement."""
     one = tn.read_points(MEASURED / "plate1597a_2003.csv")
     two = tn.read_points(MEASURED / "plate1597a_2010.csv")
-    a = tn.diagnose(one).source
-    assert a is not None
+    a = tn.diagnose(one).rebuilt_model()
     change = (a.bind(two).readings.values - a.readings.values).reshape(-1, 2)
     figure, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
     for i, (name, colour) in enumerate((("X", RED), ("Y", BLUE))):
@@ -81,8 +80,9 @@ def sweeps() -> None:
     for j, (column, joint) in enumerate(zip(axes.T, JOINTS, strict=True)):
         data = tn.read_sweep(MEASURED / f"meca500_{joint}.csv")
         d = tn.diagnose(data)
-        circle = tn.circles(data)[1]
-        before, after = (r.reshape(-1, 3) for r in (d.residuals_before, d.residuals_after))
+        assert d.residuals is not None
+        circle = tn.fit_circles(data)[1]
+        before, after = (r.reshape(-1, 3) for r in (d.residuals.before, d.residuals.after))
         plain = (circle.radial_um, circle.axial_um * np.sign(circle.normal @ d.model.direction))
         for ax, part, i, r in zip(
             column, ("radial", "axial", "tangential"), (0, 2, 1), (*plain, None), strict=True
@@ -111,10 +111,11 @@ def report() -> None:
         out.write(f"{tn.repeatable_part(d, plates[other])}\n")
     for joint in JOINTS:
         data = tn.read_sweep(MEASURED / f"meca500_{joint}.csv")
-        circle = tn.circles(data)[1]
+        circle = tn.fit_circles(data)[1]
         d = tn.diagnose(data)
+        assert d.residuals is not None
         out.write(f"{joint} {circle.radial_rms_um:.1f} / {circle.axial_rms_um:.1f}\n")
-        after = d.residuals_after.reshape(-1, 3)
+        after = d.residuals.after.reshape(-1, 3)
         out.write(f"after, radial tangential axial: {np.sqrt(np.mean(after**2, axis=0))}\n")
         out.write(f"{d.summary()}\n")
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 import trunnion as tn
+import trunnion._core as _core
 from trunnion.probing.model import TouchModel
 
 # Bounds of the plain model for 1 µm of noise, derived independently of the package.
@@ -18,6 +19,10 @@ DIFFERENCES = {("EB0C", "EB0A"): 3.37, ("EY0C", "EY0A"): 0.400}
 CASES = 4000
 
 
+def measurements(model: TouchModel, moves: _core.Moves, labels: list[int]) -> _core.Measurements:
+    return _core.Measurements(model.core, moves, labels, reach_mm=15.0, noise_um=0.3, seed=7)
+
+
 def test_spread_is_that_of_the_bound_and_the_mean_is_right() -> None:
     setup = tn.Setup(artefact=tn.Artefact("cross"))
     plan = tn.plan(setup)
@@ -26,7 +31,9 @@ def test_spread_is_that_of_the_bound_and_the_mean_is_right() -> None:
     truths = np.hstack([rng.uniform(-60, 60, (CASES, 8)), rng.uniform(-100, 100, (CASES, 6))])
     moves = model.moves(plan, from_start=True)
     labels = [] if plan.point is None else list(plan.point)
-    rows, failed = model.core.calibrations(moves, labels, truths, 15.0, 0.3, 7, 0, False, None)
+    rows, failed = measurements(model, moves, labels).calibrations(
+        truths, first_sample=0, identify=False, threads=None
+    )
     assert not failed
     left = rows[:, :14] - truths
     noise = 0.3
@@ -48,10 +55,11 @@ def test_numbers_do_not_depend_on_threads_or_pieces() -> None:
     moves = model.moves(plan, from_start=True)
     labels = [] if plan.point is None else list(plan.point)
     truths = np.random.default_rng(1).uniform(-60, 60, (64, 14))
-    whole = model.core.calibrations(moves, labels, truths, 15.0, 0.3, 7, 0, True, 1)
+    core = measurements(model, moves, labels)
+    whole = core.calibrations(truths, first_sample=0, identify=True, threads=1)
     for threads in (2, 3, None):
-        again = model.core.calibrations(moves, labels, truths, 15.0, 0.3, 7, 0, True, threads)
+        again = core.calibrations(truths, first_sample=0, identify=True, threads=threads)
         assert np.array_equal(whole[0], again[0])
         assert not again[1]
-    part = model.core.calibrations(moves, labels, truths[40:], 15.0, 0.3, 7, 40, True, 1)
+    part = core.calibrations(truths[40:], first_sample=40, identify=True, threads=1)
     assert np.array_equal(whole[0][40:], part[0])

@@ -165,7 +165,7 @@ def test_a_users_own_motion_enters() -> None:
     ("arguments", "message"),
     [
         ({"errors": {"EX0A": 1.0}}, "EX0A"),
-        ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, wanted a finite number"),
+        ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, expected a finite number"),
         ({"errors": 3}, "errors: got int"),
         ({"effects": {"nonsense": {}}}, "effect: got 'nonsense'"),
         ({"effects": {"scale_x": {"um": 1.0}}}, "parameter of effect 'scale_x': got 'um'"),
@@ -203,7 +203,15 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
         errors: list[float], effects: list[tuple[str, list[float]]], work: list[float]
     ) -> _core.MachineModel:
         named = list(zip(names, errors, strict=True))
-        return _core.MachineModel(preset, 150.0, named, work, effects, [0.0] * 3, [0.0] * 2)
+        return _core.MachineModel(
+            preset,
+            150.0,
+            errors=named,
+            placement=work,
+            effects=effects,
+            direction=[0.0] * 3,
+            sense=[0.0] * 2,
+        )
 
     flat = [*values, *(v for _, vs in effects for v in vs)]
 

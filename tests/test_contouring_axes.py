@@ -73,7 +73,7 @@ def test_many_responses_are_those_of_single_calls(letter: str, stride: int) -> N
     rows = np.tile(ct.Servo.paper().row(letter), (5, 1))
     rows[:, 10] = [0.0, 20.0, 35.0, 35.0, 80.0]  # Hz
     rows[:, 11] = 0.05
-    found = contour_axis_responses(letter, rows, 1e-3, "motor", command, stride)
+    found = contour_axis_responses(letter, rows, 1e-3, "motor", command, stride=stride)
     single = [contour_axis_response(letter, row, 1e-3, "motor", command)[::stride] for row in rows]
     np.testing.assert_array_equal(found, single)
 
@@ -81,9 +81,9 @@ def test_many_responses_are_those_of_single_calls(letter: str, stride: int) -> N
 def test_many_responses_of_a_wrong_shape_are_refused() -> None:
     rows, command = np.tile(ct.Servo.paper().row("X"), (2, 1)), np.zeros(30)
     with pytest.raises(InputError, match="stride: got 0"):
-        contour_axis_responses("X", rows, 1e-3, "motor", command, 0)
+        contour_axis_responses("X", rows, 1e-3, "motor", command, stride=0)
     with pytest.raises(InputError, match=r"axes: got shape \(2, 12\)"):
-        contour_axis_responses("X", rows[:, 1:].copy(), 1e-3, "motor", command, 1)
+        contour_axis_responses("X", rows[:, 1:].copy(), 1e-3, "motor", command, stride=1)
     command[3] = np.nan
     with pytest.raises(InputError, match="command, row 3"):
-        contour_axis_responses("X", rows, 1e-3, "motor", command, 1)
+        contour_axis_responses("X", rows, 1e-3, "motor", command, stride=1)

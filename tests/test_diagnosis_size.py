@@ -11,14 +11,8 @@ from threadpoolctl import threadpool_limits
 import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.diagnosis import candidates, case
-from trunnion.diagnosis.protocol import (
-    Covariate,
-    Effect,
-    LinearModel,
-    Nuisance,
-    Parameter,
-    Readings,
-)
+from trunnion.diagnosis.effect import Effect, Parameter
+from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
 
 
 def line(n: int, outliers: int = 0) -> LinearModel:
@@ -27,11 +21,11 @@ def line(n: int, outliers: int = 0) -> LinearModel:
     x = np.linspace(0.0, 1.0, n)
     y = 3.0 * x + 0.5 * (x > 0.4) + rng.standard_normal(n)
     y[rng.choice(n, outliers, replace=False)] += 50.0
-    step = Effect("step", (Parameter("h_um"),), lambda at, v: v["h_um"] * (at > 0.4))
+    step = Effect("step", (Parameter("h_um"),), lambda v: v["h_um"] * (x > 0.4))
     wave = Effect(
         "wave",
         (Parameter("a_um"), Parameter("pitch_mm", grid=tuple(np.geomspace(0.05, 0.2, 12)))),
-        lambda at, v: v["a_um"] * np.sin(2 * np.pi * at / v["pitch_mm"]),
+        lambda v: v["a_um"] * np.sin(2 * np.pi * x / v["pitch_mm"]),
     )
     return LinearModel(
         x,

@@ -114,6 +114,33 @@ def test_rows_are_chosen_by_slice_mask_and_numbers(touches: tn.Touches) -> None:
         touches[[True, False]]
 
 
+def test_a_column_is_found_by_name(touches: tn.Touches) -> None:
+    assert touches["x_mm"] is touches.x_mm
+    assert "note" in touches
+    with pytest.raises(tn.UnknownNameError, match=r"got 'x_mmm', expected .*did you mean x_mm"):
+        touches["x_mmm"]
+
+
+def test_rows_keep_the_line_of_their_file(tmp_path: Path) -> None:
+    for folder, rows in (("one", 3), ("two", 2)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "touches.csv").write_text(
+            f"# by hand\n{HEADER}\n" + f"{ROW}\n\n" * rows
+        )
+    first, second = (tn.read_touches(tmp_path / f / "touches.csv") for f in ("one", "two"))
+    assert [first.place(row) for row in range(3)] == [f"line {n} of touches.csv" for n in (3, 5, 7)]
+    assert first[[False, False, True]].place(0) == "line 7 of touches.csv"
+    assert first[1:][1].with_columns(c_deg=[0.0]).place(0) == "line 7 of touches.csv"
+    assert pickle.loads(pickle.dumps(first)).place(2) == "line 7 of touches.csv"
+    assert tn.Touches.from_json(first.to_json()).place(2) == "line 7 of touches.csv"
+    made = tn.Touches(first.columns)
+    assert made.place(2) == "row 2"
+    joined = tn.Touches.concatenate([first, made, second])
+    assert joined.place(2) == f"line 7 of {tmp_path / 'one' / 'touches.csv'}"
+    assert joined.place(4) == "row 4"
+    assert joined.place(7) == f"line 5 of {tmp_path / 'two' / 'touches.csv'}"
+
+
 def test_frozen(touches: tn.Touches) -> None:
     with pytest.raises(ValueError, match="read-only"):
         touches.x_mm[0] = 1.0

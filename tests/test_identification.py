@@ -275,3 +275,53 @@ def test_residuals_are_judged_in_words() -> None:
     sure = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(repeatability_um=0.01))
     small = tn.identify(tn.simulate(plan, CROSS, noise_um=0.3, seed=1), sure)
     assert "standard errors are too small" in small.summary()
+
+
+def test_a_users_own_effect_with_a_prior_and_a_robust_loss() -> None:
+    """The own effect is measured by one touch a cycle; a chip on another touch is held down."""
+    probe = tn.Probe(repeatability_um=0.3)
+    setup = tn.Setup(artefact=tn.Artefact("cross"), probe=probe)
+    effect, name = Step(), "plus_x_arm.step_um"
+    data = tn.simulate(
+        tn.plan(setup), setup, effects={effect: {"step_um": 4.0}}, noise_um=0.3, seed=1
+    )
+    plain = tn.identify(data, setup, (effect,))
+    known = tn.identify(data, setup, (effect,), priors={name: (0.0, 1e-3)})
+    assert plain["plus_x_arm.step_um"] == pytest.approx(4.0, abs=4 * plain.std_errors[name])
+    assert known["plus_x_arm.step_um"] == pytest.approx(0.0, abs=4e-3)
+    assert known.std_errors[name] == pytest.approx(1e-3, rel=1e-3)
+    assert known.degrees_of_freedom == plain.degrees_of_freedom + 1
+    off = data.z_mm.copy()
+    off[0] += 0.05
+    chipped = data.with_columns(z_mm=off)
+    robust = tn.identify(chipped, setup, (effect,), loss="huber")
+    assert robust.weights is not None
+    assert robust.weights[0] < 0.1
+    squares = tn.identify(chipped, setup, (effect,))
+    away = [abs(fit["EZ0A"] - plain["EZ0A"]) for fit in (robust, squares)]
+    assert away[0] < 0.2 * away[1]
+
+
+def test_a_users_own_effect_takes_the_same_way_as_the_catalogue() -> None:
+    """A copy of a built-in effect gives its numbers, and what both do is not identifiable."""
+
+    class Drift:
+        id = "my_drift"
+        parameters = ("rate_um_h",)
+
+        def change(self, data: tn.Touches, values: dict[str, float]) -> np.ndarray:
+            return -np.asarray(data.time_s) / 3600 * values["rate_um_h"] * data.dir_z
+
+    data = tn.simulate(
+        tn.plan(CROSS), CROSS, effects={"drift_z": {"rate_um_h": 6.0}}, noise_um=0.3, seed=2
+    )
+    theirs, ours = tn.identify(data, CROSS, ("drift_z",)), tn.identify(data, CROSS, (Drift(),))
+    assert ours["my_drift.rate_um_h"] == pytest.approx(theirs["drift_z.rate_um_h"], rel=1e-4)
+    assert ours.std_errors["my_drift.rate_um_h"] == pytest.approx(
+        theirs.std_errors["drift_z.rate_um_h"], rel=1e-4
+    )
+    for name in NAMES:
+        assert ours[name] == pytest.approx(theirs[name], abs=1e-3), name
+    both = tn.identify(data, CROSS, ("drift_z", Drift()))
+    assert both.converged
+    assert {"drift_z.rate_um_h", "my_drift.rate_um_h"} == set().union(*both.combinations)

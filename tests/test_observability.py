@@ -1,6 +1,7 @@
 """What a plan can tell, against the figures worked out independently."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -65,3 +66,37 @@ def test_a_plan_without_times_says_what_it_cannot_test() -> None:
     assert seen.untestable["drift_z"] == "time_s"
     with pytest.raises(tn.InputError, match=r"drift_z.*time_s"):
         tn.observability(plan, CROSS, ("drift_z",))
+
+
+def repeated(times: int) -> tuple[tn.Touches, tn.Setup]:
+    """The sample's touches again and again, by a probe of known repeatability."""
+    setup = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(repeatability_um=0.3))
+    touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    columns = {name: np.tile(np.asarray(v), times) for name, v in touches.columns.items()}
+    return tn.Touches(columns), setup
+
+
+def test_memory_is_linear_in_rows() -> None:
+    """Twenty thousand touches: a square array of them alone would be 3 GB."""
+    plan, setup = repeated(278)
+    assert len(plan) > 20_000
+    tracemalloc.start()
+    tn.observability(plan, setup)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4000 * len(plan)
+
+
+def test_repeats_narrow_what_a_plan_tells_and_nothing_else() -> None:
+    one, setup = repeated(1)
+    many, _ = repeated(9)
+    first, ninth = tn.observability(one, setup), tn.observability(many, setup)
+    assert ninth.alike == first.alike
+    assert ninth.combinations == first.combinations
+    for name, error in first.std_errors.items():
+        assert ninth.std_errors[name] == pytest.approx(error / 3, rel=1e-9), name
+    for method in ("printed", "separating"):
+        a, b = (tn.closed_form(data, setup, method=method) for data in (one, many))
+        for name, error in a.std_errors.items():
+            assert b[name] == pytest.approx(a[name], abs=1e-6), name
+            assert b.std_errors[name] == pytest.approx(error / 3, rel=1e-6), name

@@ -83,7 +83,6 @@ def _module(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@pytest.mark.xfail(strict=True, reason="diagnosis results still reach for their pictures")
 def test_no_import_runs_upward() -> None:
     upward = []
     for path in _files():
@@ -97,7 +96,6 @@ def test_no_import_runs_upward() -> None:
     assert not upward, "\n".join(upward)
 
 
-@pytest.mark.xfail(strict=True, reason="diagnosis results still reach for their pictures")
 def test_no_import_circle() -> None:
     modules = {_module(path): path for path in _files()}
     uses = {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+import trunnion._core as _core
 from trunnion.probing.model import TouchModel
 from trunnion.samples.truth import OTHER_ERRORS as OTHER
 from trunnion.samples.truth import TABLE_2
@@ -104,7 +105,8 @@ def test_ticks_alone_leave_little() -> None:
     model = TouchModel(setup)
     moves = model.moves(plan, from_start=True)
     labels = [] if plan.point is None else list(plan.point)
-    rows, failed = model.core.calibrations(moves, labels, truths, 15.0, 0.0, 0, 0, False, None)
+    core = _core.Measurements(model.core, moves, labels, reach_mm=15.0, noise_um=0.0, seed=0)
+    rows, failed = core.calibrations(truths, first_sample=0, identify=False, threads=None)
     assert not failed
     left = rows[:, :14] - truths
     bound = tn.observability(plan, setup, noise_um=0.1 / np.sqrt(12)).std_errors

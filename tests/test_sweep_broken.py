@@ -184,7 +184,7 @@ def interrupted(path: Path, study: Callable[..., Any] = quick) -> None:
         ({"samples": SAMPLES + 1}, "holds another sweep: samples is 400 there, 401 here"),
         ({"seed": 8}, "holds another sweep: seed is 7 there, 8 here"),
         ({"study": slow}, "holds another sweep: the code of slow was another"),
-        ({"study": "calibration", "grid": {}}, "holds another sweep: .* wanted the same sweep"),
+        ({"study": "calibration", "grid": {}}, "holds another sweep: .* expected the same sweep"),
     ],
 )
 @pytest.mark.parametrize("finished", [False, True])
@@ -303,43 +303,43 @@ def test_a_damaged_block_is_refused(tmp_path: Path, column: str, value: Any) -> 
             read(path)
 
 
-HUGE = "0x" + "f" * 5000  # Python does not write it in decimals
+HUGE = "0x" + "f" * 900  # beyond the range of floating-point numbers
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("study = 'calibration'\nsample = 3", "2:1: got key 'sample', wanted some of study"),
-        ("samples = 3", "1:1: study: got None, wanted one of calibration"),
-        ("study = 3", "1:9: study: got 3, wanted one of calibration"),
-        ("study = 'calibraton'", "1:9: study: got 'calibraton', wanted one of calibration"),
-        ("study = 'calibration'\nsamples = 0", "2:11: samples: got 0, wanted a whole number"),
-        ("study = 'calibration'\nsamples = 1.5", "2:11: samples: got 1.5, wanted a whole"),
+        ("study = 'calibration'\nsample = 3", "2:1: got key 'sample', \\w+ some of study"),
+        ("samples = 3", "1:1: study: got None, \\w+ one of calibration"),
+        ("study = 3", "1:9: study: got 3, \\w+ one of calibration"),
+        ("study = 'calibraton'", "1:9: study: got 'calibraton', \\w+ one of calibration"),
+        ("study = 'calibration'\nsamples = 0", "2:11: samples: got 0, \\w+ a whole number"),
+        ("study = 'calibration'\nsamples = 1.5", "2:11: samples: got 1.5, \\w+ a whole"),
         (f"study = 'calibration'\nsamples = {HUGE}", "2:11: sweep: got 1 nodes × more than 1e300"),
         (f"study = 'calibration'\nseed = -{HUGE[2:]}", "2:8: got"),
-        ("study = 'calibration'\nseed = -1", "2:8: seed: got -1, wanted a whole number from 0"),
-        ("study = 'calibration'\n[grid]\nnois_um = [1]", "3:1: .*got 'nois_um', wanted one of"),
-        ("study = 'calibration'\n[grid]\nnoise_um = 1", "3:12: axis noise_um: got 1, wanted a"),
+        ("study = 'calibration'\nseed = -1", "2:8: seed: got -1, \\w+ a whole number from 0"),
+        ("study = 'calibration'\n[grid]\nnois_um = [1]", "3:1: .*got 'nois_um', \\w+ one of"),
+        ("study = 'calibration'\n[grid]\nnoise_um = 1", "3:12: axis noise_um: got 1, \\w+ a"),
         (
             "study = 'calibration'\n[grid]\nnoise_um = [0.1, 'x']",
-            "3:18: noise_um: got 'x', wanted a number",
+            "3:18: noise_um: got 'x', \\w+ a number",
         ),
         (
             f"study = 'calibration'\n[grid]\nnoise_um = [0.1, {HUGE}]",
             "3:18: noise_um: got a whole number beyond 2.53",
         ),
-        ("study = 'calibration'\ngrid = 3", "2:8: grid: got 3, wanted a dict of names"),
-        (f"study = 'calibration'\ngrid = {HUGE}", "2:8: grid: got a whole number of thousands"),
-        (f"study = {HUGE}", "1:9: study: got 0xf+, wanted one of"),
+        ("study = 'calibration'\ngrid = 3", "2:8: grid: got 3, \\w+ a dict of names"),
+        (f"study = 'calibration'\ngrid = {HUGE}", "2:8: grid: got [0-9]+\\.\\.\\."),
+        (f"study = {HUGE}", "1:9: study: got 0xf+, \\w+ one of"),
         ("study = 'calibration'\n[fixed]\nlayout = 1979-05-27", "3:10: layout: got date"),
-        ("study = 'calibration'\n[fixed]\nlayout = [[1]]", "3:10: layout: got list"),
-        ("study = 'calibration'\n[fixed]\nlength_mm = 1.0", "2:1: .*wanted less than"),
+        ("study = 'calibration'\n[fixed]\nlayout = [[1]]", "3:10: layout: got"),
+        ("study = 'calibration'\n[fixed]\nlength_mm = 1.0", "2:1: .*\\w+ less than"),
         (
             "study = 'calibration'\ngrid = " + "[" * 5000,
-            "1:1: got tables or arrays nested",
+            "2:48: got tables or arrays nested",
         ),
-        ("study = 'calibration'\nseed = " + "1" * 5000, "1:1: got a file that is not TOML"),
-        ("study = ", "1:9: got 'study =', wanted TOML"),
+        ("study = 'calibration'\nseed = " + "1" * 5000, "2:8: got 5000 characters"),
+        ("study = ", "1:9: got 'study =', \\w+ TOML"),
     ],
 )
 def test_a_study_file_that_cannot_be_is_refused_with_its_place(
@@ -363,16 +363,16 @@ def test_a_netcdf_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_places_that_cannot_be_written_to(tmp_path: Path) -> None:
-    with pytest.raises(tn.InputError, match="a folder, wanted a file"):
+    with pytest.raises(tn.InputError, match="a folder, expected a file"):
         run(tmp_path)
-    with pytest.raises(tn.InputError, match="wanted a file in a folder that is there"):
+    with pytest.raises(tn.InputError, match="expected a file in a folder that is there"):
         run(tmp_path / "no" / "s.nc")
     (tmp_path / "s.nc.lock").mkdir()
-    with pytest.raises(tn.DataError, match="wanted a folder that can be written to"):
+    with pytest.raises(tn.DataError, match="expected a folder that can be written to"):
         run(tmp_path / "s.nc")
     if os.geteuid() != 0:
         tmp_path.chmod(0o500)
-        with pytest.raises(tn.DataError, match="wanted a folder that can be written to"):
+        with pytest.raises(tn.DataError, match="expected a folder that can be written to"):
             run(tmp_path / "t.nc")
 
 

@@ -6,17 +6,19 @@ from typing import Any, Literal, TypeAlias, TypedDict, final
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST_THREADS", "RANK_TOLERANCE", "__version__"]
+__all__ = ["MAX_THREADS", "RANK_TOLERANCE", "__version__"]
 
-MOST_THREADS: int
+MAX_THREADS: int
 RANK_TOLERANCE: float
 __version__: str
 
 # --- trunnion (paper 000)
 __all__ += [
     "Machine",
+    "Measurements",
     "Moves",
     "TouchModel",
+    "artefact_kinds",
     "catalogue",
     "closed_form_slips",
     "plan",
@@ -37,7 +39,24 @@ def linear_fit(
 ) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
     """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
 
-def presets() -> list[str]: ...
+_Method: TypeAlias = Literal["separating", "printed", "identified"]
+_Feedback: TypeAlias = Literal["motor", "load"]
+# Feed mm/min, acceleration time s, decelerate, normal acceleration mm/s², dwell s.
+_Feed: TypeAlias = tuple[float, float, bool, float, float]
+# Contour-error model, orientation-error model, gains (5, 3), order of controller and Jacobian.
+_Coupling: TypeAlias = tuple[
+    Literal["circle", "tangent"],
+    Literal["proposed", "tangent"],
+    _Floats,
+    Literal["controller_last", "jacobian_last", "as_printed"],
+]
+
+def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple[str, str]]]]:
+    """Machines by name: letters of the rotary axes, side of each, location errors with units."""
+
+def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
+    """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
+
 def closed_form_slips() -> list[str]: ...
 def catalogue(
     preset: str, kind: str, dimensions: Sequence[float]
@@ -107,6 +126,7 @@ def safe_levels(
     kind: str,
     dimensions: Sequence[float],
     rotary_deg: _Floats,
+    *,
     ball_radius_mm: float,
     clearance_mm: float,
     table_radius_mm: float,
@@ -144,7 +164,7 @@ class _Fit(TypedDict):
 
 @final
 class TouchModel:
-    """Location errors, placement and effects as parameters, in this order, in the face's units."""
+    """Location errors, placement and effects as parameters, in this order, in user units."""
 
     def __new__(
         cls,
@@ -152,6 +172,7 @@ class TouchModel:
         tool_length_mm: float,
         kind: str,
         dimensions: Sequence[float],
+        *,
         ball_radius_mm: float,
         tick_um: float,
         effect_ids: Sequence[str],
@@ -164,10 +185,12 @@ class TouchModel:
     def error_count(self) -> int: ...
     def residuals(self, moves: Moves, values: _Floats) -> _Floats: ...
     def linearise(self, moves: Moves, values: _Floats) -> tuple[_Floats, _Floats]: ...
+    def faces(self, moves: Moves) -> list[str]: ...
     def simulate(
         self,
         moves: Moves,
         values: _Floats,
+        *,
         from_start: bool,
         reach_mm: float,
         noise_um: float,
@@ -178,6 +201,7 @@ class TouchModel:
         self,
         moves: Moves,
         start: _Floats,
+        *,
         huber: float | None,
         sigma_um: float,
         priors: Sequence[tuple[int, float, float]],
@@ -188,6 +212,7 @@ class TouchModel:
         moves: Moves,
         points: _Floats,
         start: _Floats,
+        *,
         huber: float | None,
         sigma_um: float,
         priors: Sequence[tuple[int, float, float]],
@@ -200,28 +225,30 @@ class TouchModel:
     def printed(
         self, moves: Moves, labels: Sequence[int]
     ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
-    def calibrations(
-        self,
+
+@final
+class Measurements:
+    """Virtual measurements of one plan by one probe; rows of samples, and those that failed."""
+
+    def __new__(
+        cls,
+        model: TouchModel,
         moves: Moves,
         labels: Sequence[int],
-        truths: _Floats,
+        *,
         reach_mm: float,
         noise_um: float,
         seed: int,
-        first_sample: int,
-        identify: bool,
-        threads: int | None,
+    ) -> Measurements: ...
+    def calibrations(
+        self, truths: _Floats, *, first_sample: int, identify: bool, threads: int | None
     ) -> tuple[_Floats, list[tuple[int, str]]]: ...
     def compensations(
         self,
-        moves: Moves,
-        labels: Sequence[int],
         truths: _Floats,
-        reach_mm: float,
-        noise_um: float,
-        seed: int,
+        *,
         first_sample: int,
-        method: str,
+        method: _Method,
         grid: Sequence[Sequence[float]],
         rotary_deg: Sequence[float],
         threads: int | None,
@@ -241,6 +268,7 @@ class MachineModel:
         cls,
         preset: str,
         tool_length_mm: float,
+        *,
         errors: Sequence[tuple[str, float]],
         placement: Sequence[float],
         effects: Sequence[tuple[str, Sequence[float]]],
@@ -459,24 +487,26 @@ class ContourPath:
 
 def contour_simulate(
     path: ContourPath,
-    feed_args: tuple[float, float, bool, float, float],
+    feed: _Feed,
+    *,
     period_s: float,
     axes: _Floats,
-    feedback: str,
-    coupling_args: tuple[str, str, _Floats, str] | None,
-    believed: Sequence[tuple[str, float]],
+    feedback: _Feedback,
+    coupling: _Coupling | None,
+    assumed: Sequence[tuple[str, float]],
     real: Sequence[tuple[str, float]],
 ) -> dict[str, bool | _Floats]: ...
 def contour_sweep(
     paths: Sequence[ContourPath],
+    *,
     path_index: Sequence[int],
-    feeds: Sequence[tuple[float, float, bool, float, float]],
+    feeds: Sequence[_Feed],
     period_s: float,
     axes: _Floats,
-    feedback: str,
-    couplings: Sequence[tuple[str, str, _Floats, str] | None],
+    feedback: _Feedback,
+    couplings: Sequence[_Coupling | None],
     coupling_index: Sequence[int],
-    believed: Sequence[tuple[str, float]],
+    assumed: Sequence[tuple[str, float]],
     real: Sequence[tuple[str, float]],
 ) -> tuple[list[str], _Floats]: ...
 def contour_axis_margins(
@@ -488,24 +518,26 @@ def contour_axis_response(
     letter: str,
     axis: _Floats,
     period_s: float,
-    feedback: str,
+    feedback: _Feedback,
     command: _Floats,
 ) -> _Floats: ...
 def contour_axis_responses(
     letter: str,
     axes: _Floats,
     period_s: float,
-    feedback: str,
+    feedback: _Feedback,
     command: _Floats,
+    *,
     stride: int,
 ) -> _Floats: ...
 def contour_path_margins(
     path: ContourPath,
     u: _Floats,
+    *,
     axes: _Floats,
-    gains_of_coupling: _Floats,
+    gains: _Floats,
     period_s: float,
-    believed: Sequence[tuple[str, float]],
+    assumed: Sequence[tuple[str, float]],
 ) -> _Floats: ...
 
 # --- hybrid (paper 004)
@@ -545,6 +577,7 @@ class Hybrid:
         self,
         tips: _Floats,
         directions: _Floats,
+        *,
         reference_deg: float,
         negative: bool,
         exact: bool,

@@ -241,8 +241,6 @@ def part(o: Outcome, n: int, seed: int) -> tuple[float, bool]:
 
     Parted: of the sets that the first diagnosis called alike, the hidden one alone is left.
     """
-    source = o.diagnosis.source
-    assert source is not None
     setup = ground(o.measurement_plan)[3]
     promise = tn.prospect(o.diagnosis, n)
     truth = o.measurement.truth
@@ -257,7 +255,7 @@ def part(o: Outcome, n: int, seed: int) -> tuple[float, bool]:
     )
     both = {
         name: np.concatenate([values, more.columns[name]])
-        for name, values in source.data.columns.items()
+        for name, values in o.diagnosis.data.columns.items()
         if name in more.columns
     }
     again = diagnose(tn.Touches(both), setup)

@@ -17,7 +17,9 @@ from functools import cache
 from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, get_args
+from string import Template
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
@@ -28,7 +30,23 @@ if TYPE_CHECKING:
     from cattrs import Converter
     from rich.table import Table as RichTable
 
-__all__ = ["Cell", "Result", "Table", "number", "plain", "same"]
+__all__ = [
+    "Cell",
+    "Result",
+    "Shown",
+    "Table",
+    "class_named",
+    "measured",
+    "number",
+    "page",
+    "plain",
+    "read_json",
+    "same",
+    "significant",
+    "structured",
+]
+
+C = TypeVar("C")
 
 Cell: TypeAlias = str | float | int | bool | None
 """What stands in a cell: text, a number (formatted when shown), or nothing."""
@@ -42,6 +60,33 @@ def number(value: float | None, digits: int = 4) -> str:
         return "not identifiable"
     text = f"{value:.{digits}f}"
     return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
+
+
+class Shown(float):
+    """A number of a table that is shown as a text of its own: "4.82", "< 0.001"."""
+
+    text: str
+
+    def __new__(cls, value: float, text: str) -> Self:
+        """Return the number with its text."""
+        made = super().__new__(cls, value)
+        made.text = text
+        return made
+
+
+def significant(value: float, digits: int = 3) -> Shown:
+    """Return a number shown to so many digits."""
+    return Shown(value, f"{value:.{digits}g}".replace("-", "−"))
+
+
+def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
+    """Return a value and its standard error, shown to the two leading digits of the latter."""
+    if std is None or std <= 0:
+        return significant(value, 4), std
+    if not np.isfinite(std):
+        return Shown(value, "–"), std
+    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
+    return Shown(value, number(value, digits)), Shown(std, number(std, digits))
 
 
 @dataclass(frozen=True)
@@ -79,6 +124,8 @@ class Table:
     def _shown(self, cell: Cell) -> str:
         if isinstance(cell, str):
             return cell
+        if isinstance(cell, Shown):
+            return cell.text
         if isinstance(cell, bool | np.bool_):
             return "yes" if cell else "no"
         if isinstance(cell, int | np.integer):
@@ -131,7 +178,8 @@ class Table:
         import pandas as pd
 
         names = [column or "name" for column in self.columns]
-        return pd.DataFrame.from_records([list(row) for row in self.rows], columns=names)
+        rows = [[float(c) if isinstance(c, Shown) else c for c in row] for row in self.rows]
+        return pd.DataFrame.from_records(rows, columns=names)
 
 
 @cache
@@ -148,7 +196,24 @@ def _converter() -> Converter:
     converter.register_structure_hook_func(
         lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
     )
+    converter.register_structure_hook_func(
+        lambda kind: sum(map(is_dataclass, _options(kind))) > 1,
+        lambda value, kind: converter.structure(value, _fitting(value, kind)),
+    )
     return converter
+
+
+def _options(kind: Any) -> tuple[Any, ...]:
+    """Return the types of a union; none for any other type."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else ()
+
+
+def _fitting(value: Any, kind: Any) -> Any:
+    """Return the dataclass of a union whose fields the values have."""
+    for option in filter(is_dataclass, _options(kind)):
+        if isinstance(value, Mapping) and set(value) == {field.name for field in fields(option)}:
+            return option
+    raise InputError(f"got {value!r:.60}, expected the fields of one of {kind}")
 
 
 def _array(value: Any, kind: Any) -> Any:
@@ -181,6 +246,27 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
+def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
+    """Return what JSON text, or a file of it, holds, and what messages call its place.
+
+    Raises
+    ------
+    FileFormatError
+        It is not JSON; the message names line and column.
+    """
+    text, where = str(source), "JSON"
+    if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
+        text, where = Path(source).read_text(encoding="utf-8"), str(source)
+    try:
+        return json.loads(text), where
+    except json.JSONDecodeError as error:
+        raise FileFormatError(
+            f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
+        ) from error
+    except RecursionError as error:
+        raise FileFormatError(f"{where}: {error}") from error
+
+
 def same(first: Any, second: Any) -> bool:
     """Whether two values are equal, arrays and nan included."""
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
@@ -188,7 +274,7 @@ def same(first: Any, second: Any) -> bool:
         numeric = a.dtype.kind in "fc" and b.dtype.kind in "fc"
         return a.dtype == b.dtype and bool(np.array_equal(a, b, equal_nan=numeric))
     if isinstance(first, Mapping) and isinstance(second, Mapping):
-        return list(first) == list(second) and all(same(first[key], second[key]) for key in first)
+        return first.keys() == second.keys() and all(same(first[k], second[k]) for k in first)
     if isinstance(first, list | tuple) and isinstance(second, list | tuple):
         return (
             type(first) is type(second)
@@ -197,7 +283,51 @@ def same(first: Any, second: Any) -> bool:
         )
     if isinstance(first, float) and isinstance(second, float):
         return first == second or (np.isnan(first) and np.isnan(second))
+    if is_dataclass(first) and type(first) is type(second) and not isinstance(first, Result | type):
+        return _same_fields(first, second)
     return bool(first == second)
+
+
+def _same_fields(first: Any, second: Any) -> bool:
+    """Whether two of one dataclass are equal in every field that counts."""
+    names = [field.name for field in fields(first) if field.compare]
+    return all(same(getattr(first, name), getattr(second, name)) for name in names)
+
+
+def class_named(name: str, base: type[C]) -> type[C]:
+    """Return the public subclass of this name, or one that is loaded.
+
+    Raises
+    ------
+    InputError
+        There is none.
+    """
+    public = getattr(importlib.import_module("trunnion"), name, None)
+    if isinstance(public, type) and issubclass(public, base):
+        return public
+    left = [base]
+    while left:
+        for kind in left.pop().__subclasses__():
+            if kind.__name__ == name:
+                return kind
+            left.append(kind)
+    raise InputError(f"{base.__name__}: got {name!r}, expected the name of one")
+
+
+def structured(values: Any, kind: type[C]) -> C:
+    """Return plain values, as `plain` gives them, as a dataclass.
+
+    Raises
+    ------
+    InputError
+        The values are not those of this class.
+    """
+    try:
+        return _converter().structure(values, kind)
+    except Exception as error:  # cattrs raises groups of errors, one a field
+        raise InputError(
+            f"{kind.__name__}: got values that do not fit its fields: {error}"
+        ) from error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -206,7 +336,8 @@ class Result:
 
     A subclass is a frozen dataclass (``@dataclass(frozen=True, eq=False, repr=False)``) of data.
     It gives `sentences` and `tables`; the rest follows. `to_dict` holds every field and, as
-    `"result"`, the name of the class; what a class derives from its fields and a reader of the
+    `"result"`, the name of the class; a field with ``compare=False`` is code (a function, a model):
+    it is neither compared nor stored. What a class derives from its fields and a reader of the
     JSON wants, it adds by overriding `derived`.
     """
 
@@ -228,12 +359,12 @@ class Result:
         return {}
 
     def summary(self) -> str:
-        """Return sentences and tables as text."""
-        return "\n".join([*(table.text() for table in self.tables()), *self.sentences()])
+        """Return sentences and tables as text, what is most important first."""
+        return "\n".join([*self.sentences(), *(table.text() for table in self.tables())])
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain Python values; numbers that are not finite as text ("inf")."""
-        found = {field.name: plain(getattr(self, field.name)) for field in fields(self)}
+        found = {f.name: plain(getattr(self, f.name)) for f in fields(self) if f.compare}
         return {
             "result": type(self).__name__,
             **found,
@@ -259,12 +390,7 @@ class Result:
         kind = values.get("result", cls.__name__) if isinstance(values, Mapping) else None
         if kind != cls.__name__:
             raise InputError(f"result: got {kind!r}, expected {cls.__name__!r}")
-        try:
-            return _converter().structure(dict(values), cls)
-        except Exception as error:  # cattrs raises groups of errors, one a field
-            raise InputError(
-                f"{cls.__name__}: got values that do not fit its fields: {error}"
-            ) from error
+        return structured(dict(values), cls)
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:
@@ -275,15 +401,9 @@ class Result:
         FileFormatError
             The file or text is not JSON of this result; the message names the place.
         """
-        text, where = str(source), "JSON"
-        if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
-            text, where = Path(source).read_text(encoding="utf-8"), str(source)
+        values, where = read_json(source)
         try:
-            return cls.from_dict(json.loads(text))
-        except json.JSONDecodeError as error:
-            raise FileFormatError(
-                f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
-            ) from error
+            return cls.from_dict(values)
         except (InputError, RecursionError) as error:
             raise FileFormatError(f"{where}: {error}") from error
 
@@ -295,15 +415,26 @@ class Result:
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
+    def title(self) -> str:
+        """Return the heading of its page."""
+        return type(self).__name__
+
+    def to_html(self, path: str | PathLike[str]) -> Path:
+        """Write one self-contained page with sentences, pictures and tables; return its path."""
+        pictures = importlib.import_module("trunnion.plot").pictures(self)
+        target = Path(path)
+        target.write_text(page(self, pictures), encoding="utf-8")
+        return target
+
     def __eq__(self, other: object) -> bool:
         """Whether it is the same class with equal fields."""
         if type(other) is not type(self):
             return NotImplemented
-        return all(same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+        return _same_fields(self, other)
 
     def __hash__(self) -> int:
         """Hash of what is cheap to hash: class, texts and whole numbers."""
-        values = (getattr(self, field.name) for field in fields(self))
+        values = (getattr(self, field.name) for field in fields(self) if field.compare)
         return hash((type(self), *(v for v in values if isinstance(v, str | int | bool))))
 
     def headline(self) -> str:
@@ -320,4 +451,38 @@ class Result:
 
     def _repr_html_(self) -> str:
         lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return "".join(table.html() for table in self.tables()) + lines
+        return lines + "".join(table.html() for table in self.tables())
+
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>$title</title>
+<style>
+body { font-family: system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem;
+       color: #1a1a1a; line-height: 1.45; }
+h1 { font-size: 1.4rem; }
+table { border-collapse: collapse; margin-top: 2rem; }
+caption { font-weight: bold; text-align: left; padding-bottom: .3rem; }
+td, th { padding: .15rem 1.2rem .15rem 0; vertical-align: top; text-align: left; }
+tr:nth-child(even) { background: #f4f4f4; }
+figure { margin: 1.5rem 0; } svg { max-width: 100%; height: auto; }
+</style>
+</head>
+<body>
+<h1>$title</h1>
+$body
+</body>
+</html>
+"""
+
+
+def page(result: Result, pictures: Sequence[str] = ()) -> str:
+    """Return a self-contained HTML page: sentences, pictures (SVG), tables."""
+    body = [
+        *(f"<p>{html.escape(line)}</p>" for line in result.sentences()),
+        *(f"<figure>{picture}</figure>" for picture in pictures),
+        *(table.html() for table in result.tables()),
+    ]
+    return Template(_PAGE).substitute(title=html.escape(result.title()), body="\n".join(body))

@@ -49,13 +49,14 @@ def diagnose(
     """
     d = _diagnosis(files, kind)
     shown: list[Any] = [d]
-    values = d.to_dict()
+    # Readings and data are in files already; `Diagnosis.to_json` has them, too.
+    values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:
         found = tn.prospect(d, next_)
         shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
-    elif isinstance(_source(d), tn.Diameters):
+    elif isinstance(d.data, tn.Diameters):
         passes = tn.next_passes(d)
         values["next_passes"] = [one.to_dict() for one in passes]
         if passes:
@@ -81,7 +82,13 @@ def diagnose_as(kind: str) -> Any:
 def _diagnosis(files: list[Path], kind: str) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = _kind(data[0], kind).read(data[0])
-    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
+        raise tn.InputError(
+            f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
+            "no set-up for a three-axis machine and a calibrated bar"
+        )
+    return tn.diagnose(read, setup)
 
 
 def _kind(path: Path, name: str) -> Kind:
@@ -101,7 +108,3 @@ def _kind(path: Path, name: str) -> Kind:
     if found is None:
         raise tn.InputError(f"{path}: got columns {header.strip()!r}, expected those of {known}")
     return found
-
-
-def _source(d: Diagnosis) -> Any:
-    return getattr(d.source, "data", None)

@@ -103,7 +103,12 @@ def margins(
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
         points = span if u is None else np.atleast_1d(floats("u", u))
         along = _core.contour_path_margins(
-            path.core, points, servo.rows(), gains, period_s, location_errors(believed)
+            path.core,
+            points,
+            axes=servo.rows(),
+            gains=gains,
+            period_s=period_s,
+            assumed=location_errors(believed),
         )
     return Margins(
         "XYZAC",

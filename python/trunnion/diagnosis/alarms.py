@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.diagnosis.scan import Dictionary
 
 __all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
@@ -105,8 +106,8 @@ def scatter(case: Case, f: Fit) -> tuple[str | None, float]:
     chance = float(special.chdtrc(f.dof, chi2))
     if chance < SCATTER_LEVEL:
         note = (
-            f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise and depends on "
-            "no recorded quantity that was looked at"
+            f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise; no recorded "
+            "quantity explains it"
         )
     return note, min(p, chance / SCATTER_LEVEL)
 
@@ -133,7 +134,7 @@ def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
         return None, p / REPEAT_LEVEL
     note = (
         f"repeats agree to {np.sqrt(pure / dof_pure):.3g}, but the model misses "
-        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; on no recorded "
-        "quantity that was looked at does it depend"
+        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
+        "quantity explains it"
     )
     return note, p / REPEAT_LEVEL

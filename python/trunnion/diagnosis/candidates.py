@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 
 __all__ = [
     "BATCH_NUMBERS",

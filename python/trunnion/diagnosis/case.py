@@ -6,9 +6,12 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
+from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import Dictionary
 
 __all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]

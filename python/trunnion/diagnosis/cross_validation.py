@@ -1,4 +1,4 @@
-"""Rms of readings predicted from others: each group of readings from all other groups.
+"""Errors of readings predicted from others: each group of readings from all other groups.
 
 Linear in the parameters about a fit. What the other groups do not identify of the nuisance
 parameters (the ball centre of a set-up that is left out) is fitted to the group itself; what they
@@ -10,11 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT
 from trunnion.diagnosis.fit import Fit, Flags, Whiten
-from trunnion.diagnosis.protocol import Array, IntArray, Model
+from trunnion.diagnosis.model import Model
 
-__all__ = ["cross_validated_rms"]
+__all__ = ["cross_validated"]
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
@@ -22,22 +24,26 @@ MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
 ROUNDING = 1e-12
 
 
-def cross_validated_rms(model: Model, rows: IntArray, f: Fit, whiten: Whiten) -> float:
-    """Rms of the readings of each group, predicted from all other groups."""
-    problem, start = _Problem.of(rows, f, whiten).in_groups(np.asarray(model.groups)[rows])
+def cross_validated(model: Model, rows: IntArray, f: Fit, whiten: Whiten) -> Array:
+    """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
+    labels = np.asarray(model.groups)[rows]
+    order = np.argsort(labels, kind="stable")
+    problem, start = _Problem.of(rows, f, whiten).in_groups(labels, order)
     gram = problem.white.T @ problem.white
     rhs = problem.white.T @ problem.y
     frame = _frame(gram[: problem.p, : problem.p])
     to_basis = np.asarray(np.linalg.inv(problem.basis.T @ problem.white), dtype=np.float64)
-    total = 0.0
+    ordered = np.empty(len(rows))
     for groups in _chunks(start):
         part = slice(start[groups[0]], start[groups[-1] + 1])
         at = start[groups] - part.start
-        miss, sure = _left_out(problem, to_basis, part, at)
-        total += float(np.add.reduceat(miss * miss, at)[sure].sum())
+        ordered[part], sure = _left_out(problem, to_basis, part, at)
         for g in groups[~sure]:
-            total += _own_fit(problem, gram, rhs, frame, slice(start[g], start[g + 1]))
-    return float(np.sqrt(total / len(rows)))
+            own = slice(start[g], start[g + 1])
+            ordered[own] = _own_fit(problem, gram, rhs, frame, own)
+    errors = np.empty(len(rows))
+    errors[order] = ordered
+    return errors
 
 
 @dataclass
@@ -75,9 +81,8 @@ class _Problem:
         p = int(np.sum(free < len(f.nuisance)))
         return cls(p, white, raw, y, y_raw, y - f.basis @ part, residual_raw, f.basis)
 
-    def in_groups(self, labels: IntArray) -> tuple["_Problem", IntArray]:
+    def in_groups(self, labels: IntArray, order: IntArray) -> tuple["_Problem", IntArray]:
         """Sort the readings by group; with where each group starts, and where the last ends."""
-        order = np.argsort(labels, kind="stable")
         ordered = labels[order]
         first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
         start = np.append(first, len(labels)).astype(np.intp)
@@ -116,8 +121,8 @@ def _left_out(problem: _Problem, to_basis: Array, part: slice, at: IntArray) -> 
     return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
 
 
-def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: slice) -> float:
-    """Squared misses of a group of which the others do not identify all."""
+def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: slice) -> Array:
+    """Misses of a group of which the others do not identify all."""
     p = problem.p
     a, y = problem.white[part], problem.y[part]
     matrix = gram - a.T @ a
@@ -131,8 +136,7 @@ def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: sli
     beta = np.concatenate([inverse @ (b[:p] - cross @ effect), effect])
     if unknown.shape[1]:
         beta[:p] += unknown @ linear_fit(a[:, :p] @ unknown, y - a @ beta).solution
-    miss = problem.y_raw[part] - problem.raw[part] @ beta
-    return float(miss @ miss)
+    return np.asarray(problem.y_raw[part] - problem.raw[part] @ beta)
 
 
 def _frame(gram: Array) -> Array:
@@ -146,7 +150,7 @@ def _frame(gram: Array) -> Array:
 
 
 def _pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
-    """Inverse of a Gram matrix of unit columns where that is possible, and a basis of the others."""
+    """Inverse of a Gram matrix of unit columns where that is possible, and a basis elsewhere."""
     if not matrix.size:
         return matrix, matrix
     w, v = np.linalg.eigh(matrix)

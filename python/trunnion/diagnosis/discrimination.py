@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import lengths
 from trunnion.diagnosis.fit import Flags
-from trunnion.diagnosis.protocol import Array, IntArray, lengths
 from trunnion.diagnosis.selection import WITHIN
 
 __all__ = ["Discrimination", "Hypothesis"]

@@ -26,11 +26,12 @@ import numpy as np
 
 from trunnion.base.errors import DataError
 from trunnion.base.threads import one_blas_thread
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, explain
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.protocol import IntArray, Model, identity
+from trunnion.diagnosis.model import Model, identity
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search

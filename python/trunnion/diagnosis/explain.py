@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
 
@@ -93,7 +94,7 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
     hidden = {j for j, effect in enumerate(case.effects) if effect.least is not None}
     for j in sorted(hidden):
         effect = case.effects[j]
-        change = np.asarray(effect.change(case.model.data, effect.least or {}), dtype=np.float64)
+        change = np.asarray(effect.change(effect.least or {}), dtype=np.float64)
         white = case.white(change)
         own = white - case.plain.basis @ (case.plain.basis.T @ white)
         for times in HIDDEN_SIZES:

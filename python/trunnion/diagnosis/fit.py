@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import LinearFit, linear_fit
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.model import Model
 
 Flags: TypeAlias = NDArray[np.bool_]
 Whiten: TypeAlias = Callable[[Array], Array]

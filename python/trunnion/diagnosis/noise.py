@@ -14,7 +14,9 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
-from trunnion.diagnosis.protocol import Array, IntArray, Model
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 
 __all__ = [

@@ -9,7 +9,8 @@ such noise gives.
 import numpy as np
 from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 
 __all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
 

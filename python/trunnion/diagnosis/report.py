@@ -5,14 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from trunnion.diagnosis.case import Case, Explanation, kept_rows, rms
-from trunnion.diagnosis.cross_validation import cross_validated_rms
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.cross_validation import cross_validated
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Uncertainty
-from trunnion.diagnosis.result import Alternative, Cause, Diagnosis, Gain, Verdict
+from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
+from trunnion.diagnosis.result import Diagnosis
 
 __all__ = ["report"]
 
+LOST = "only the outliers identify it: measure them again"
+UNDETERMINED = "these data do not determine it"
+ABSORBED = "what is always fitted absorbs it"
 TINY = 1e-300
 SINGULAR = 1e-8  # of a correlation matrix of estimates
 
@@ -31,37 +38,62 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
     if verdict == "consistent":
         f = plain
     variance = f.rss / max(f.dof, 1)
-    std, std_plain, std_all = (_errors_std(model, of, variance) for of in (f, plain, case.plain))
-    invisible = [i for i in e.candidates.not_identifiable if i < len(model.effects)]
+    gain = _gain(case, rows, plain, f)
+    sigma = float(np.sqrt(variance))
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
+    absorbed = {
+        model.effects[i].id for i in e.candidates.not_identifiable if i < len(model.effects)
+    }
+    named = absorbed.union(f.effects, *(a.causes for a in alternatives))
+    names = [x.name for x in model.nuisance]
+    std = _errors_std(model, f, variance)
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, f, variance, alternatives),
-        alternatives=tuple(a.causes for a in alternatives),
-        gain=Gain(
-            rms(plain.residuals[rows]),
-            rms(f.residuals[rows]),
-            cross_validated_rms(model, rows, plain, case.whiten),
-            cross_validated_rms(model, rows, f, case.whiten),
-        ),
+        evidence=tuple(alternatives),
+        gain=gain,
         unexplained=unexplained,
         errors_before=model.location_errors(case.plain.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
-        lost=tuple(k for k, s in std_plain.items() if np.isinf(s) and np.isfinite(std_all[k])),
-        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance)),
+        not_identifiable={
+            **_not_identifiable(case, plain, std),
+            **{x.id: ABSORBED for x in model.effects if x.id in absorbed},
+        },
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
         p_value=e.alarm,
-        sigma=float(np.sqrt(variance)),
-        evidence=tuple(alternatives),
-        invisible=tuple(model.effects[i].id for i in invisible),
-        source=model,
-        nuisance_before=case.plain.nuisance,
-        nuisance_after=f.nuisance,
-        effects=f.effects,
-        residuals_before=case.plain.residuals,
-        residuals_after=f.residuals,
-        kept=rows,
+        sigma=sigma,
+        nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
+        nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
+        units={x.name: x.unit for x in model.nuisance},
+        labels={x.id: x.label for x in model.effects if x.id in named},
+        residuals=Residuals.of(
+            model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
+        ),
     )
+
+
+def _gain(case: Case, rows: IntArray, plain: Fit, f: Fit) -> Gain:
+    """Residuals fitted and cross-validated, on the readings that are no outliers."""
+    units, index = units_of(case.model.readings)
+    return Gain.of(
+        plain.residuals[rows],
+        f.residuals[rows],
+        cross_validated(case.model, rows, plain, case.whiten),
+        cross_validated(case.model, rows, f, case.whiten),
+        units,
+        index[rows],
+    )
+
+
+def _not_identifiable(case: Case, plain: Fit, std: dict[str, float]) -> dict[str, str]:
+    """Errors without a standard error, each with the reason."""
+    kept, every = (_errors_std(case.model, of, 1.0) for of in (plain, case.plain))
+    lost = {k for k, s in kept.items() if np.isinf(s) and np.isfinite(every[k])}
+    return {k: LOST if k in lost else UNDETERMINED for k, s in std.items() if np.isinf(s)}
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
@@ -92,14 +124,14 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
 
 
-def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
+def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
     names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
     std = f.std() * np.sqrt(variance)
     return Uncertainty(
         names,
         dict(zip(names, map(float, std), strict=True)),
         f.covariance * variance,
-        float(np.sqrt(variance)),
+        sigma,
         f.dof,
     )
 
@@ -107,9 +139,9 @@ def _uncertainty(model: Model, f: Fit, variance: float) -> Uncertainty:
 def _unexplained(e: Explanation) -> str | None:
     if e.terms:
         (first, share), *others = e.terms
-        text = f"the rest depends on {first}: {100 * share:.0f} % of its variance"
+        text = f"the residual depends on {first}: {100 * share:.0f} % of its variance"
         if others:
-            text += "; as well explained by " + " or ".join(s for s, _ in others)
+            text += "; equally consistent with " + " or ".join(s for s, _ in others)
         return text
     return e.note
 
@@ -139,7 +171,7 @@ def _causes(
             {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)},
             min(1.0, chance * e.candidates.multiplicity * places),
             tuple(sorted(aliases)),
-            effect.words,
+            effect.label,
         )
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])

@@ -1,79 +1,59 @@
-"""What a diagnosis says."""
+"""What a diagnosis says, in sentences and tables."""
 
-import html
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from trunnion.diagnosis.protocol import Array, IntArray, Model
+from trunnion.base.errors import InputError
+from trunnion.base.report import (
+    Cell,
+    Result,
+    Shown,
+    Table,
+    class_named,
+    measured,
+    number,
+    plain,
+    significant,
+    structured,
+)
+from trunnion.base.units import unit_of
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import (
+    MAX_PARAMETERS,
+    Alternative,
+    Cause,
+    Gain,
+    Residuals,
+    Verdict,
+    alternatives_table,
+    chance,
+    labelled,
+    with_unit,
+)
+from trunnion.diagnosis.score import score
+from trunnion.files.table import Table as DataTable
+from trunnion.files.table import places
+from trunnion.machine.estimate import Estimate
+from trunnion.setup import Setup
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+__all__ = ["Alternative", "Cause", "Diagnosis", "Gain", "Residuals", "Verdict"]
 
-__all__ = ["Alternative", "Cause", "Diagnosis", "Gain", "Verdict"]
-
-Verdict = Literal["consistent", "explained", "ambiguous", "unexplained"]
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A named cause.
-
-    Attributes
-    ----------
-    id:
-        The effect.
-    parameters, std_errors:
-        By parameter name, in the unit of the name.
-    p_value:
-        Of the data without this cause, the others kept, times the number of candidates.
-    aliases:
-        Effects that could take its place.
-    words:
-        How a sentence calls it.
-    """
-
-    id: str
-    parameters: dict[str, float]
-    std_errors: dict[str, float]
-    p_value: float
-    aliases: tuple[str, ...] = ()
-    words: str = ""
-
-
-@dataclass(frozen=True)
-class Gain:
-    """Residual rms (µm, or the unit of the readings) of the plain and of the extended model.
-
-    Held out: each group of readings predicted from the others.
-    """
-
-    rms_before_um: float
-    rms_after_um: float
-    heldout_rms_before_um: float
-    heldout_rms_after_um: float
+UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
+MAX_SETS = 6  # in a sentence
+ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
 
-@dataclass(frozen=True)
-class Alternative:
-    """A set of causes that explains the data about as well, and how well.
-
-    ``distance``: penalised -2 ln L above the best set's. ``start``: values of nonlinear parameters
-    (a slip's time) from which a fit of the set starts.
-    """
-
-    causes: frozenset[str]
-    distance: float
-    rms_um: float
-    start: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
-
-
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Result):
     """Whether the model explains the data, and if not, what does. See :func:`diagnose`.
+
+    A value: it holds numbers, records, the data and the set-up, never a model of them.
 
     Attributes
     ----------
@@ -82,60 +62,94 @@ class Diagnosis:
         sets of causes do) or "unexplained" (something is there that no known cause makes).
     causes:
         Strongest first.
-    alternatives:
-        Every set of causes within 6 of the best in penalised -2 ln L, the named set first.
+    evidence:
+        Every set of causes within 6 of the best in penalised -2 ln L, the named set first, with
+        distance and rms.
     gain:
-        Residual rms before and after, fitted and held out.
+        Residual rms before and after, of the fit and cross-validated.
     unexplained:
-        What the rest depends on, or None.
+        What the residual depends on, or None.
     errors_before, errors_after:
         The machine's errors under the plain and the extended model.
     errors_std:
-        Standard errors of ``errors_after``; inf where the data cannot see one.
+        Standard errors of ``errors_after``; inf: not identifiable.
     outliers:
-        Data rows that belong to no model.
-    lost:
-        Errors of the machine that nothing determines without these rows; they stay where the fit
-        began.
-    model:
-        The extended model, in the form its kind of data is used with.
+        Data rows, counted from 0, that belong to no model.
+    not_identifiable:
+        Errors of the machine and effects that these data do not identify: name → why, or the
+        combination that is not. Such errors stay where the fit began.
     p_value:
         Of the data under the plain model, over all tests together.
     sigma:
-        Noise of one reading under the extended model, in the readings' unit.
-    evidence:
-        The alternatives with their distance and rms.
-    invisible:
-        Effects that these data cannot see.
+        Noise of one reading under the extended model, in the unit of `gain`.
+    nuisance_before, nuisance_after:
+        Values of what is always fitted (errors, placement, a circle, a ball centre).
+    units:
+        Of these, by name.
+    labels:
+        What people call an effect, by id.
+    model:
+        The extended model, in the form its kind of data is used with.
+    residuals:
+        The readings with what the models leave of them.
+    data, setup, candidates:
+        What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
+        user's own candidates the ids only.
     """
 
     verdict: Verdict
     causes: tuple[Cause, ...]
-    alternatives: tuple[frozenset[str], ...]
+    evidence: tuple[Alternative, ...]
     gain: Gain
     unexplained: str | None
-    errors_before: dict[str, float]
-    errors_after: dict[str, float]
-    errors_std: dict[str, float]
+    errors_before: Mapping[str, float]
+    errors_after: Mapping[str, float]
+    errors_std: Mapping[str, float]
     outliers: tuple[int, ...]
-    model: Any
+    not_identifiable: Mapping[str, str]
     p_value: float
     sigma: float
-    evidence: tuple[Alternative, ...] = ()
-    invisible: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()
-    source: Model | None = field(default=None, repr=False)
-    nuisance_before: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    nuisance_after: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
-    residuals_before: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    residuals_after: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    kept: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp), repr=False)
+    nuisance_before: Mapping[str, float]
+    nuisance_after: Mapping[str, float]
+    units: Mapping[str, str]
+    labels: Mapping[str, str]
+    model: Any
+    residuals: Residuals | None = None
+    data: Any = None
+    setup: Any = None
+    candidates: tuple[Any, ...] = field(default=(), compare=False)
+
+    # --- what follows from the fields
+
+    @property
+    def alternatives(self) -> tuple[frozenset[str], ...]:
+        """Ids of every set of `evidence`, the named set first."""
+        return tuple(a.causes for a in self.evidence)
 
     @property
     def named(self) -> frozenset[str]:
         """The ids of the named causes."""
         return frozenset(c.id for c in self.causes)
+
+    @property
+    def effects(self) -> dict[str, dict[str, float]]:
+        """Parameters of the named causes: id → parameter → value."""
+        return {c.id: dict(c.parameters) for c in self.causes}
+
+    def rebuilt_model(self) -> Model:
+        """Return the diagnosis model of the data, made anew.
+
+        Raises
+        ------
+        InputError
+            The diagnosis has no data: it is one of a model of one's own, or comes from JSON
+            without them.
+        """
+        if self.data is None:
+            raise InputError("diagnosis: got one without its data, expected one of measured data")
+        kinds = importlib.import_module("trunnion.models.kinds")
+        model: Model = kinds.model_of(self.data, self.setup, self.candidates)
+        return model
 
     def score(self, other: Any) -> Gain:
         """Gain on data that the diagnosis has not seen.
@@ -143,68 +157,229 @@ class Diagnosis:
         ``other``: data of the same kind, or a model of it. Errors of the machine and effects are
         kept from this diagnosis; what belongs to the set-up or the workpiece is fitted anew.
         Readings that belong to no model are left out.
+
+        Raises
+        ------
+        InputError
+            The model of the other data lacks an error or an effect of this one.
         """
-        from trunnion.diagnosis.score import score
+        if hasattr(other, "predict"):
+            model = other
+        elif self.data is None:
+            raise InputError(
+                f"score: got {type(other).__name__} for a diagnosis that does not hold its data, "
+                "expected a model of the other data"
+            )
+        else:
+            model = self.rebuilt_model().bind(other)
+        return score(model, self.nuisance_before, self.nuisance_after, self.effects)
 
-        return score(self, other)
+    # --- JSON
 
-    def summary(self) -> str:
-        """Say it in plain words, then as a table."""
-        from trunnion.diagnosis.words import summary
-
-        return summary(self)
-
-    def plot(self, *, ax: "Axes | None" = None) -> "Axes":
-        """Residuals before and after, against what the strongest cause depends on."""
-        from trunnion.plot.diagnosis import plot_diagnosis
-
-        return plot_diagnosis(self, ax=ax)
-
-    def to_html(self, path: str | Path) -> Path:
-        """Write one self-contained page with words, tables and pictures; return its path."""
-        from trunnion.plot.diagnosis import page
-
-        target = Path(path)
-        target.write_text(page(self), encoding="utf-8")
-        return target
+    def derived(self) -> dict[str, Any]:
+        """Sets of causes and values of the named ones."""
+        return {"alternatives": self.alternatives}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all of it as plain numbers and strings, ready for JSON (inf as "inf")."""
+        """Return everything as plain values, ready for JSON (inf as "inf")."""
+        data, model = self.data, self.model
         return {
-            "verdict": self.verdict,
-            "causes": [plain(asdict(c)) for c in self.causes],
-            "alternatives": [sorted(s) for s in self.alternatives],
-            "evidence": [
-                {"causes": sorted(a.causes), "distance": a.distance, "rms_um": a.rms_um}
-                for a in self.evidence
-            ],
-            "gain": asdict(self.gain),
-            "unexplained": self.unexplained,
-            "errors_before": plain(self.errors_before),
-            "errors_after": plain(self.errors_after),
-            "errors_std": plain(self.errors_std),
-            "outliers": list(self.outliers),
-            "lost": list(self.lost),
-            "p_value": self.p_value,
-            "sigma": self.sigma,
-            "invisible": list(self.invisible),
+            **super().to_dict(),
+            "model": plain(model),
+            "data": data.described() if isinstance(data, DataTable) else None,
+            "candidates": [getattr(c, "id", c) for c in self.candidates],
         }
 
-    def __str__(self) -> str:
-        """Return the summary."""
-        return self.summary()
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Diagnosis:
+        """Return the diagnosis that `to_dict` described."""
+        if not isinstance(values, Mapping):
+            return super().from_dict(values)
+        given = {**values, "candidates": ()}
+        if isinstance(values.get("data"), Mapping):
+            table = class_named(str(values["data"].get("data")), DataTable)
+            given["data"] = table.from_description(values["data"])
+        if isinstance(values.get("setup"), Mapping):
+            given["setup"] = structured(values["setup"], Setup)
+        made = super().from_dict(given)
+        return replace(made, model=made._model(values.get("model")))
 
-    def _repr_html_(self) -> str:
-        """Show the summary in a notebook."""
-        return f"<pre>{html.escape(self.summary())}</pre>"
+    def _model(self, stored: Any) -> Any:
+        """Return `model` from what JSON holds of it; what it does is code, made anew of the data.
+
+        None where there are no data, or a cause is an effect of the user's own.
+        """
+        if not isinstance(stored, Mapping) or "result" not in stored:
+            return stored
+        if self.data is None:
+            return None
+        source = self.rebuilt_model()
+        if not self.named <= {effect.id for effect in source.effects}:
+            return None
+        made = source.extended(np.array(list(self.nuisance_after.values())), self.effects)
+        if not isinstance(made, Estimate):
+            return made
+        known = Estimate.from_dict({key: stored[key] for key in UNCERTAINTY if key in stored})
+        return replace(made, **{key: getattr(known, key) for key in UNCERTAINTY})
+
+    # --- sentences
+
+    def title(self) -> str:
+        """Heading of the page."""
+        return f"Diagnosis: {self.verdict}"
+
+    def headline(self) -> str:
+        """Verdict and ids."""
+        named = ", ".join(c.id for c in self.causes[:MAX_SETS])
+        out = f"{len(self.outliers)} outliers" if self.outliers else ""
+        return "; ".join(part for part in (self.verdict, named, out) if part)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say the verdict first, then what carries it."""
+        said = [c.headline() for c in self.causes]
+        lines: list[str] = []
+        match self.verdict:
+            case "consistent":
+                lines = [
+                    "Consistent: the model explains the data, the residual is noise of "
+                    f"{self._noise()} ({chance(self.p_value)})."
+                ]
+            case "explained" if len(said) == 1:
+                lines = [f"Explained by one cause: {said[0]}."]
+            case "explained" if said:
+                lines = [f"Explained by {len(said)} causes: {'; '.join(said)}."]
+            case "explained":
+                count = "one outlier" if len(self.outliers) == 1 else "the outliers"
+                lines = [f"Explained: the model fits the data without {count}."]
+            case "ambiguous":
+                lines = self._ambiguous()
+            case "unexplained":
+                lines = [f"Unexplained: no known cause fits; {self.unexplained}."]
+                if said:
+                    lines.append(f"Named beside it: {'; '.join(said)}.")
+        if said:
+            falls = all(
+                g.heldout_rms_after_um < g.heldout_rms_before_um
+                for g in (self.gain, *self.gain.others)
+            )
+            verb = "falls" if falls else "changes"
+            lines += [
+                *self._bias(),
+                f"Cross-validated rms {verb} {self.gain.fall()}; "
+                f"the plain model alone has {chance(self.p_value)}.",
+            ]
+        return (*lines, *self._left_out())
+
+    def _noise(self) -> str:
+        if not self.gain.others:
+            return with_unit(f"{self.sigma:.3g}", self.gain.unit)
+        parts = (with_unit(f"{g.rms_after_um:.3g}", u) for u, g in self.gain.by_unit().items())
+        return ", ".join(parts)
+
+    def _ambiguous(self) -> list[str]:
+        """Say what is certain, then what is in doubt."""
+        certain = frozenset.intersection(*self.alternatives)
+        lines = [
+            f"Ambiguous: {len(self.alternatives)} sets of causes are equally consistent with the "
+            "data."
+        ]
+        sure = [c.headline() for c in self.causes if c.id in certain]
+        if sure:
+            lines.append(f"In all of them: {'; '.join(sure)}.")
+        first = "; ".join(c.headline() for c in self.causes if c.id not in certain)
+        others = [
+            " + ".join(labelled(i, self.labels.get(i, "")) for i in sorted(s - certain))
+            for s in self.alternatives[1 : MAX_SETS + 1]
+        ]
+        more = len(self.alternatives) - 1 - len(others)
+        doubt = "; or ".join(text or "no further cause" for text in (first, *others))
+        return [*lines, f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}."]
+
+    def _bias(self) -> list[str]:
+        """Name the machine error that the causes had biased most, in its standard errors."""
+        moved = {k: v - self.errors_after.get(k, v) for k, v in self.errors_before.items()}
+        known = {k: m for k, m in moved.items() if np.isfinite(self.errors_std.get(k, 1.0))}
+        if not known:
+            return []
+        sizes = {k: max(self.errors_std.get(k, 1.0), ROUNDING) for k in known}
+        name = max(known, key=lambda k: abs(known[k]) / sizes[k])
+        if abs(known[name]) < sizes[name]:
+            return []
+        return [
+            f"Without {'it' if len(self.causes) == 1 else 'them'}, {name} is biased by "
+            f"{with_unit(f'{abs(known[name]):.2g}', self._unit(name))}."
+        ]
+
+    def _left_out(self) -> list[str]:
+        """Name outliers by their place, and errors that the data do not identify."""
+        lines = []
+        if self.outliers:
+            what = "Outlier" if len(self.outliers) == 1 else "Outliers"
+            lines.append(f"{what}, left out: {places(self.data, self.outliers)}.")
+        lost = [k for k in self.not_identifiable if k in self.errors_after]
+        if lost:
+            reasons = {self.not_identifiable[k] for k in lost}
+            why = next(iter(reasons)) if len(reasons) == 1 else ""
+            lines.append(f"Not identifiable: {', '.join(lost)}{f' ({why})' if why else ''}.")
+        return lines
+
+    def _unit(self, name: str) -> str:
+        return self.units.get(name) or unit_of(name)
+
+    # --- tables
+
+    def table(self) -> Table:
+        """Return the estimates: parameters of the causes, errors of the machine."""
+        plain = self.verdict == "consistent"
+        rows = [] if plain else [row for c in self.causes for row in self._cause_rows(c)]
+        for name, after in self.errors_after.items():
+            std = self.errors_std.get(name)
+            value, error = measured(after, std)
+            row: tuple[Cell, ...] = (name, value, error, self._unit(name))
+            if not plain:
+                before = self.errors_before.get(name)
+                row = (*row, None if before is None else _shown_like(before, std), None)
+            rows.append(row)
+        columns = ("", "value", "standard error", "unit")
+        return Table.of("Estimates", columns if plain else (*columns, "plain model", "p"), rows)
+
+    def _cause_rows(self, c: Cause) -> Iterable[tuple[Cell, ...]]:
+        p = Shown(c.p_value, chance(c.p_value).removeprefix("p ").removeprefix("= "))
+        if len(c.parameters) > MAX_PARAMETERS:
+            return [(f"{c.id} ({len(c.parameters)} parameters)", None, None, "", None, p)]
+        return [
+            (f"{c.id}.{name}", *measured(value, c.std_errors[name]), unit_of(name), None, p)
+            for name, value in c.parameters.items()
+        ]
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return estimates, sets of causes, residuals, and what is not identifiable."""
+        estimates = self.table()
+        tables = [estimates] if estimates.rows else []
+        if len(self.evidence) > 1:
+            unit = self.gain.unit if not self.gain.others else "relative to the noise"
+            tables.append(alternatives_table(self.evidence[: MAX_SETS + 1], unit))
+        tables.append(self._residual_table())
+        if self.not_identifiable:
+            rows = [(name, why) for name, why in self.not_identifiable.items()]
+            tables.append(Table.of("Not identifiable", ("", "why"), rows))
+        return tuple(tables)
+
+    def _residual_table(self) -> Table:
+        """Return rms before and after; in a consistent diagnosis there is one model only."""
+        table = self.gain.table()
+        rows = list(table.rows)
+        if not self.gain.others:
+            noise = ("noise of one reading", None, significant(self.sigma), self.gain.unit)
+            rows.append(noise)
+        if self.verdict != "consistent":
+            return Table.of(table.title, table.columns, rows)
+        once = [(name, after, unit) for name, _, after, unit in rows]
+        return Table.of(table.title, ("", "model", "unit"), once)
 
 
-def plain(value: Any) -> Any:
-    """Replace what JSON cannot carry: numpy numbers by their value, infinity by "inf"."""
-    if isinstance(value, Mapping):
-        return {str(k): plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(v) for v in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else "inf"
-    return value
+def _shown_like(value: float, std: float | None) -> Cell:
+    """Return a value to the digits of another's standard error."""
+    if std is None or std <= 0 or not np.isfinite(std):
+        return significant(value, 4)
+    return Shown(value, number(value, int(np.clip(1 - np.floor(np.log10(std)), 0, 9))))

@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
-from trunnion.diagnosis.protocol import Array, Covariate, IntArray, Model, Scaling, identity
+from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
 
 __all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
 

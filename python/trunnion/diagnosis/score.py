@@ -1,53 +1,72 @@
 """Gain of a diagnosis on data that it has not seen."""
 
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
 from trunnion.diagnosis import outliers
-from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
-from trunnion.diagnosis.result import Diagnosis, Gain
+from trunnion.diagnosis.effect import EffectValues, Values
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import Gain, units_of
 
 __all__ = ["score"]
 
 STEPS = 8
 
 
-def score(d: Diagnosis, other: Any) -> Gain:
-    """Residual rms of other data under the plain and the extended model. See Diagnosis.score."""
-    source = d.source
-    if source is None:
-        raise InputError("this diagnosis has no model to score other data with")
-    model: Model = other if hasattr(other, "predict") else source.bind(other)
-    before = _anew(model, source, d.nuisance_before, {})
-    after = _anew(model, source, d.nuisance_after, d.effects)
-    p = sum(x.scope == "setup" for x in model.nuisance)
+def score(
+    model: Model,
+    nuisance_before: Mapping[str, float],
+    nuisance_after: Mapping[str, float],
+    effects: EffectValues,
+) -> Gain:
+    """Residual rms of other data under the plain and the extended model. See Diagnosis.score.
+
+    Parameters
+    ----------
+    model
+        Of the other data.
+    nuisance_before, nuisance_after
+        Values by name under both models; those of the machine are kept.
+    effects
+        Parameters of the named causes.
+    """
+    before = _anew(model, nuisance_before, {})
+    after = _anew(model, nuisance_after, effects)
+    p = sum(x.owner.of_setup for x in model.nuisance)
     leverage = np.full(len(after), min(p / max(len(after), 1), 0.9))
     keep = np.ones(len(after), dtype=bool)
     if len(after) - p > 5:
         keep[outliers.far_out(after, leverage)] = False
-    rms = [float(np.sqrt(np.mean(r[keep] ** 2))) for r in (before, after)]
-    return Gain(rms[0], rms[1], rms[0], rms[1])
+    units, index = units_of(model.readings)
+    one, two = before[keep], after[keep]
+    return Gain.of(one, two, one, two, units, index[keep])
 
 
-def _anew(model: Model, source: Model, nuisance: Array, effects: EffectValues) -> Array:
+def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Array:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
-    known = {x.name: v for x, v in zip(source.nuisance, nuisance, strict=True)}
-    free = np.array([x.scope == "setup" for x in model.nuisance], dtype=bool)
+    free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
     for i, x in enumerate(model.nuisance):
         if not free[i]:
             if x.name not in known:
-                raise InputError(f"the other data's model has {x.name}, which this one has not")
+                raise InputError(
+                    f"score: got data whose model has {x.name}, expected one of "
+                    f"{', '.join(known) or 'no error'}"
+                )
             at[i] = known[x.name]
     values = {k: Values(v) for k, v in effects.items()}
     kept = [e for e in model.effects if e.id in values]
     missing = set(values) - {e.id for e in kept}
     if missing:
-        raise InputError(f"the other data's model does not know {', '.join(sorted(missing))}")
-    loose = [e for e in kept if e.scope == "workpiece"]
+        raise InputError(
+            f"score: got data whose model lacks {', '.join(sorted(missing))}, expected every cause "
+            "of the diagnosis among its effects"
+        )
+    loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
     r: Array = y - model.predict(at, values)

@@ -23,8 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
-from trunnion.diagnosis.protocol import Array, IntArray
 
 __all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
 

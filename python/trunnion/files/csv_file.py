@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self, TextIO, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError
 from trunnion.files.columns import ColumnError, shown_field
@@ -37,6 +37,10 @@ class Readable(Protocol):
     @classmethod
     def checked(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
         """Make a table of these columns, or raise `ColumnError`."""
+        ...
+
+    def read_from(self, file: str, lines: ArrayLike) -> Self:
+        """Return the table with its origin: a file, and the line of each row in it."""
         ...
 
 
@@ -84,9 +88,10 @@ def read_table(path: str | PathLike[str], kind: type[T]) -> T:
     file = _CsvFile(name, lines, numbers, kind)
     columns = file.columns()
     try:
-        return kind.checked(columns)
+        table = kind.checked(columns)
     except ColumnError as fault:
         raise file.located(fault) from None
+    return table.read_from(name, [number + 1 for number in file.data_lines])
 
 
 class _CsvFile:

@@ -12,23 +12,33 @@ The same checks, with the same words, serve the constructor and the file reader.
 
 import html
 import io
-from collections.abc import Iterable, Iterator, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.errors import InputError
+from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
+from trunnion.base.report import plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ColumnMapping", "Table"]
+__all__ = ["ColumnMapping", "Origin", "Table", "places"]
+
+Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
+"""What chooses rows: a number, a slice, numbers, a mask."""
+
+MAX_HTML_ROWS = 12
+FROM_0 = " (counted from 0)"
 
 
 class ColumnMapping(Protocol):
@@ -39,13 +49,64 @@ class ColumnMapping(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where the rows of a table were read: messages name the file and its line.
+
+    Attributes
+    ----------
+    files
+        Files, as they were given to the reader.
+    file
+        Which of them each row is from, (n,); -1: a row that was not read from a file.
+    line
+        Line of each row in its file, from 1, (n,).
+    """
+
+    files: tuple[str, ...]
+    file: NDArray[np.intp]
+    line: NDArray[np.intp]
+
+    def __getitem__(self, index: Any) -> "Origin":
+        """Return the origin of some rows."""
+        return Origin(self.files, self.file[index], self.line[index])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What messages call the files: without the folder where that is enough."""
+        short = [Path(file).name for file in self.files]
+        return tuple(
+            file if short.count(name) > 1 else name
+            for file, name in zip(self.files, short, strict=True)
+        )
+
+    @classmethod
+    def joined(cls, tables: "Sequence[Table]") -> "Origin | None":
+        """Return the origin of the rows of tables put one below the other."""
+        if all(table.origin is None for table in tables):
+            return None
+        files: dict[str, int] = {}
+        file, line = [], []
+        for table in tables:
+            if table.origin is None:
+                file.append(np.full(len(table), -1))
+                line.append(np.zeros(len(table), dtype=np.intp))
+                continue
+            number = [files.setdefault(name, len(files)) for name in table.origin.files]
+            file.append(np.append(number, -1)[table.origin.file])
+            line.append(table.origin.line)
+        return cls(tuple(files), np.concatenate(file), np.concatenate(line))
+
+
 class Table:
     """Rows of a kind of data, frozen: one read-only array a column, of equal length.
 
     Made from a mapping (a dict, a pandas DataFrame), from keywords, or from both. Columns that the
     kind of data does not know are kept: numbers where all of them are finite, text otherwise.
-    Rows are chosen by slice, boolean mask, index array or number, which gives the same type, not
-    checked again; two tables are equal when they have the same columns with the same contents.
+    A column is an attribute, or ``table["x_mm"]``. Rows are chosen by slice, boolean mask, index
+    array or number, which gives the same type, not checked again; they keep the line of the file
+    that they were read from (`place`). Two tables are equal when they have the same columns with
+    the same contents.
 
     Raises
     ------
@@ -56,10 +117,10 @@ class Table:
 
     kinds: ClassVar[Mapping[str, Column[Any]]] = {}
     choice: ClassVar[str] = ""  # columns of which a table needs some, in words
-    __slots__ = ("_columns",)
-    __hash__ = None  # type: ignore[assignment]  # compared by contents, like an array
+    __slots__ = ("_columns", "_origin")
 
     _columns: Mapping[str, NDArray[Any]]
+    _origin: Origin | None
 
     def __init_subclass__(cls) -> None:
         own = (value for value in vars(cls).values() if isinstance(value, Column))
@@ -96,6 +157,7 @@ class Table:
         for values in made.values():
             values.flags.writeable = False
         object.__setattr__(self, "_columns", MappingProxyType(made))
+        object.__setattr__(self, "_origin", None)
         self._check()
 
     def _column(self, name: str, values: ArrayLike) -> NDArray[Any]:
@@ -122,12 +184,13 @@ class Table:
         """Check what concerns several columns, or raise `ColumnError`; for a kind to define."""
 
     @classmethod
-    def _of(cls, columns: Mapping[str, NDArray[Any]]) -> Self:
+    def _of(cls, columns: Mapping[str, NDArray[Any]], origin: Origin | None = None) -> Self:
         """Make a table of columns that were checked before, as they are."""
         table = cls.__new__(cls)
         for values in columns.values():
             values.flags.writeable = False
         object.__setattr__(table, "_columns", MappingProxyType(dict(columns)))
+        object.__setattr__(table, "_origin", origin)
         return table
 
     def all_or_none(self, *names: str) -> None:
@@ -156,7 +219,7 @@ class Table:
         raise AttributeError(f"{type(self).__name__} is frozen: make another one")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), dict(self._columns))
+        return _restored, (type(self), dict(self._columns), self._origin)
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -165,6 +228,29 @@ class Table:
         return mine.keys() == theirs.keys() and all(
             np.array_equal(mine[name], theirs[name]) for name in mine
         )
+
+    def __hash__(self) -> int:
+        """Hash of what is cheap to hash: kind, names of the columns, count of rows."""
+        return hash((type(self), frozenset(self._columns), len(self)))
+
+    # --- where the rows are from
+
+    @property
+    def origin(self) -> Origin | None:
+        """File and line of each row; None for a table that was not read from a file."""
+        return self._origin
+
+    def read_from(self, file: str, lines: ArrayLike) -> Self:
+        """Return the table with its origin: a file and the line (from 1) of each row in it."""
+        line = np.asarray(lines, dtype=np.intp)
+        if line.shape != (len(self),):
+            raise InputError(f"lines: got {line.size}, expected one a row, {len(self)}")
+        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line)
+        return self._of(self._columns, origin)
+
+    def place(self, row: int) -> str:
+        """Return where people find a row: "line 59 of touches.csv"; else "row 57" (from 0)."""
+        return places(self, [row]).removesuffix(FROM_0)
 
     # --- rows and columns
 
@@ -183,8 +269,14 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self._columns.values()), ()))
 
-    def __getitem__(self, rows: int | slice | ArrayLike) -> Self:
-        """Choose rows: by number (one row), slice, boolean mask or array of numbers."""
+    @overload
+    def __getitem__(self, rows: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, rows: Rows) -> Self: ...
+    def __getitem__(self, rows: str | Rows) -> Self | NDArray[Any]:
+        """Return a column by name, or rows by number, slice, boolean mask or array of numbers."""
+        if isinstance(rows, str):
+            return self._named(rows)
         if isinstance(rows, slice):
             index: Any = rows
         else:
@@ -199,7 +291,21 @@ class Table:
                 raise InputError(f"rows: got a mask of {len(index)}, expected {len(self)}")
             if index.dtype.kind != "b" and np.any((index < -len(self)) | (index >= len(self))):
                 raise IndexError(f"rows: got {rows!r}, expected numbers below {len(self)}")
-        return self._of({name: values[index] for name, values in self._columns.items()})
+        origin = None if self._origin is None else self._origin[index]
+        return self._of({name: values[index] for name, values in self._columns.items()}, origin)
+
+    def _named(self, name: str) -> NDArray[Any]:
+        if name not in self._columns:
+            near = get_close_matches(name, self._columns, 1)
+            why = f" (did you mean {near[0]}?)" if near else ""
+            raise UnknownNameError(
+                f"column: got {name!r}, expected one of {', '.join(self._columns)}{why}"
+            )
+        return self._columns[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a column of this name."""
+        return name in self._columns
 
     def __iter__(self) -> Iterator[Self]:
         return (self[row] for row in range(len(self)))
@@ -209,7 +315,8 @@ class Table:
         columns = {self._column_name(name): values for name, values in columns.items()}
         kept = {name: values for name, values in self._columns.items() if name not in columns}
         order = {name: kept.get(name, columns.get(name)) for name in (*self._columns, *columns)}
-        return type(self)({name: values for name, values in order.items() if values is not None})
+        made = type(self)({name: values for name, values in order.items() if values is not None})
+        return self._of(made._columns, self._origin) if len(made) == len(self) else made
 
     @classmethod
     def concatenate(cls, tables: Iterable[Self]) -> Self:
@@ -230,7 +337,7 @@ class Table:
             if any(column.dtype.kind == "U" for column in columns):
                 columns = [column.astype(np.str_) for column in columns]
             joined[name] = np.concatenate(columns)
-        return cls._of(joined)
+        return cls._of(joined, Origin.joined(parts))
 
     # --- out
 
@@ -251,15 +358,60 @@ class Table:
             write_columns(self._columns, path)
         return None
 
-    def to_pandas(self) -> "pd.DataFrame":
-        """Return a pandas DataFrame with the same columns (needs pandas)."""
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a pandas DataFrame with the same columns; pandas is imported here."""
         import pandas as pd
 
         return pd.DataFrame(dict(self._columns))
 
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a pandas DataFrame, as `to_dataframe`."""
+        return self.to_dataframe()
+
     def to_dict(self) -> dict[str, list[Any]]:
-        """Return plain lists by column name, for JSON."""
+        """Return plain lists by column name; a table of the kind is made of it again."""
         return {name: values.tolist() for name, values in self._columns.items()}
+
+    def to_json(self, path: str | PathLike[str] | None = None, *, indent: int | None = None) -> str:
+        """Return kind, columns and origin as JSON text, and write it to `path` if one is given."""
+        text = json.dumps(self.described(), indent=indent, ensure_ascii=False, allow_nan=False)
+        if path is not None:
+            Path(path).write_text(text + "\n", encoding="utf-8")
+        return text
+
+    def described(self) -> dict[str, Any]:
+        """Return everything, with the kind of data by name."""
+        made: dict[str, Any] = {"data": type(self).__name__, "columns": self.to_dict()}
+        if self._origin is not None:
+            made["origin"] = plain(self._origin)
+        return made
+
+    @classmethod
+    def from_description(cls, values: Any) -> Self:
+        """Return the table that `described` described."""
+        if not isinstance(values, Mapping) or values.get("data") != cls.__name__:
+            got = values.get("data") if isinstance(values, Mapping) else type(values).__name__
+            raise InputError(f"data: got {got!r}, expected {cls.__name__!r}")
+        made = cls(values.get("columns", {}))
+        if (origin := values.get("origin")) is None:
+            return made
+        file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
+        return cls._of(made._columns, Origin(tuple(origin["files"]), file, line))
+
+    @classmethod
+    def from_json(cls, source: str | PathLike[str]) -> Self:
+        """Return the table written by `to_json`: from JSON text, or from a file.
+
+        Raises
+        ------
+        FileFormatError
+            The file or text is not JSON of this kind of data.
+        """
+        values, where = read_json(source)
+        try:
+            return cls.from_description(values)
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{where}: {error}") from error
 
     def __repr__(self) -> str:
         count = len(self)
@@ -270,7 +422,10 @@ class Table:
 
     def _repr_html_(self) -> str:
         count = len(self)
-        shown = list(range(count)) if count <= 12 else [*range(6), None, *range(count - 5, count)]
+        half = MAX_HTML_ROWS // 2
+        shown: list[int | None] = list(range(count))
+        if count > MAX_HTML_ROWS:
+            shown = [*range(half), None, *range(count - half + 1, count)]
         head = "".join(f"<th>{html.escape(name)}</th>" for name in self._columns)
         body = "".join(f"<tr>{self._html_row(row)}</tr>" for row in shown)
         return (
@@ -285,9 +440,35 @@ class Table:
         return f"<th>{row}</th>" + "".join(f"<td>{field}</td>" for field in fields)
 
 
-def _restored(kind: type[Table], columns: Mapping[str, NDArray[Any]]) -> Table:
+def places(table: Any, rows: Sequence[int], most: int = 20) -> str:
+    """Say where people find rows: "lines 59 and 142 of touches.csv", or the rows, from 0."""
+    origin = table.origin if isinstance(table, Table) else None
+    found: dict[int, list[int]] = {}
+    for row in rows[:most]:
+        file = -1 if origin is None else int(origin.file[row])
+        found.setdefault(file, []).append(
+            row if origin is None or file < 0 else int(origin.line[row])
+        )
+    parts = [
+        f"{_counted('row', numbers)}{FROM_0}"
+        if origin is None or file < 0
+        else f"{_counted('line', numbers)} of {origin.names[file]}"
+        for file, numbers in found.items()
+    ]
+    more = f" and {len(rows) - most} more" if len(rows) > most else ""
+    return ", ".join(parts) + more
+
+
+def _counted(what: str, numbers: Sequence[int]) -> str:
+    *most, last = map(str, numbers)
+    return f"{what}s {', '.join(most)} and {last}" if most else f"{what} {last}"
+
+
+def _restored(
+    kind: type[Table], columns: Mapping[str, NDArray[Any]], origin: Origin | None = None
+) -> Table:
     """Unpickle a table."""
-    return kind._of(columns)
+    return kind._of(columns, origin)
 
 
 def _html_field(value: Any) -> str:

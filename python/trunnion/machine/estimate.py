@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -12,13 +12,12 @@ from typing import Any, Self
 import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
-from trunnion.base.report import Result, Table, plain, same
+from trunnion.base.report import Result, Table, plain
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import Moving, Owner, effect_id
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
 
 __all__ = [
-    "CODE",
     "Combinations",
     "Estimate",
     "Parameter",
@@ -178,14 +177,6 @@ class Estimate(Result):
 
     # --- reports
 
-    def __eq__(self, other: object) -> bool:
-        """Whether it is the same class with equal data; code is not compared."""
-        if type(other) is not type(self):
-            return NotImplemented
-        return all(same(getattr(self, f.name), getattr(other, f.name)) for f in _data(self))
-
-    __hash__ = Result.__hash__
-
     def tables(self) -> tuple[Table, ...]:
         """Estimates with standard errors."""
         rows = [
@@ -216,9 +207,8 @@ class Estimate(Result):
         lost = {e.id for e in self.effects if isinstance(e, Moving)}
         lost |= set(self.motions) - set(stored)
         why = "its motion is code of the user's own, which is not stored"
-        code = {f.name for f in fields(self)} - {f.name for f in _data(self)}
         return {
-            **{k: v for k, v in super().to_dict().items() if k not in code},
+            **super().to_dict(),
             "effects": {effect_id(effect): dict(v) for effect, v in self.effects.items()},
             "motions": plain(stored),
             "not_compensable": self.not_compensable | dict.fromkeys(sorted(lost), why),
@@ -240,12 +230,6 @@ class Estimate(Result):
 
 
 STORED = (LinearMotion, FieldMotion)
-CODE = {"code": True}
-"""Metadata of a field that holds a model: neither compared nor stored."""
-
-
-def _data(estimate: Estimate) -> list[Field[Any]]:
-    return [item for item in fields(estimate) if not item.metadata.get("code")]
 
 
 def named_combination(

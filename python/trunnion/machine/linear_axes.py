@@ -148,6 +148,10 @@ class FieldMotion(Result):
     freedom: float
     travel: Travel
 
+    def sentences(self) -> tuple[str, ...]:
+        """Say through how many places it goes."""
+        return (f"Smooth field through {len(self.places)} places.",)
+
     def __call__(self, pose: MotionPose, values: Mapping[str, float]) -> Floats:  # noqa: ARG002
         """Displacement of the tool, machine frame, µm, (n, 3)."""
         smooth = SmoothField(self.places, self.readings, self.smoothing, self.freedom)

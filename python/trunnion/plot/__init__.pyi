@@ -5,9 +5,11 @@ from .contouring import plot_margins as plot_margins
 from .contouring import plot_model_error as plot_model_error
 from .contouring import plot_orientation_error as plot_orientation_error
 from .contouring import plot_path as plot_path
+from .diagnosis import diagnosis_figures as diagnosis_figures
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
+from .dispatch import pictures as pictures
 from .hybrid import plot_ballbar_residuals as plot_ballbar_residuals
 from .hybrid import plot_ballbar_view as plot_ballbar_view
 from .hybrid import plot_cube as plot_cube

@@ -1,25 +1,25 @@
-"""Pictures of a diagnosis, and the page that goes into a workshop's records."""
+"""Pictures of a diagnosis."""
 
-import html
-import io
-from string import Template
+from typing import cast
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.diagnosis.protocol import Array, Covariate, Model
+from trunnion.base.units import Floats as Array
+from trunnion.diagnosis.model import Covariate
+from trunnion.diagnosis.records import Residuals
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.words import opening, table, unit
+from trunnion.plot.axes import axes_or_new
 
-__all__ = ["page", "plot_diagnosis", "plot_residuals"]
+__all__ = ["diagnosis_figures", "plot_diagnosis", "plot_residuals"]
 
 BEFORE, AFTER, OUT = "#c1272d", "#1f5fa8", "#7a7a7a"
 BINS = 16
 JITTER = 0.006
+MAX_CAUSES = 4
 
 
 def plot_diagnosis(d: Diagnosis, *, ax: Axes | None = None, cause: str | None = None) -> Axes:
@@ -27,18 +27,19 @@ def plot_diagnosis(d: Diagnosis, *, ax: Axes | None = None, cause: str | None = 
 
     Readings that the cause does not change are drawn pale.
     """
-    model = _model(d)
+    record = _record(d)
     if cause is None:
         cause = d.causes[0].id if d.causes else None
-    change = _change(d, model, cause)
+    change = None if cause is None else record.changes.get(cause)
     if change is None:
-        covariate = _named_covariate(d, model)
-        touched = np.ones(len(model.readings), dtype=bool)
-        title = "What is left" if d.verdict == "consistent" else "What the model does not explain"
+        covariate = _named_covariate(d, record)
+        touched = np.ones(len(record.values), dtype=bool)
+        title = "Residuals" if d.verdict == "consistent" else "What the model does not explain"
     else:
         touched = np.abs(change) > 0.02 * np.max(np.abs(change))
-        covariate = _covariate_of(change[touched], model, touched)
-        title = f"{cause}: residuals before and after"
+        covariate = _covariate_of(change[touched], record, touched)
+        label = next((c.called() for c in d.causes if c.id == cause), cause)
+        title = f"{label}: residuals before and after"
     axes = plot_residuals(d, covariate, touched=touched, ax=ax)
     axes.set_title(title)
     return axes
@@ -52,25 +53,22 @@ def plot_residuals(
     ax: Axes | None = None,
 ) -> Axes:
     """Draw residuals before and after against one covariate; outliers as crosses at the edge."""
-    model = _model(d)
-    ax = _axes(ax)
-    n = len(model.readings)
+    record = _record(d)
+    ax = cast(Axes, axes_or_new(ax))
+    n = len(record.values)
     strong = np.ones(n, dtype=bool) if touched is None else touched
-    kept = np.zeros(n, dtype=bool)
-    kept[d.kept] = True
+    kept = record.kept
     x, ticks = _positions(covariate)
     spread = np.ptp(x[kept]) or 1.0
-    limit = 1.15 * np.max(
-        np.abs(np.concatenate([d.residuals_before[kept], d.residuals_after[kept]]))
-    )
+    limit = 1.15 * np.max(np.abs(np.concatenate([record.before[kept], record.after[kept]])))
     limit = limit or 1.0
     few = len(np.unique(x)) < 0.5 * n
     series = [
-        ("before", d.residuals_before, BEFORE, -1.0),
-        ("after", d.residuals_after, AFTER, 1.0),
+        ("before", record.before, BEFORE, -1.0),
+        ("after", record.after, AFTER, 1.0),
     ]
     if d.verdict == "consistent":
-        series = [("residual", d.residuals_after, AFTER, 0.0)]
+        series = [("residual", record.after, AFTER, 0.0)]
     for name, r, colour, side in series:
         shift = side * JITTER * spread if few else 0.0
         for mask, alpha in ((kept & ~strong, 0.15), (kept & strong, 0.75)):
@@ -86,12 +84,11 @@ def plot_residuals(
                     label=name if mask[strong].any() else None,
                 )
     if (~kept).any():
-        edge = np.clip(d.residuals_before[~kept], -limit, limit)
+        edge = np.clip(record.before[~kept], -limit, limit)
         ax.plot(x[~kept], edge, "x", ms=6, color=OUT, label="left out (at the edge)")
     ax.axhline(0, color="black", lw=0.6)
     ax.set_ylim(-1.05 * limit, 1.05 * limit)
-    u = f" ({unit(d)})" if unit(d) else ""
-    ax.set_ylabel(f"residual{u}")
+    ax.set_ylabel(f"residual ({record.unit})" if record.unit else "residual")
     c = f" ({covariate.unit})" if covariate.unit else ""
     ax.set_xlabel(f"{covariate.name}{c}")
     if ticks is not None:
@@ -101,27 +98,10 @@ def plot_residuals(
     return ax
 
 
-def _model(d: Diagnosis) -> Model:
-    if d.source is None:
-        raise InputError("this diagnosis has no model to draw residuals of")
-    return d.source
-
-
-def _axes(ax: Axes | None) -> Axes:
-    if ax is not None:
-        return ax
-    figure = Figure(figsize=(7, 3.6), layout="constrained")
-    return figure.add_subplot()
-
-
-def _change(d: Diagnosis, model: Model, cause: str | None) -> Array | None:
-    """Return what one named effect changes in each reading."""
-    if cause is None or cause not in d.effects:
-        return None
-    without = {k: v for k, v in d.effects.items() if k != cause}
-    return np.asarray(
-        model.predict(d.nuisance_after, d.effects) - model.predict(d.nuisance_after, without)
-    )
+def _record(d: Diagnosis) -> Residuals:
+    if d.residuals is None:
+        raise InputError("plot: got a diagnosis without its residuals, expected one with them")
+    return d.residuals
 
 
 def _positions(v: Covariate) -> tuple[Array, list[str] | None]:
@@ -147,11 +127,11 @@ def _share(y: Array, v: NDArray[np.generic]) -> float:
     return 1 - (1 - between / total) * (len(y) - 1) / (len(y) - bins)
 
 
-def _covariate_of(change: Array, model: Model, rows: NDArray[np.bool_]) -> Covariate:
+def _covariate_of(change: Array, record: Residuals, rows: NDArray[np.bool_]) -> Covariate:
     """Return the covariate that tells most of how a change varies."""
-    best, top = model.covariates[0], -np.inf
+    best, top = record.covariates[0], -np.inf
     sizes = np.abs(change)
-    for v in model.covariates:
+    for v in record.covariates:
         values = np.asarray(v.values)[rows]
         if len(np.unique(values)) < 2:
             continue
@@ -161,77 +141,27 @@ def _covariate_of(change: Array, model: Model, rows: NDArray[np.bool_]) -> Covar
     return best
 
 
-def _named_covariate(d: Diagnosis, model: Model) -> Covariate:
+def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
     text = d.unexplained or ""
-    named = [v for v in model.covariates if v.name in text]
+    named = [v for v in record.covariates if v.name in text]
     if named:
         return min(named, key=lambda v: text.index(v.name))
-    ordered = [v for v in model.covariates if v.sequence]
-    return ordered[0] if ordered else model.covariates[0]
+    ordered = [v for v in record.covariates if v.sequence]
+    return ordered[0] if ordered else record.covariates[0]
 
 
-def _svg(figure: Figure) -> str:
-    buffer = io.StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trunnion"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
-
-
-_PAGE = Template(
-    """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>Diagnosis: $verdict</title>
-<style>
-body { font-family: system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem;
-       color: #1a1a1a; line-height: 1.45; }
-h1 { font-size: 1.4rem; } h2 { font-size: 1.1rem; margin-top: 2rem; }
-table { border-collapse: collapse; } td { padding: .15rem 1.2rem .15rem 0; vertical-align: top; }
-tr:nth-child(even) { background: #f4f4f4; }
-svg { max-width: 100%; height: auto; }
-</style>
-</head>
-<body>
-<h1>Diagnosis: $verdict</h1>
-$words
-<h2>Pictures</h2>
-$pictures
-<h2>Numbers</h2>
-<table>$rows</table>
-<p>$method</p>
-</body>
-</html>
-"""
-)
-
-_METHOD = (
-    "Sets of causes are compared by -2 ln L, penalised for their size; every set within 6 of the "
-    "best is listed. Held out: each group of readings predicted from the others. "
-    "± is one standard error."
-)
-
-
-def page(d: Diagnosis) -> str:
-    """Write the diagnosis as one HTML page with its pictures inside."""
-    model = _model(d)
-    figures: list[Figure] = []
-    shown: list[str | None] = [c.id for c in d.causes[:4]]
-    for cause in shown or [None]:
-        ax = plot_diagnosis(d, cause=cause)
-        figures.append(ax.figure)  # type: ignore[arg-type]
-    order = next((v for v in model.covariates if v.sequence), None)
+def diagnosis_figures(d: Diagnosis) -> list[Figure]:
+    """Return the pictures of its page: residuals by cause, then all readings in order."""
+    record = _record(d)
+    shown: list[str | None] = [c.id for c in d.causes[:MAX_CAUSES]]
+    axes = [plot_diagnosis(d, cause=cause, ax=_own_axes()) for cause in shown or [None]]
+    order = next((v for v in record.covariates if v.sequence), None)
     if order is not None:
-        ax = plot_residuals(d, order)
-        ax.set_title("All readings in order")
-        figures.append(ax.figure)  # type: ignore[arg-type]
-    return _PAGE.substitute(
-        verdict=html.escape(d.verdict),
-        words="\n".join(f"<p>{html.escape(line)}</p>" for line in opening(d).splitlines()),
-        pictures="\n".join(f"<figure>{_svg(f)}</figure>" for f in figures),
-        rows="\n".join(
-            f"<tr><td>{html.escape(a)}</td><td>{html.escape(b)}</td></tr>" for a, b in table(d)
-        ),
-        method=_METHOD,
-    )
+        axes.append(plot_residuals(d, order, ax=_own_axes()))
+        axes[-1].set_title("All readings in order")
+    return [cast(Figure, ax.figure) for ax in axes]
+
+
+def _own_axes() -> Axes:
+    """Return axes of a figure that no window knows."""
+    return Figure(figsize=(7, 3.6), layout="constrained").add_subplot()

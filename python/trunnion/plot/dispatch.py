@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+import io
+from typing import TYPE_CHECKING, Any
 
 import trunnion.plot
 from trunnion.base.errors import InputError
 
-__all__ = ["draw"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "pictures"]
 
 PICTURES = {
     "BallbarIdentification": "plot_ballbar_residuals",
@@ -29,6 +33,9 @@ PICTURES = {
 }
 """Class of a result → function of :mod:`trunnion.plot`."""
 
+PAGES = {"Diagnosis": "diagnosis_figures"}
+"""Class of a result → function that returns the figures of its page, where there are several."""
+
 
 def draw(result: Any, **options: Any) -> Any:
     """Draw a result by the picture of its class; ``options`` go to that function.
@@ -44,3 +51,24 @@ def draw(result: Any, **options: Any) -> Any:
     raise InputError(
         f"plot: got {type(result).__name__}, expected one of {', '.join(sorted(PICTURES))}"
     )
+
+
+def pictures(result: Any) -> tuple[str, ...]:
+    """Return the pictures of a result's page as SVG; none where no picture is drawn of it."""
+    for kind in type(result).__mro__:
+        if kind.__name__ in PAGES:
+            return tuple(map(_svg, getattr(trunnion.plot, PAGES[kind.__name__])(result)))
+        if kind.__name__ in PICTURES:
+            drawn = draw(result)
+            return (_svg(getattr(drawn, "figure", drawn)),)
+    return ()
+
+
+def _svg(figure: Figure) -> str:
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trunnion"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]

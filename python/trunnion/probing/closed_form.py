@@ -72,11 +72,11 @@ def closed_form(
     ``docs/closed-forms.md``.
     """
     if method not in ("printed", "separating"):
-        raise UnknownNameError(f"method: got {method!r}, wanted 'printed' or 'separating'")
+        raise UnknownNameError(f"method: got {method!r}, expected 'printed' or 'separating'")
     model = TouchModel(setup)
     moves = model.moves(data)
     if data.point is None:
-        raise DataError("column point: got none, wanted the paper's labels 1 to 20")
+        raise DataError("column point: got none, expected the paper's labels 1 to 20")
     labels = [int(label) for label in data.point]
     start = model.values()
     printed, per_c, per_a, operator = model.core.printed(moves, labels)
@@ -100,7 +100,9 @@ def closed_form(
     sigma = known_sigma_um(setup)
     if sigma == 0.0:
         # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
-        sigma = model.core.fit(moves, start, None, 0.0, [], MAX_STEPS)["sigma_um"]
+        sigma = model.core.fit(
+            moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS
+        )["sigma_um"]
     covariance = sigma**2 * operator @ operator.T
     names = model.names[:kept]
     spread = np.sqrt(np.diag(covariance))
@@ -116,7 +118,7 @@ def closed_form(
         covariance=covariance,
         residuals_um=residuals,
         sigma_um=sigma,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=float(freedom),
         converged=True,
         per_position=per_position,
         checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from trunnion.base.checks import finite, instance
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Combinations, in_words, named_combination
-from trunnion.probing.identify import known_sigma_um, reduced_rows
+from trunnion.probing.identify import known_sigma_um
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
@@ -25,8 +26,6 @@ __all__ = ["Observability", "observability"]
 
 Floats = NDArray[np.float64]
 
-RANK_TOLERANCE = 1e-3
-"""Scaled singular values below this share of the largest count as zero, as in the core's fit."""
 EXACT = 1e-9
 """The same for bases that only remove exact dependencies."""
 VISIBLE_SHARE = 1e-6
@@ -162,40 +161,34 @@ def observability(
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     sigma = finite("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
     if sigma <= 0:
-        raise InputError(f"noise_um: got {noise_um!r}, wanted a positive number")
+        raise InputError(f"noise_um: got {noise_um!r}, expected a positive number")
     ids, own = split_effects(effects)
     if own:
         raise InputError(
-            f"effects: got the user's own {own[0].id!r}, wanted ids of the catalogue: what a plan "
-            "sees is judged by the built-in effects"
+            f"effects: got the user's own {own[0].id!r}, expected ids of the catalogue: what a "
+            "plan sees is judged by the built-in effects"
         )
     if not len(plan):
-        raise InputError("plan: got no touches, wanted at least one")
+        raise InputError("plan: got no touches, expected at least one")
     model = TouchModel(setup, ids)
     _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
     linear = np.array([kind != "moment" for kind in model.kinds])
     names = tuple(name for name, keep in zip(model.names, linear, strict=True) if keep)
     jacobian = jacobian[:, linear]
-    scale = _lengths(jacobian)
-    _, singular, directions = np.linalg.svd(jacobian / scale, full_matrices=True)
-    singular = np.concatenate([singular, np.zeros(len(names) - len(singular))])
-    seen = singular > RANK_TOLERANCE * singular[0]
-    hidden = np.sqrt(np.sum(directions[~seen] ** 2, axis=0))
-    spread = np.linalg.norm(directions[seen].T / singular[seen], axis=1) / scale * sigma
-    errors = np.where(hidden > 1e-3, np.inf, spread)
-    null = reduced_rows(directions[~seen] / scale)
+    found = linear_fit(jacobian, np.zeros(len(jacobian)))
+    singular, seen_all = found.singular_values, found.rank == len(names)
     untestable, columns = _effect_columns(plan, setup)
     plain = jacobian[:, : len(model.error_names) + 6]
     shares, left = _left_after(plain, columns)
     visible = {name: left[name] for name, share in shares.items() if share > VISIBLE_SHARE}
     return Observability(
         names=names,
-        rank=int(seen.sum()),
-        condition=float(singular[0] / singular[-1]) if seen.all() else float("inf"),
+        rank=found.rank,
+        condition=float(singular[0] / singular[-1]) if seen_all else float("inf"),
         singular_values=singular,
         noise_um=float(sigma),
-        std_errors={name: float(value) for name, value in zip(names, errors, strict=True)},
-        combinations=tuple(named_combination(names, row) for row in null),
+        std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
+        combinations=tuple(named_combination(names, row) for row in found.combinations),
         invisible=tuple(name for name, share in shares.items() if share <= VISIBLE_SHARE),
         alike=dependent_sets(visible),
         untestable=untestable,
@@ -265,7 +258,7 @@ def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:
     every member takes part.
     """
     bases: dict[str, Floats] = {}
-    for name, block in columns.items():
+    for name, block in _without_rows(columns).items():
         vectors, singular, _ = np.linalg.svd(block, full_matrices=False)
         kept = singular > VISIBLE_SHARE * singular[0]
         bases[name] = vectors[:, kept]
@@ -284,6 +277,15 @@ def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:
             if singular[-1] < ALIKE_SHARE:
                 found.append(group)
     return tuple(found)
+
+
+def _without_rows(columns: dict[str, Floats]) -> dict[str, Floats]:
+    """Blocks with the same lengths and angles in as many rows as there are columns."""
+    if not columns:
+        return {}
+    small = np.linalg.qr(np.hstack(list(columns.values())), mode="r")
+    ends = np.cumsum([block.shape[1] for block in columns.values()])[:-1]
+    return dict(zip(columns, np.split(small, ends, axis=1), strict=True))
 
 
 def _dependent_at_all(bases: dict[str, Floats], names: list[str]) -> list[str]:

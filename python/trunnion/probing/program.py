@@ -51,11 +51,11 @@ def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Pr
     """
     starts = plan.start_mm
     if starts is None or plan.feed_mm_min is None:
-        raise DataError("plan: got no starts or feeds, wanted the plan of trunnion.plan")
+        raise DataError("plan: got no starts or feeds, expected the plan of trunnion.plan")
     chain = Chain(setup)
     if setup.machine.preset == "table-c-head-b":
         raise InputError(
-            "probing program: got machine table-c-head-b, wanted one with its rotary axes under "
+            "probing program: got machine table-c-head-b, expected one with its rotary axes under "
             "the table"
         )
     swing, levels = safe_levels(plan, setup)
@@ -95,17 +95,17 @@ def safe_levels(
         setup.probe.length_mm,
         *artefact_dimensions(setup),
         Chain(setup).to_machine(plan.rotary_deg, len(plan)),
-        setup.probe.ball_radius_mm,
-        setup.plan.clearance_mm,
-        setup.table.radius_mm,
-        setup.table.thickness_mm,
+        ball_radius_mm=setup.probe.ball_radius_mm,
+        clearance_mm=setup.plan.clearance_mm,
+        table_radius_mm=setup.table.radius_mm,
+        table_thickness_mm=setup.table.thickness_mm,
     )
 
 
 def _turns(
     plan: Touches, row: int, at: dict[str, float], to: dict[str, float]
 ) -> list[Sequence[tuple[str, float]]]:
-    """Rotary moves to a position, with an overshoot where the wanted sense needs one."""
+    """Rotary moves to a position, with an overshoot where the expected sense needs one."""
     overshoot: list[tuple[str, float]] = []
     for letter, angle in to.items():
         senses = plan.rotary_dir.get(letter.lower())

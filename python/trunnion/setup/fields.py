@@ -33,6 +33,7 @@ from trunnion.base.checks import (
     instance,
     mapping,
     positive,
+    shown,
     within,
 )
 from trunnion.base.errors import InputError, UnknownNameError
@@ -265,7 +266,8 @@ def report(title: str, parts: Iterable[tuple[str, Part]]) -> Table:
             if isinstance(value, dict):  # machine.errors
                 rows += [(f"{head}{name}.{k}", f"{v:g}", unit_of(k), "") for k, v in value.items()]
             else:
-                text = f"{value:g}" if isinstance(value, float) else str(value or "–")
+                text = f"{value:g}" if isinstance(value, float) else str(value)
+                text = "–" if value is None else text
                 rows.append((head + name, text, unit_of(name), declared.meaning))
     return Table.of(title, ("key", "value", "unit", "meaning"), rows)
 
@@ -318,9 +320,12 @@ class Section(FrozenMapping[Any]):
         try:
             yield
         except InputError as error:
-            text = self.name + str(error).removeprefix(said) if said else str(error)
+            text = str(error)
+            if said and text.startswith(said):
+                text = self.name + text.removeprefix(said)
             if self.file is None:
-                raise type(error)(text) from None
+                error.args = (text,)
+                raise
             keys = (*self.keys_above, *error.entry)
             raise self.file.error(keys, text, at_value=True) from None
 
@@ -361,7 +366,7 @@ class Section(FrozenMapping[Any]):
             return kind(**values)
 
 
-_SCALARS = str | bool | float | datetime.datetime | datetime.date | datetime.time
+_SCALARS = str | bool | int | float | datetime.datetime | datetime.date | datetime.time
 
 
 def _frozen(what: str, value: Any, depth: int) -> Any:
@@ -378,4 +383,6 @@ def _frozen(what: str, value: Any, depth: int) -> Any:
         return tuple(_frozen(f"{what}[{n}]", item, depth - 1) for n, item in enumerate(value))
     if isinstance(value, int) and value.bit_length() > 4096:
         raise InputError(f"{what}: got a whole number of more than 1000 digits, expected fewer")
-    return value if isinstance(value, int) else instance(what, value, _SCALARS, "a value of TOML")  # type: ignore[arg-type]
+    if not isinstance(value, _SCALARS):
+        raise InputError(f"{what}: got {shown(value)}, expected a value of TOML")
+    return value

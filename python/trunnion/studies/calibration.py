@@ -66,16 +66,20 @@ class Bench:
         threads: int | None,
     ) -> tuple[Floats, list[tuple[int, str]]]:
         """Rows of the core's calibrations, and the samples that failed."""
-        return self.model.core.calibrations(
+        measurements = self.measurements(noise_um, seeds)
+        return measurements.calibrations(
+            truths, first_sample=first, identify=identify, threads=threads
+        )
+
+    def measurements(self, noise_um: float, seeds: Seeds) -> _core.Measurements:
+        """The core's virtual measurements."""
+        return _core.Measurements(
+            self.model.core,
             self.moves,
             self.labels,
-            truths,
-            self.reach_mm,
-            noise_um,
-            seeds.whole(),
-            first,
-            identify,
-            threads,
+            reach_mm=self.reach_mm,
+            noise_um=noise_um,
+            seed=seeds.whole(),
         )
 
     def described(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -60,17 +61,14 @@ class CompensationStudy:
         """One call of the core."""
         bench = bench_of(values)
         truths = bench.truths(seeds, first, count)
-        rows, failures = bench.model.core.compensations(
-            bench.moves,
-            bench.labels,
+        method: Any = values["method"]  # one of METHODS, as the study checks
+        measurements = bench.measurements(float(values["noise_um"]), seeds)
+        rows, failures = measurements.compensations(
             truths,
-            bench.reach_mm,
-            float(values["noise_um"]),
-            seeds.whole(),
-            first,
-            str(values["method"]),
-            GRID_MM,
-            [float(values["a_deg"]), float(values["c_deg"])],
-            threads,
+            first_sample=first,
+            method=method,
+            grid=GRID_MM,
+            rotary_deg=[float(values["a_deg"]), float(values["c_deg"])],
+            threads=threads,
         )
         return Block(rows, bench.described(truths, failures))

@@ -7,6 +7,7 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput};
 use nalgebra::Vector3;
+use trunnion_core::artefact::Layout;
 use trunnion_core::artefact::{Artefact, Line, Search};
 use trunnion_core::identification::least_squares::{self, Options};
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
@@ -14,7 +15,6 @@ use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{Machine, Places};
 use trunnion_core::moves::Moves;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::targets::Layout;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
 use trunnion_core::probe::Probe;
 use trunnion_core::studies::{self, Measurement};
@@ -39,7 +39,7 @@ struct Paper {
 impl Paper {
     fn new() -> Outcome<Self> {
         let machine = Machine::preset("trt-ca", 150.0)?;
-        let artefact = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+        let artefact = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
         let options = PlanOptions {
             clearance: 5.0,
             overtravel: 5.0,
@@ -81,12 +81,18 @@ impl Paper {
     }
 
     fn recorded(&self, simulation: &Simulation) -> Outcome<Vec<f64>> {
-        let values = self.model.from_face(&TRUTH)?;
+        let values = truth(&self.model);
         let mut travel = vec![0.0; self.labels.len()];
         self.model.simulate(&self.moves(&self.start), &values, simulation, 0, &mut travel)?;
         let along = travel.iter().flat_map(|&travel| [travel; 3]).zip(&self.direction);
         Ok(self.start.iter().zip(along).map(|(start, (travel, d))| start + travel * d).collect())
     }
+}
+
+/// [`TRUTH`] in mm and rad.
+fn truth(model: &TouchModel) -> Vec<f64> {
+    let names = model.parameter_names();
+    names.iter().zip(TRUTH).map(|(name, value)| value * name.unit.to_internal()).collect()
 }
 
 fn kinematics(bench: &mut Criterion, machine: &Machine) {
@@ -124,7 +130,7 @@ fn main() -> Outcome<()> {
     let simulation = Simulation { search: Search::Ahead, reach: 20.0, noise: 0.3 * UM, seed: 1 };
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     let samples = 100;
-    let truths = TRUTH.repeat(samples);
+    let truths = truth(&paper.model).repeat(samples);
     let mut group = bench.benchmark_group("array call");
     group.throughput(Throughput::Elements(samples as u64));
     let moves = paper.moves(&paper.start);

@@ -7,9 +7,11 @@ use std::hint::black_box;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use trunnion_core::contouring::simulation::Loop;
 use trunnion_core::contouring::{
-    Axis, Case, Coupling, Feed, Feedback, Gains, Machine, Order, OrientationModel, Path, Piece,
+    Axis, Case, Coupling, Feed, Feedback, Gains, Order, OrientationModel, Path, Piece,
     PositionModel, Reference, Simulation, sweep,
 };
+use trunnion_core::machine::{FiveAxis, Machine, Places};
+use trunnion_core::units::MM_PER_MIN;
 
 /// Eq. (8) of the paper with the tool along the normal of its surface.
 fn path() -> Path {
@@ -42,8 +44,15 @@ fn coupling() -> Coupling {
 
 fn bench(criterion: &mut Criterion) {
     let path = path();
-    let machine = Machine::nominal();
-    let feed = Feed::from_face(1000.0, 0.15, false, f64::INFINITY, 0.0);
+    let machine = Machine::preset("trt-ca", 1.0).unwrap();
+    let machine = FiveAxis::new(&machine, &Places::default()).unwrap();
+    let feed = Feed {
+        feed: 1000.0 * MM_PER_MIN,
+        acceleration_time: 0.15,
+        decelerate: false,
+        normal_acceleration: f64::INFINITY,
+        dwell: 0.0,
+    };
     let reference = Reference::new(&path, feed, 1e-3, &machine).unwrap();
     let axes = [Axis::linear(81.0, 5.7e-3); 5];
     let simulation = Simulation {

@@ -73,7 +73,7 @@ impl Owner {
 pub struct Parameter {
     /// Name with its unit, as in the contract: `b_um`.
     pub name: &'static str,
-    /// Unit at the face.
+    /// Unit that its name counts in.
     pub unit: Unit,
     /// How an estimate of it is found.
     pub kind: Kind,
@@ -173,10 +173,10 @@ impl Effect {
 }
 
 /// Collects entries of the catalogue.
-struct Shelf(Vec<Effect>);
+struct Catalogue(Vec<Effect>);
 
-impl Shelf {
-    fn put(
+impl Catalogue {
+    fn add(
         &mut self,
         id: impl Into<String>,
         title: impl Into<String>,
@@ -216,18 +216,18 @@ impl Effect {
 /// Every effect that can act on touches of this artefact on this machine.
 #[must_use]
 pub fn catalogue(machine: &Machine, artefact: &Artefact) -> Vec<Effect> {
-    let mut shelf = Shelf(Vec::new());
-    probe(&mut shelf);
-    dimensions(&mut shelf, artefact);
-    linear_axes(&mut shelf);
+    let mut entries = Catalogue(Vec::new());
+    probe(&mut entries);
+    dimensions(&mut entries, artefact);
+    linear_axes(&mut entries);
     for (axis, rotary) in machine.rotary().iter().enumerate() {
         match rotary.direction {
-            Direction::Z => turning_axis(&mut shelf, axis),
-            tilt => tilting_axis(&mut shelf, axis, tilt),
+            Direction::Z => turning_axis(&mut entries, axis),
+            tilt => tilting_axis(&mut entries, axis, tilt),
         }
     }
-    drift(&mut shelf);
-    shelf.0
+    drift(&mut entries);
+    entries.0
 }
 
 /// The effects with these ids, in this order.
@@ -256,67 +256,57 @@ const fn tilt(direction: Direction) -> Component {
     Component::Tilt(direction)
 }
 
-fn probe(shelf: &mut Shelf) {
+fn probe(entries: &mut Catalogue) {
     use Unit::{Ms, Um};
     let owner = Owner::Probe;
     // Share of the approach that is across the stem: 0 along it, 1 square to it.
     let across = |t: &Circumstances| 1.0 - t.direction.z * t.direction.z;
-    shelf.put("probe_radius", "ball radius of the probe", owner, &[("dr_um", Um)], |_, a| {
+    entries.add("probe_radius", "ball radius of the probe", owner, &[("dr_um", Um)], |_, a| {
         a.add(0, Place::RADIUS, 1.0);
     });
-    shelf.put("probe_bending", "bending of the probe", owner, &[("k_um", Um)], move |t, a| {
+    entries.add("probe_bending", "bending of the probe", owner, &[("k_um", Um)], move |t, a| {
         a.add(0, Place::RADIUS, -across(t));
     });
     let lobes = [("a3_um", Um), ("b3_um", Um)];
-    shelf.put("probe_lobing", "three-lobed pre-travel of the probe", owner, &lobes, move |t, a| {
-        let phi = t.direction.y.atan2(t.direction.x);
-        a.add(0, Place::RADIUS, -across(t) * (3.0 * phi).cos());
-        a.add(1, Place::RADIUS, -across(t) * (3.0 * phi).sin());
-    });
+    entries.add(
+        "probe_lobing",
+        "three-lobed pre-travel of the probe",
+        owner,
+        &lobes,
+        move |t, a| {
+            let phi = t.direction.y.atan2(t.direction.x);
+            a.add(0, Place::RADIUS, -across(t) * (3.0 * phi).cos());
+            a.add(1, Place::RADIUS, -across(t) * (3.0 * phi).sin());
+        },
+    );
     let delay = [("tau_ms", Ms)];
-    shelf
-        .put("trigger_delay", "delay of the trigger", owner, &delay, |t, a| {
+    entries
+        .add("trigger_delay", "delay of the trigger", owner, &delay, |t, a| {
             a.add(0, Place::RADIUS, -t.feed);
         })
         .needs(Need::Feed);
 }
 
-fn dimensions(shelf: &mut Shelf, artefact: &Artefact) {
-    use Unit::{Arcsec, Ppm, S, Um};
+fn dimensions(entries: &mut Catalogue, artefact: &Artefact) {
+    use Unit::{Ppm, S, Um};
     let owner = Owner::Artefact;
-    let mut dimension = |id: &str, word: &str, name, place| {
-        shelf.put(id, format!("{word} of the artefact"), owner, &[(name, Um)], move |_, a| {
+    let dimensions = artefact.dimensions();
+    for dimension in &dimensions {
+        let place = dimension.place;
+        let parameters = [(dimension.parameter, dimension.unit)];
+        entries.add(dimension.id, dimension.title, owner, &parameters, move |_, a| {
             a.add(0, place, 1.0);
-        });
-    };
-    let expansion: Vec<(Place, f64)> = match *artefact {
-        Artefact::Sphere { diameter, .. } => {
-            dimension("artefact_diameter", "diameter", "dd_um", Place::LENGTH);
-            vec![(Place::LENGTH, diameter)]
-        }
-        Artefact::Cross { length, width, height } | Artefact::Cuboid { length, width, height } => {
-            dimension("artefact_length", "length", "dl_um", Place::LENGTH);
-            dimension("artefact_width", "width", "dw_um", Place::WIDTH);
-            dimension("artefact_height", "height", "dh_um", Place::HEIGHT);
-            vec![(Place::LENGTH, length), (Place::WIDTH, width), (Place::HEIGHT, height)]
-        }
-    };
-    if matches!(artefact, Artefact::Cross { .. }) {
-        let gamma = [("gamma_arcsec", Arcsec)];
-        let title = "squareness of the artefact's bars";
-        shelf.put("artefact_squareness", title, owner, &gamma, |_, a| {
-            a.add(0, Place::SQUARENESS, 1.0);
         });
     }
     let title = "thermal expansion of the artefact";
-    shelf.put("artefact_expansion", title, owner, &[("ppm", Ppm)], move |_, a| {
-        for &(place, size) in &expansion {
-            a.add(0, place, size);
+    entries.add("artefact_expansion", title, owner, &[("ppm", Ppm)], move |_, a| {
+        for dimension in dimensions.iter().filter(|dimension| dimension.size > 0.0) {
+            a.add(0, dimension.place, dimension.size);
         }
     });
     let shift = [("dx_um", Um), ("dy_um", Um), ("dz_um", Um), ("t0_s", S)];
-    shelf
-        .put("setup_shift", "slip of the artefact on the table", owner, &shift, |t, a| {
+    entries
+        .add("setup_shift", "slip of the artefact on the table", owner, &shift, |t, a| {
             if t.time >= a.value(3) {
                 for direction in Direction::ALL {
                     a.add(direction.index(), Place::placement(offset(direction)), 1.0);
@@ -331,14 +321,14 @@ fn dimensions(shelf: &mut Shelf, artefact: &Artefact) {
 /// computed, and cos 90° is 6e-17.
 const SQUARE_TO: f64 = 1e-9;
 
-fn linear_axes(shelf: &mut Shelf) {
+fn linear_axes(entries: &mut Catalogue) {
     use Direction::{X, Y, Z};
     use Unit::{Arcsec, Ppm, Um};
     let owner = Owner::Machine;
     for d in Direction::ALL {
         let letter = d.travel_letter();
         let id = format!("scale_{}", letter.to_ascii_lowercase());
-        shelf.put(
+        entries.add(
             id,
             format!("scale of the {letter} axis"),
             owner,
@@ -354,7 +344,7 @@ fn linear_axes(shelf: &mut Shelf) {
         ("squareness_yz", "squareness of Z to Y (EA0Z)", Y, Z, -1.0),
     ];
     for (id, title, row, column, sign) in squareness {
-        shelf.put(id, title, owner, &[("arcsec", Arcsec)], move |_, a| {
+        entries.add(id, title, owner, &[("arcsec", Arcsec)], move |_, a| {
             a.add(0, Place::linear(row, column), sign);
         });
     }
@@ -362,7 +352,7 @@ fn linear_axes(shelf: &mut Shelf) {
         let letter = d.travel_letter();
         let id = format!("backlash_{}", letter.to_ascii_lowercase());
         let title = format!("backlash of the {letter} axis");
-        shelf.put(id, title, owner, &[("b_um", Um)], move |t, a| {
+        entries.add(id, title, owner, &[("b_um", Um)], move |t, a| {
             let along = t.direction[d.index()];
             if along.abs() > SQUARE_TO {
                 a.add(0, Place::offset(d), -0.5 * along.signum());
@@ -372,7 +362,7 @@ fn linear_axes(shelf: &mut Shelf) {
 }
 
 /// Error motions of a rotary axis about Z (C): they act before the axis's own turn.
-fn turning_axis(shelf: &mut Shelf, axis: usize) {
+fn turning_axis(entries: &mut Catalogue, axis: usize) {
     use Direction::{X, Y, Z};
     use Unit::{Arcsec, Um};
     let owner = Owner::Machine;
@@ -385,7 +375,7 @@ fn turning_axis(shelf: &mut Shelf, axis: usize) {
             "c_positioning" => "positioning of C, once a turn",
             _ => "positioning of C, twice a turn",
         };
-        shelf.put(id, title, owner, &names, move |t, a| {
+        entries.add(id, title, owner, &names, move |t, a| {
             let (sin, cos) = (n * angle(t)).sin_cos();
             a.add(0, Place::turn(axis), cos - 1.0);
             a.add(1, Place::turn(axis), sin);
@@ -402,7 +392,7 @@ fn turning_axis(shelf: &mut Shelf, axis: usize) {
     };
     let radial = [("ax_um", Um), ("bx_um", Um), ("ay_um", Um), ("by_um", Um)];
     let title = "radial error motion of C, twice a turn";
-    shelf.put("c_radial_2", title, owner, &radial, pairs([offset(X), offset(Y)]));
+    entries.add("c_radial_2", title, owner, &radial, pairs([offset(X), offset(Y)]));
     for (n, id, names) in [
         (1.0, "c_axial", [("a1_um", Um), ("b1_um", Um)]),
         (2.0, "c_axial_2", [("a2_um", Um), ("b2_um", Um)]),
@@ -411,7 +401,7 @@ fn turning_axis(shelf: &mut Shelf, axis: usize) {
             "c_axial" => "axial error motion of C, once a turn",
             _ => "axial error motion of C, twice a turn",
         };
-        shelf.put(id, title, owner, &names, move |t, a| {
+        entries.add(id, title, owner, &names, move |t, a| {
             let (sin, cos) = (n * angle(t)).sin_cos();
             a.add(0, Place::frame(axis, offset(Z)), cos);
             a.add(1, Place::frame(axis, offset(Z)), sin);
@@ -424,12 +414,12 @@ fn turning_axis(shelf: &mut Shelf, axis: usize) {
         ("by_arcsec", Arcsec),
     ];
     let title = "tilt error motion of C, twice a turn";
-    shelf.put("c_wobble_2", title, owner, &wobble, pairs([tilt(X), tilt(Y)]));
-    rotary_backlash(shelf, axis, 'C');
+    entries.add("c_wobble_2", title, owner, &wobble, pairs([tilt(X), tilt(Y)]));
+    rotary_backlash(entries, axis, 'C');
 }
 
 /// Error motions of a rotary axis about X (A) or Y (B).
-fn tilting_axis(shelf: &mut Shelf, axis: usize, about: Direction) {
+fn tilting_axis(entries: &mut Catalogue, axis: usize, about: Direction) {
     use Direction::{X, Y, Z};
     use Unit::{Arcsec, Um};
     let owner = Owner::Machine;
@@ -438,10 +428,10 @@ fn tilting_axis(shelf: &mut Shelf, axis: usize, about: Direction) {
     let turn = Place::turn(axis);
     let angle = move |t: &Circumstances| t.rotary[axis];
     let k = [("k_arcsec", Arcsec)];
-    shelf.put(id("positioning"), format!("positioning of {letter}"), owner, &k, move |t, a| {
+    entries.add(id("positioning"), format!("positioning of {letter}"), owner, &k, move |t, a| {
         a.add(0, turn, angle(t).sin());
     });
-    shelf.put(id("scale"), format!("scale of the {letter} axis"), owner, &k, move |t, a| {
+    entries.add(id("scale"), format!("scale of the {letter} axis"), owner, &k, move |t, a| {
         a.add(0, turn, angle(t) / FRAC_PI_2);
     });
     // The direction across: Y for A, X for B, in the plane that the tilting table sags in.
@@ -449,41 +439,41 @@ fn tilting_axis(shelf: &mut Shelf, axis: usize, about: Direction) {
         Y => (X, [("kx_um", Um), ("kz_um", Um)]),
         X | Z => (Y, [("ky_um", Um), ("kz_um", Um)]),
     };
-    shelf.put(id("sag"), format!("sag of the {letter} axis"), owner, &names, move |t, a| {
+    entries.add(id("sag"), format!("sag of the {letter} axis"), owner, &names, move |t, a| {
         a.add(0, Place::frame(axis, offset(across)), angle(t).sin());
         a.add(1, Place::frame(axis, offset(Z)), angle(t).cos() - 1.0);
     });
-    shelf.put(id("twist"), format!("twist of the {letter} axis"), owner, &k, move |t, a| {
+    entries.add(id("twist"), format!("twist of the {letter} axis"), owner, &k, move |t, a| {
         a.add(0, Place::frame(axis, tilt(across)), angle(t).sin());
     });
-    rotary_backlash(shelf, axis, letter);
+    rotary_backlash(entries, axis, letter);
 }
 
-fn rotary_backlash(shelf: &mut Shelf, axis: usize, letter: char) {
+fn rotary_backlash(entries: &mut Catalogue, axis: usize, letter: char) {
     let id = format!("{}_backlash", letter.to_ascii_lowercase());
     let title = format!("backlash of the {letter} axis");
     let b = [("b_arcsec", Unit::Arcsec)];
-    shelf
-        .put(id, title, Owner::Machine, &b, move |t, a| {
+    entries
+        .add(id, title, Owner::Machine, &b, move |t, a| {
             a.add(0, Place::turn(axis), -0.5 * t.sense[axis]);
         })
         .needs(Need::Sense(axis));
 }
 
-fn drift(shelf: &mut Shelf) {
+fn drift(entries: &mut Catalogue) {
     use Unit::{Min, Um, UmPerHour};
     for d in Direction::ALL {
         let letter = d.travel_letter();
         let id = format!("drift_{}", letter.to_ascii_lowercase());
         let title = format!("drift of the {letter} axis");
         let rate = [("rate_um_h", UmPerHour)];
-        shelf
-            .put(id, title, Owner::Time, &rate, move |t, a| a.add(0, Place::offset(d), t.time))
+        entries
+            .add(id, title, Owner::Time, &rate, move |t, a| a.add(0, Place::offset(d), t.time))
             .needs(Need::Time);
     }
     let warmup = [("amplitude_um", Um), ("tau_min", Min)];
-    shelf
-        .put("warmup_z", "warm-up of the Z axis", Owner::Time, &warmup, |t, a| {
+    entries
+        .add("warmup_z", "warm-up of the Z axis", Owner::Time, &warmup, |t, a| {
             let place = Place::offset(Direction::Z);
             let tau = a.value(1).max(f64::MIN_POSITIVE);
             let left = (-t.time / tau).exp();

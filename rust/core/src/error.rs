@@ -1,20 +1,20 @@
-//! What can go wrong, said once for the whole core. A message says what, got what, wanted what.
+//! What can go wrong, said once for the whole core. A message says what, got what, expected what.
 
 /// An error of the core. Each variant becomes one Python exception in the binding.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
     /// A value the caller gave is not usable.
-    #[error("{what}: got {got}, wanted {wanted}")]
+    #[error("{what}: got {got}, expected {expected}")]
     Input {
         /// The quantity, with its place (row, parameter).
         what: String,
         /// What was given.
         got: String,
         /// What would have been right.
-        wanted: String,
+        expected: String,
     },
     /// A name that is in no list.
-    #[error("unknown {kind} {got:?}; wanted one of: {known}")]
+    #[error("unknown {kind} {got:?}; expected one of: {known}")]
     Unknown {
         /// Kind of thing named: effect, machine preset, location error.
         kind: &'static str,
@@ -36,7 +36,7 @@ pub enum Error {
         line: usize,
         /// Column, from 1.
         column: usize,
-        /// What stood there and what was wanted.
+        /// What stood there and what was expected.
         message: String,
     },
 }
@@ -46,8 +46,8 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     /// An [`Error::Input`] from anything printable.
-    pub fn input(what: impl Into<String>, got: impl ToString, wanted: impl Into<String>) -> Self {
-        Self::Input { what: what.into(), got: got.to_string(), wanted: wanted.into() }
+    pub fn input(what: impl Into<String>, got: impl ToString, expected: impl Into<String>) -> Self {
+        Self::Input { what: what.into(), got: got.to_string(), expected: expected.into() }
     }
 
     /// An [`Error::Unknown`] that lists the names there are.

@@ -19,14 +19,13 @@
 //!
 //! # fn main() -> trunnion_core::Result<()> {
 //! let machine = Machine::preset("trt-ca", 150.0)?;
-//! let cross = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }.checked()?;
+//! let cross = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
 //! let model = TouchModel::new(machine, cross, Probe::new(1.0, 0.0)?, vec![]);
 //! // The end of the +X arm, recorded where the nominal artefact is: x = 50 mm + ball radius.
-//! let touches = MoveTable::from_face(
+//! let touches = MoveTable::new(
 //!     2, vec![0.0, 0.0], vec![51.0, 0.0, 12.5], vec![-1.0, 0.0, 0.0], None, None, None)?;
 //! let mut values = vec![0.0; model.parameter_count()];
-//! values[6] = 15.0; // EX0C in µm
-//! let values = model.from_face(&values)?;
+//! values[6] = 0.015; // EX0C
 //! let mut deviation = [None];
 //! model.deviations(&touches.view(), &values, &mut deviation);
 //! // The arm is 15 µm nearer, so the touch comes 15 µm earlier along −X.
@@ -39,7 +38,7 @@
 //!
 //! | room | what it knows |
 //! |---|---|
-//! | [`units`] | µm, arcsec, ppm ↔ mm, rad |
+//! | [`units`] | µm, arcsec, ppm in mm, rad |
 //! | [`pose`] | rigid poses, rotations, signs |
 //! | [`machine`] | chain of axes, location errors, where errors act, kinematics |
 //! | [`artefact`], [`probe`] | what is touched, and with what |

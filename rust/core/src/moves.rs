@@ -2,10 +2,9 @@
 
 use nalgebra::Vector3;
 
-use crate::units::{DEG, MM_PER_MIN};
 use crate::{Error, Result};
 
-/// Owned rows in mm, rad, s, made from the face's units.
+/// Owned rows in mm, rad, s.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MoveTable {
     axes: usize,
@@ -18,29 +17,20 @@ pub struct MoveTable {
 }
 
 impl MoveTable {
-    /// Rows from degrees, mm, mm/min and s; row-major, `axes` rotary positions a row.
+    /// Rows in rad, mm, mm/s and s; row-major, `axes` rotary positions a row.
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite, directions that are not unit vectors (1e-6).
-    pub fn from_face(
+    pub fn new(
         axes: usize,
-        rotary_deg: Vec<f64>,
-        point_mm: Vec<f64>,
+        rotary: Vec<f64>,
+        point: Vec<f64>,
         direction: Vec<f64>,
-        feed_mm_min: Option<Vec<f64>>,
-        time_s: Option<Vec<f64>>,
+        feed: Option<Vec<f64>>,
+        time: Option<Vec<f64>>,
         sense: Option<Vec<f64>>,
     ) -> Result<Self> {
-        let scaled = |values: Vec<f64>, unit: f64| values.into_iter().map(|v| v * unit).collect();
-        let table = Self {
-            axes,
-            rotary: scaled(rotary_deg, DEG),
-            point: point_mm,
-            direction,
-            feed: feed_mm_min.map(|feed| scaled(feed, MM_PER_MIN)),
-            time: time_s,
-            sense,
-        };
+        let table = Self { axes, rotary, point, direction, feed, time, sense };
         table.view().check(axes)?;
         Ok(table)
     }

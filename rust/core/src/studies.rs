@@ -7,13 +7,12 @@
 use rayon::prelude::*;
 
 use crate::compensation::Model;
-use crate::compensation::volumetric::{Control, Stand, Volume};
+use crate::compensation::volumetric::{Control, ControlledPose, Volume};
 use crate::identification::closed_form::{self, COUNT, ERRORS, PaperRows, Scratch};
 use crate::identification::least_squares::{self, Options, Row, Workspace};
 use crate::machine::MAX_ROTARY;
 use crate::moves::Moves;
 use crate::touch::{Simulation, TouchModel};
-use crate::units::UM;
 use crate::{Error, Result};
 
 /// What all samples of a call share: the paper's plan on the plain model.
@@ -31,7 +30,7 @@ pub struct Measurement<'a> {
     pub first_sample: u64,
 }
 
-/// Samples in the face's units.
+/// Samples, mm and rad.
 #[derive(Clone, Debug)]
 pub struct Samples {
     /// One row of `width` a sample; not numbers in samples that failed.
@@ -78,7 +77,7 @@ impl Bench {
         }
     }
 
-    /// Least squares from zero, and standard errors, in the face's units; whether they converged.
+    /// Least squares from zero, and standard errors; whether they converged.
     fn identify(
         workspace: &mut Workspace,
         model: &TouchModel,
@@ -152,7 +151,7 @@ fn samples<B>(
     Samples { rows, width, failures }
 }
 
-/// For every row of `truths` (m × 14, face units) simulates the plan and takes both closed forms,
+/// For every row of `truths` (m × 14, mm and rad) simulates the plan and takes both closed forms,
 /// and with `identify` least squares as well, all of which start from zero.
 ///
 /// A row holds eight location errors and six placement parameters by the separating forms; eight
@@ -161,7 +160,7 @@ fn samples<B>(
 ///
 /// # Errors
 /// What no sample could do with: another plan than the paper's, effects in the model. What fails in
-/// single samples is told in [`Samples::failures`].
+/// single samples is reported in [`Samples::failures`].
 pub fn calibrations(
     measurement: &Measurement,
     truths: &[f64],
@@ -172,16 +171,12 @@ pub fn calibrations(
     let width = if identify.is_some() { IDENTIFIED } else { CLOSED };
     let run = |bench: &mut Bench, index: usize, truth: &[f64], row: &mut [f64]| -> Result<()> {
         let Bench { travel, points, scratch, workspace } = bench;
-        let measured = measurement.take(index, &model.from_face(truth)?, travel, points)?;
+        model.check_values(truth)?;
+        let measured = measurement.take(index, truth, travel, points)?;
         let separated = closed_form::separate(model, &paper, &measured, &[0.0; COUNT], scratch)?;
         let printed = closed_form::printed(model, &paper, &measured);
         let (closed, rest) = row.split_at_mut(CLOSED);
         let (by_separating, by_printed) = closed.split_at_mut(COUNT);
-        let to_face = |slots: &mut [f64], values: &[f64]| {
-            for ((slot, value), unit) in slots.iter_mut().zip(values).zip(model.units()) {
-                *slot = value / unit;
-            }
-        };
         if let Some(options) = identify {
             let (values, rest) = rest.split_at_mut(COUNT);
             let (std_errors, end) = rest.split_at_mut(COUNT);
@@ -189,19 +184,19 @@ pub fn calibrations(
                 Bench::identify(workspace, model, &measured, options, values, std_errors)?;
             end.fill(f64::from(u8::from(converged)));
         }
-        to_face(by_separating, &separated.values);
-        to_face(by_printed, &printed.errors);
+        by_separating.copy_from_slice(&separated.values);
+        by_printed.copy_from_slice(&printed.errors);
         Ok(())
     };
     Ok(samples(truths, width, || Bench::new(model, measurement.moves.len()), run))
 }
 
-/// For every row of `truths` (m × 14, face units) simulates the plan, estimates the location errors
+/// For every row of `truths` (m × 14, mm and rad) simulates the plan, estimates the location errors
 /// by `method`, and compares the volumetric error of the machine, with the rotary axes at `rotary`
-/// (rad), under a control that believes in the nominal machine and under one that believes in the
+/// (rad), under a control that assumes the nominal machine and under one that assumes the
 /// estimates: exact compensation by the linear axes.
 ///
-/// A row holds largest and root mean square before, largest and root mean square left, µm.
+/// A row holds largest and root mean square before, largest and root mean square left, mm.
 ///
 /// # Errors
 /// As [`calibrations`], and another number of rotary positions than axes.
@@ -225,8 +220,8 @@ pub fn compensations(
     type Room = (Bench, Model, Control);
     let run = |room: &mut Room, index: usize, truth: &[f64], row: &mut [f64]| -> Result<()> {
         let (Bench { travel, points, scratch, workspace }, machine, control) = room;
-        let values = model.from_face(truth)?;
-        let measured = measurement.take(index, &values, travel, points)?;
+        model.check_values(truth)?;
+        let measured = measurement.take(index, truth, travel, points)?;
         let mut estimates = [0.0; COUNT];
         match method {
             Method::Separating => {
@@ -242,17 +237,14 @@ pub fn compensations(
                 let mut std_errors = [0.0; COUNT];
                 let found = &mut estimates;
                 Bench::identify(workspace, model, &measured, &options, found, &mut std_errors)?;
-                for (value, unit) in estimates.iter_mut().zip(model.units()) {
-                    *value *= unit;
-                }
             }
         }
-        machine.set_errors(&values[..ERRORS])?;
+        machine.set_errors(&truth[..ERRORS])?;
         control.model.set_errors(&estimates[..ERRORS])?;
-        for (slots, believed) in row.chunks_exact_mut(2).zip([&unaware, control]) {
-            let error = Stand::new(machine, believed, rotary)?.error();
-            slots[0] = volume.largest(&error) / UM;
-            slots[1] = volume.mean_square(&error).sqrt() / UM;
+        for (slots, assumed) in row.chunks_exact_mut(2).zip([&unaware, control]) {
+            let error = ControlledPose::new(machine, assumed, rotary)?.error();
+            slots[0] = volume.largest(&error);
+            slots[1] = volume.mean_square(&error).sqrt();
         }
         Ok(())
     };

@@ -1,7 +1,7 @@
-//! The only place that converts units.
+//! Units of length, angle and time in mm, rad and s, in which the core calculates.
 //!
-//! Inside the core everything is mm, rad and s. At the face it is µm for position errors, arcsec
-//! for angular errors, degrees for axis positions, ppm for scale, hours for slow drift.
+//! The Python API and files have µm for position errors, arcsec for angular errors, degrees for axis
+//! positions, ppm for scale and hours for slow drift. Their values are converted by the binding.
 
 use std::f64::consts::PI;
 
@@ -24,7 +24,8 @@ pub const HOUR: f64 = 3600.0;
 /// mm/s per mm/min.
 pub const MM_PER_MIN: f64 = 1.0 / 60.0;
 
-/// The unit a parameter has at the face. The core stores the value times [`Unit::to_internal`].
+/// The unit that a parameter's name counts in (`_um`, `_arcsec`). The core has the value times
+/// [`Unit::to_internal`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Unit {
     /// Micrometre.
@@ -48,7 +49,7 @@ pub enum Unit {
 }
 
 impl Unit {
-    /// Factor from the face's unit to mm, rad, s.
+    /// Factor to mm, rad, s.
     #[must_use]
     pub const fn to_internal(self) -> f64 {
         match self {

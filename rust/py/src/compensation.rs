@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use trunnion_core::artefact::Artefact;
 use trunnion_core::compensation::Model;
 use trunnion_core::compensation::inverse::Commands;
-use trunnion_core::compensation::volumetric::{self, Affine, Control, Stand, Volume};
+use trunnion_core::compensation::volumetric::{self, Affine, Control, ControlledPose, Volume};
 use trunnion_core::effects;
 use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{MAX_ROTARY, Machine};
@@ -17,6 +17,7 @@ use trunnion_core::{Error, Result};
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
+use crate::user_units::location_errors;
 
 /// A machine with location errors, placement of the work and effects of the machine.
 #[pyclass(frozen, module = "trunnion._core")]
@@ -33,17 +34,22 @@ fn model(
 ) -> Result<Model> {
     let machine = Machine::preset(preset, tool_length_mm)?;
     // Effects of the machine do not depend on what is touched.
-    let any = Artefact::Cross { length: 2.0, width: 1.0, height: 1.0 };
+    let any = Artefact::of("cross", &[2.0, 1.0, 1.0])?;
     let catalogue = effects::catalogue(&machine, &any);
     let ids: Vec<String> = effects.iter().map(|(id, _)| id.clone()).collect();
     let chosen = effects::select(&catalogue, &ids)?;
     let mut model = Model::nominal(machine);
-    for (name, value) in errors {
-        model.add_error(name, *value)?;
+    for (error, amount) in location_errors(model.machine(), errors)? {
+        model.add_error(&error, amount)?;
     }
-    model.set_placement(placement)?;
+    let [x, y, z, a, b, c] = *placement;
+    model.set_placement(&[x * UM, y * UM, z * UM, a * ARCSEC, b * ARCSEC, c * ARCSEC])?;
     for (effect, (_, values)) in chosen.into_iter().zip(effects) {
-        model.add_effect(effect, values)?;
+        let factors = effect.parameters.iter().map(|p| p.unit.to_internal());
+        // Another number of values than parameters is refused below.
+        let values: Vec<f64> =
+            values.iter().zip(factors.chain(std::iter::repeat(1.0))).map(|(v, f)| v * f).collect();
+        model.add_effect(effect, &values)?;
     }
     Ok(model)
 }
@@ -59,26 +65,27 @@ impl MachineModel {
     }
 
     /// Does `each` with machine and control at every row of rotary positions.
-    fn at_stands<T>(
+    fn at_poses<T>(
         &self,
         control: &Self,
         zeros_arcsec: &[f64],
         rotary: &[f64],
-        each: impl Fn(&Stand) -> T,
+        each: impl Fn(&ControlledPose) -> T,
     ) -> Result<Vec<T>> {
         let mut zeros = [0.0; MAX_ROTARY];
         for (slot, zero) in zeros.iter_mut().zip(zeros_arcsec) {
             *slot = zero * ARCSEC;
         }
         let control = Control { model: control.inner.clone(), zeros };
-        let stands = rotary.chunks_exact(self.axes());
-        stands.map(|angles| Ok(each(&Stand::new(&self.inner, &control, angles)?))).collect()
+        let poses = rotary.chunks_exact(self.axes());
+        poses.map(|angles| Ok(each(&ControlledPose::new(&self.inner, &control, angles)?))).collect()
     }
 }
 
 #[pymethods]
 impl MachineModel {
     #[new]
+    #[pyo3(signature = (preset, tool_length_mm, *, errors, placement, effects, direction, sense))]
     fn new(
         preset: &str,
         tool_length_mm: f64,
@@ -119,8 +126,8 @@ impl MachineModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let rotary = self.rotary(&rotary_deg)?;
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                (stand.error().rows(), stand.direction_error() / ARCSEC)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                (pose.error().rows(), pose.direction_error() / ARCSEC)
             })
         });
         let (fields, directions): (Vec<_>, Vec<_>) = found.into_py()?.into_iter().unzip();
@@ -128,7 +135,7 @@ impl MachineModel {
         Ok((matrix(py, fields, 12)?, array(py, directions)))
     }
 
-    /// Derivatives of the fields with respect to `parameters`, (m, 12 p), µm per face unit.
+    /// Derivatives of the fields with respect to `parameters`, (m, 12 p), µm per user unit.
     fn truth_rates<'py>(
         &self,
         py: Python<'py>,
@@ -140,8 +147,8 @@ impl MachineModel {
         let units: Vec<f64> =
             self.inner.parameters().iter().map(|(_, unit)| unit.to_internal() / UM).collect();
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                scaled(&stand.truth_rates(), &units)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                scaled(&pose.truth_rates(), &units)
             })
         });
         matrix(py, found.into_py()?.concat(), 12 * units.len())
@@ -161,8 +168,8 @@ impl MachineModel {
         let mut units = vec![1.0; count];
         units[..self.axes()].fill(ARCSEC / UM);
         let found = py.detach(|| {
-            self.at_stands(control, &zeros_arcsec, &rotary, |stand| {
-                scaled(&stand.control_rates(), &units)
+            self.at_poses(control, &zeros_arcsec, &rotary, |pose| {
+                scaled(&pose.control_rates(), &units)
             })
         });
         matrix(py, found.into_py()?.concat(), 12 * count)

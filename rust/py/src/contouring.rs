@@ -1,21 +1,23 @@
 //! Five-axis contouring (paper 003).
 
-use std::str::FromStr;
-
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
-use trunnion_core::contouring::face::{FIGURES, Trace};
 use trunnion_core::contouring::margins::{axis_margins, coupled_gain_margin, pole_radius};
 use trunnion_core::contouring::{
-    AXIS_FIELDS, Axis, Case, Coupling, Feed, Feedback, Gains, Machine, Order, OrientationModel,
-    Path, Piece, PositionModel, Reference, Simulation, responses, sweep,
+    Axis, Case, Coupling, Feedback, Gains, Order, OrientationModel, Path, Piece, PositionModel,
+    Reference, Simulation, responses, samples, sweep,
 };
-use trunnion_core::units::DEG;
+use trunnion_core::machine::{FiveAxis, Machine};
 
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::{IntoPy, to_py};
+use crate::names::choice;
+use crate::user_units::contouring::{
+    AXIS_FIELDS, FIGURES, axis, columns, feed, figures, position_unit,
+};
+use crate::user_units::places;
 
 /// Location errors by ISO name, µm and arcsec.
 type Errors = Vec<(String, f64)>;
@@ -53,8 +55,8 @@ impl ContourPath {
         let sizes = [coefficients.len(), omega.len() * 6, cosine.len(), sine.len()];
         if sizes != [6 * pieces * per_piece, 6 * pieces, 6 * pieces, 6 * pieces] {
             let got = format!("numbers of values {sizes:?}");
-            let wanted = format!("as many rows for each of {pieces} pieces");
-            return Err(to_py(&Error::input("path", got, wanted)));
+            let expected = format!("as many rows for each of {pieces} pieces");
+            return Err(to_py(&Error::input("path", got, expected)));
         }
         let pieces = (0..pieces)
             .map(|i| Piece {
@@ -102,16 +104,16 @@ impl ContourPath {
     }
 }
 
-fn machine(errors: &Errors) -> PyResult<Machine> {
-    Machine::with_errors(errors.iter().map(|(name, value)| (name.as_str(), *value))).into_py()
+fn machine(errors: &Errors) -> PyResult<FiveAxis> {
+    // The length of a tool matters to a head only.
+    let chain = Machine::preset("trt-ca", 1.0).into_py()?;
+    let places = places(&chain, errors).into_py()?;
+    FiveAxis::new(&chain, &places).into_py()
 }
 
-fn feed(args: FeedArgs) -> Feed {
-    Feed::from_face(args.0, args.1, args.2, args.3, args.4)
-}
-
-fn parse<T: FromStr<Err = Error>>(name: &str) -> PyResult<T> {
-    name.parse().into_py()
+fn feedback(name: &str) -> PyResult<Feedback> {
+    let choices = [("motor", Feedback::Motor), ("load", Feedback::Load)];
+    choice("feedback", name, &choices).into_py()
 }
 
 fn gains(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[Gains; 5]> {
@@ -128,20 +130,29 @@ fn gains(array: &PyReadonlyArray2<'_, f64>) -> PyResult<[Gains; 5]> {
 }
 
 fn coupling(args: &CouplingArgs<'_>) -> PyResult<Coupling> {
+    let positions = [("circle", PositionModel::Circle), ("tangent", PositionModel::Tangent)];
+    let orientations =
+        [("proposed", OrientationModel::Proposed), ("tangent", OrientationModel::Tangent)];
+    let orders = [
+        ("controller_last", Order::ControllerLast),
+        ("jacobian_last", Order::JacobianLast),
+        ("as_printed", Order::AsPrinted),
+    ];
+    let order = "order of controller and inverse Jacobian";
     Ok(Coupling {
-        position: parse::<PositionModel>(&args.0)?,
-        orientation: parse::<OrientationModel>(&args.1)?,
+        position: choice("contour-error model", &args.0, &positions).into_py()?,
+        orientation: choice("orientation-error model", &args.1, &orientations).into_py()?,
         gains: gains(&args.2)?,
-        order: parse::<Order>(&args.3)?,
+        order: choice(order, &args.3, &orders).into_py()?,
     })
 }
 
-/// Five axes from five rows in the face's units.
+/// Five axes from five rows.
 fn axes(values: &[f64]) -> [Axis; 5] {
     [0, 1, 2, 3, 4].map(|i| {
         let mut row = [0.0; AXIS_FIELDS];
         row.copy_from_slice(&values[AXIS_FIELDS * i..AXIS_FIELDS * (i + 1)]);
-        Axis::from_face(&row, i >= 3)
+        axis(&row, i >= 3)
     })
 }
 
@@ -157,64 +168,50 @@ fn five_axes(array: &PyReadonlyArray2<'_, f64>, sets: usize) -> PyResult<Vec<[Ax
 
 /// One simulation; a dictionary of columns.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (path, feed, *, period_s, axes, feedback, coupling, assumed, real))]
 pub fn contour_simulate<'py>(
     py: Python<'py>,
     path: PyRef<'py, ContourPath>,
-    feed_args: FeedArgs,
+    feed: FeedArgs,
     period_s: f64,
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
-    coupling_args: Option<CouplingArgs<'py>>,
-    believed: Errors,
+    coupling: Option<CouplingArgs<'py>>,
+    assumed: Errors,
     real: Errors,
 ) -> PyResult<Bound<'py, PyDict>> {
     let axes = five_axes(&axes, 1)?[0];
-    let feedback = parse::<Feedback>(feedback)?;
-    let coupling = coupling_args.as_ref().map(coupling).transpose()?;
-    let (believed, real) = (machine(&believed)?, machine(&real)?);
-    let (path, feed) = (&path.0, feed(feed_args));
-    let (trace, diverged) = py
+    let feedback = self::feedback(feedback)?;
+    let coupling = coupling.as_ref().map(self::coupling).transpose()?;
+    let (assumed, real) = (machine(&assumed)?, machine(&real)?);
+    let (path, feed) = (&path.0, self::feed(feed));
+    let (columns, diverged) = py
         .detach(|| {
-            let reference = Reference::new(path, feed, period_s, &believed)?;
+            let reference = Reference::new(path, feed, period_s, &assumed)?;
             let simulation =
-                Simulation { reference: &reference, axes, feedback, coupling, machine: &believed };
+                Simulation { reference: &reference, axes, feedback, coupling, machine: &assumed };
             let run = simulation.run()?;
-            let trace = Trace::new(path, &reference, &believed, &real, &run);
-            Ok((trace, run.diverged))
+            let samples = samples(path, &reference, &assumed, &real, &run.axes);
+            Ok((columns(path, &reference, &run, samples), run.diverged))
         })
         .into_py()?;
     let out = PyDict::new(py);
     out.set_item("diverged", diverged)?;
-    for (name, values, columns) in [
-        ("point_mm", trace.point_mm, 3),
-        ("reference", trace.reference, 5),
-        ("commanded", trace.commanded, 5),
-        ("actual", trace.actual, 5),
-        ("tip_mm", trace.tip_mm, 3),
-        ("contour_vector_um", trace.contour_vector_um, 3),
-    ] {
-        out.set_item(name, matrix(py, values, columns)?)?;
-    }
-    for (name, values) in [
-        ("u", trace.u),
-        ("foot_u", trace.foot_u),
-        ("contour_um", trace.contour_um),
-        ("orientation_arcsec", trace.orientation_arcsec),
-        ("following_um", trace.following_um),
-        ("circle_um", trace.circle_um),
-        ("tangent_um", trace.tangent_um),
-        ("proposed_arcsec", trace.proposed_arcsec),
-        ("tangent_arcsec", trace.tangent_arcsec),
-    ] {
-        out.set_item(name, array(py, values))?;
+    for (name, width, values) in columns {
+        match width {
+            1 => out.set_item(name, array(py, values))?,
+            _ => out.set_item(name, matrix(py, values, width)?)?,
+        }
     }
     Ok(out)
 }
 
 /// Many simulations on all cores: names of the figures, and one row of them a case.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
+#[pyo3(signature = (
+    paths, *, path_index, feeds, period_s, axes, feedback, couplings, coupling_index, assumed,
+    real
+))]
 pub fn contour_sweep<'py>(
     py: Python<'py>,
     paths: Vec<PyRef<'py, ContourPath>>,
@@ -225,16 +222,16 @@ pub fn contour_sweep<'py>(
     feedback: &str,
     couplings: Vec<Option<CouplingArgs<'py>>>,
     coupling_index: Vec<usize>,
-    believed: Errors,
+    assumed: Errors,
     real: Errors,
 ) -> PyResult<(Vec<&'static str>, Bound<'py, PyArray2<f64>>)> {
     let axes = five_axes(&axes, path_index.len())?;
-    let feedback = parse::<Feedback>(feedback)?;
+    let feedback = self::feedback(feedback)?;
     let couplings = couplings
         .iter()
         .map(|args| args.as_ref().map(coupling).transpose())
         .collect::<PyResult<Vec<_>>>()?;
-    let (believed, real) = (machine(&believed)?, machine(&real)?);
+    let (assumed, real) = (machine(&assumed)?, machine(&real)?);
     let lengths = [path_index.len(), feeds.len(), coupling_index.len()];
     if lengths.iter().any(|&length| length != lengths[0]) {
         let got = format!("lengths {lengths:?}");
@@ -244,8 +241,8 @@ pub fn contour_sweep<'py>(
         .map(|i| {
             let number = coupling_index[i];
             let coupling = couplings.get(number).ok_or_else(|| {
-                let wanted = format!("below {}", couplings.len());
-                to_py(&Error::input("controller of a case", number, wanted))
+                let expected = format!("below {}", couplings.len());
+                to_py(&Error::input("controller of a case", number, expected))
             })?;
             Ok(Case {
                 path: path_index[i],
@@ -258,8 +255,8 @@ pub fn contour_sweep<'py>(
         })
         .collect::<PyResult<Vec<_>>>()?;
     let paths: Vec<Path> = paths.iter().map(|path| path.0.clone()).collect();
-    let figures = py.detach(|| sweep(&paths, &cases, &believed, &real)).into_py()?;
-    let values: Vec<f64> = figures.iter().flat_map(|f| f.row()).collect();
+    let found = py.detach(|| sweep(&paths, &cases, &assumed, &real)).into_py()?;
+    let values: Vec<f64> = found.iter().flat_map(figures).collect();
     Ok((FIGURES.to_vec(), matrix(py, values, FIGURES.len())?))
 }
 
@@ -285,18 +282,19 @@ pub fn contour_axis_margins<'py>(
 
 /// Largest pole and gain margin of the coupled five-axis loop at each u, shape (n, 2).
 #[pyfunction]
+#[pyo3(signature = (path, u, *, axes, gains, period_s, assumed))]
 pub fn contour_path_margins<'py>(
     py: Python<'py>,
     path: PyRef<'py, ContourPath>,
     u: PyReadonlyArray1<'py, f64>,
     axes: PyReadonlyArray2<'py, f64>,
-    gains_of_coupling: PyReadonlyArray2<'py, f64>,
+    gains: PyReadonlyArray2<'py, f64>,
     period_s: f64,
-    believed: Errors,
+    assumed: Errors,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
-    let gains = gains(&gains_of_coupling)?;
-    let machine = machine(&believed)?;
+    let gains = self::gains(&gains)?;
+    let machine = machine(&assumed)?;
     let (u, path) = (vector(&u), &path.0);
     let values = py
         .detach(|| {
@@ -329,6 +327,7 @@ pub fn contour_axis_response<'py>(
 /// The same of an axis with each of m sets of parameters (m, 13), every `stride`-th control period:
 /// (m, n).
 #[pyfunction]
+#[pyo3(signature = (letter, axes, period_s, feedback, command, *, stride))]
 pub fn contour_axis_responses<'py>(
     py: Python<'py>,
     letter: char,
@@ -354,22 +353,21 @@ fn axis_responses(
     stride: usize,
 ) -> PyResult<Vec<f64>> {
     if !axes.len().is_multiple_of(AXIS_FIELDS) {
-        let wanted = format!("{AXIS_FIELDS} numbers");
-        return Err(to_py(&Error::input("axis", axes.len(), wanted)));
+        let expected = format!("{AXIS_FIELDS} numbers");
+        return Err(to_py(&Error::input("axis", axes.len(), expected)));
     }
     if let Some(row) = command.iter().position(|v| !v.is_finite()) {
         let what = format!("command, row {row}");
         return Err(to_py(&Error::input(what, command[row], "a finite number")));
     }
-    let rotary = !matches!(letter, 'X' | 'Y' | 'Z');
-    let unit = if rotary { DEG } else { 1.0 };
-    let feedback = parse::<Feedback>(feedback)?;
+    let unit = position_unit(letter);
+    let feedback = self::feedback(feedback)?;
     let axes: Vec<Axis> = axes
         .chunks_exact(AXIS_FIELDS)
         .map(|numbers| {
             let mut row = [0.0; AXIS_FIELDS];
             row.copy_from_slice(numbers);
-            Axis::from_face(&row, rotary)
+            axis(&row, !matches!(letter, 'X' | 'Y' | 'Z'))
         })
         .collect();
     let command: Vec<f64> = command.iter().map(|r| r * unit).collect();

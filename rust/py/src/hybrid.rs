@@ -3,15 +3,16 @@
 use nalgebra::Vector3;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
-use trunnion_core::hybrid::batch::{self, Batch, FORWARD_COLUMNS, SENSITIVITY_ROWS};
+use trunnion_core::hybrid::batch::{Batch, FORWARD_COLUMNS, SENSITIVITY_ROWS};
 use trunnion_core::hybrid::constraint::{LOOP_EQUATIONS, LOOP_JOINTS, loop_jacobian};
-use trunnion_core::hybrid::mechanism::Geometry;
-use trunnion_core::hybrid::{ACTIVE, Closure, Constraint, ERRORS, Mechanism, Parameter};
+use trunnion_core::hybrid::{ACTIVE, Closure, Constraint, ERRORS, Geometry, Mechanism, Parameter};
+use trunnion_core::units::DEG;
 use trunnion_core::{Error, Result};
 
 use crate::arrays::{matrix, rows};
 use crate::errors::{IntoPy, to_py};
 use crate::threads::with_threads;
+use crate::user_units::hybrid as units;
 
 /// A hybrid mechanism with errors and closure weights, asked about batches of poses.
 #[pyclass(frozen, module = "trunnion._core")]
@@ -71,10 +72,10 @@ impl Hybrid {
         errors: Vec<(String, f64)>,
         closure_mm: [f64; 4],
     ) -> PyResult<Self> {
-        let inside = batch::dimensions(dimensions);
+        let inside = units::dimensions(dimensions);
         let mechanism = Mechanism::new(inside, Vector3::from(home_mm)).into_py()?;
         let closure = Closure::new(closure_mm).into_py()?;
-        let geometry = mechanism.with(&batch::errors(&errors).into_py()?);
+        let geometry = mechanism.with(&units::errors(&errors).into_py()?);
         Ok(Self { mechanism, geometry, closure })
     }
 
@@ -89,8 +90,8 @@ impl Hybrid {
         joints: PyReadonlyArray2<'py, f64>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let joints = rows("joints", &joints, ACTIVE)?;
-        self.run(py, threads, FORWARD_COLUMNS, |batch| batch.forward(&joints))
+        let joints = units::joints(&rows("joints", &joints, ACTIVE)?);
+        self.run(py, threads, FORWARD_COLUMNS, |batch| Ok(units::forward(batch.forward(&joints)?)))
     }
 
     fn sensitivity<'py>(
@@ -100,10 +101,12 @@ impl Hybrid {
         names: Vec<String>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let joints = rows("joints", &joints, ACTIVE)?;
+        let joints = units::joints(&rows("joints", &joints, ACTIVE)?);
         let parameters = parameters(&names).into_py()?;
         let columns = FORWARD_COLUMNS + SENSITIVITY_ROWS * parameters.len();
-        self.run(py, threads, columns, |batch| batch.sensitivity(&joints, &parameters))
+        self.run(py, threads, columns, |batch| {
+            Ok(units::sensitivity(batch.sensitivity(&joints, &parameters)?, &parameters))
+        })
     }
 
     fn strain<'py>(
@@ -113,10 +116,12 @@ impl Hybrid {
         names: Vec<String>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let joints = rows("joints", &joints, ACTIVE)?;
+        let joints = units::joints(&rows("joints", &joints, ACTIVE)?);
         let parameters = parameters(&names).into_py()?;
         let columns = 10 * parameters.len();
-        self.run(py, threads, columns, |batch| batch.strain(&joints, &parameters))
+        self.run(py, threads, columns, |batch| {
+            Ok(units::strain(batch.strain(&joints, &parameters)?, &parameters))
+        })
     }
 
     fn ballbar<'py>(
@@ -127,14 +132,16 @@ impl Hybrid {
         names: Vec<String>,
         threads: Option<usize>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let joints = rows("joints", &joints, ACTIVE)?;
+        let joints = units::joints(&rows("joints", &joints, ACTIVE)?);
         let centres = rows("ball centres", &centres, 3)?;
         let parameters = parameters(&names).into_py()?;
         let columns = 4 + parameters.len();
-        self.run(py, threads, columns, |batch| batch.ballbar(&joints, &centres, &parameters))
+        self.run(py, threads, columns, |batch| {
+            Ok(units::ballbar(batch.ballbar(&joints, &centres, &parameters)?, &parameters))
+        })
     }
 
-    #[pyo3(signature = (tips, directions, reference_deg, negative, exact, threads))]
+    #[pyo3(signature = (tips, directions, *, reference_deg, negative, exact, threads))]
     fn inverse<'py>(
         &self,
         py: Python<'py>,
@@ -148,7 +155,9 @@ impl Hybrid {
         let tips = rows("tool points", &tips, 3)?;
         let directions = rows("tool directions", &directions, 3)?;
         self.run(py, threads, ACTIVE + 1, |batch| {
-            batch.inverse(&tips, &directions, reference_deg, negative, exact)
+            let reference = reference_deg * DEG;
+            let rows = batch.inverse(&tips, &directions, reference, negative, exact)?;
+            Ok(units::commands(rows))
         })
     }
 
@@ -159,9 +168,11 @@ impl Hybrid {
         py: Python<'py>,
         joints: [f64; ACTIVE],
     ) -> PyResult<(usize, Vec<f64>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let [l1, l2, l3, q4, q5] = joints;
+        let joints = [l1, l2, l3, q4 * DEG, q5 * DEG];
         let solution = self
             .mechanism
-            .solve(&self.geometry, &batch::inside(&joints), &self.closure)
+            .solve(&self.geometry, &joints, &self.closure)
             .map_err(|error: Error| to_py(&error))?;
         let constraint = Constraint::at(&solution);
         let stress: Vec<f64> = constraint

@@ -12,11 +12,14 @@ mod errors;
 mod hybrid;
 mod linear;
 mod machine;
+mod names;
 mod nc;
 mod plan;
+mod studies;
 mod threads;
 mod touch;
 mod turning;
+mod user_units;
 
 use pyo3::prelude::*;
 
@@ -26,7 +29,7 @@ mod _core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("MOST_THREADS", crate::threads::MOST)?;
+        module.add("MAX_THREADS", crate::threads::MAX)?;
         module.add("RANK_TOLERANCE", trunnion_core::linear::RANK_TOLERANCE)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
@@ -43,7 +46,9 @@ mod _core {
     #[pymodule_export]
     use crate::plan::{plan, safe_levels};
     #[pymodule_export]
-    use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
+    use crate::studies::Measurements;
+    #[pymodule_export]
+    use crate::touch::{Moves, TouchModel, artefact_kinds, catalogue, closed_form_slips};
 
     // --- turning (paper 001), part programs
     #[pymodule_export]

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use rayon::prelude::*;
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
@@ -12,6 +13,7 @@ use trunnion_core::{Error, Result};
 
 use crate::arrays::{matrix, rows, vector};
 use crate::errors::IntoPy;
+use crate::user_units::places;
 
 /// Poses that one thread takes at a time.
 const CHUNK: usize = 8192;
@@ -21,19 +23,6 @@ const CHUNK: usize = 8192;
 pub struct Machine {
     pub inner: machine::Machine,
     places: Places,
-}
-
-/// Named location errors, µm and arcsec, as amounts at places.
-fn places(machine: &machine::Machine, errors: &[(String, f64)]) -> Result<Places> {
-    let mut places = Places::default();
-    for (name, value) in errors {
-        let error = machine.location_error(name)?;
-        if !value.is_finite() {
-            return Err(Error::input(name.as_str(), value, "a finite number"));
-        }
-        machine.add_location_error(&mut places, &error, value * error.unit().to_internal());
-    }
-    Ok(places)
 }
 
 fn positions(row: &[f64]) -> AxisPositions {
@@ -55,8 +44,8 @@ fn tool(row: &[f64]) -> Tool {
 fn at_row(row: usize) -> impl Fn(Error) -> Error {
     move |error| match error {
         Error::Kinematics(message) => Error::Kinematics(format!("row {row}: {message}")),
-        Error::Input { what, got, wanted } => {
-            Error::Input { what: format!("row {row}: {what}"), got, wanted }
+        Error::Input { what, got, expected } => {
+            Error::Input { what: format!("row {row}: {what}"), got, expected }
         }
         other => other,
     }
@@ -220,8 +209,26 @@ impl Machine {
     }
 }
 
-/// Names of the machines that come with the project.
+/// A machine that comes with the project: letters of its rotary axes, the side of each ("table",
+/// "head"), and its location errors with units.
+type Preset = (String, Vec<&'static str>, Vec<(String, &'static str)>);
+
+/// The machines that come with the project, by name.
 #[pyfunction]
-pub fn presets() -> Vec<&'static str> {
-    machine::PRESETS.to_vec()
+pub fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for preset in machine::PRESETS {
+        let machine = machine::Machine::preset(preset.name, 1.0).into_py()?;
+        let letters = machine.rotary().iter().map(machine::Rotary::letter).collect();
+        let side = |axis: &machine::Rotary| match axis.side {
+            machine::Side::Workpiece => "table",
+            machine::Side::Tool => "head",
+        };
+        let sides = machine.rotary().iter().map(side).collect();
+        let errors = machine.location_errors();
+        let errors = errors.iter().map(|error| (error.name(), error.unit().symbol())).collect();
+        let entry: Preset = (letters, sides, errors);
+        all.set_item(preset.name, entry)?;
+    }
+    Ok(all)
 }

@@ -3,9 +3,9 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use trunnion_core::nc::path::{
-    FeedMode, Motion, Plane, Position, Side, Start, contour_blocks, moves, moves_of,
-};
+use trunnion_core::nc::contour::contour_blocks;
+use trunnion_core::nc::follow::{moves, moves_of};
+use trunnion_core::nc::path::{FeedMode, Motion, Plane, Position, Side, Start};
 use trunnion_core::nc::{Dialect, Item, Program};
 
 use crate::arrays::{array, matrix};

@@ -5,16 +5,15 @@ use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
+use trunnion_core::artefact::{Artefact, Layout};
 use trunnion_core::machine::Machine;
 use trunnion_core::plan as planning;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::targets::Layout;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch};
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, UM};
 
 use crate::arrays::{array, matrix, rows};
 use crate::errors::IntoPy;
-use crate::touch::artefact;
 
 /// How a plan is made, mm, degrees, µm, arcsec, mm/min as in the set-up file.
 #[pyfunction]
@@ -51,7 +50,7 @@ pub fn plan<'py>(
     all_faces: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let layout = match layout {
         "side" => Layout::Side,
         "top" => Layout::Top,
@@ -108,6 +107,10 @@ pub fn plan<'py>(
 
 /// Z above all that swings, and Z above everything at each row's positions of the rotary axes, mm.
 #[pyfunction]
+#[pyo3(signature = (
+    preset, tool_length_mm, kind, dimensions, rotary_deg, *, ball_radius_mm, clearance_mm,
+    table_radius_mm, table_thickness_mm
+))]
 pub fn safe_levels<'py>(
     py: Python<'py>,
     preset: &str,
@@ -121,7 +124,7 @@ pub fn safe_levels<'py>(
     table_thickness_mm: f64,
 ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
     let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let axes = machine.rotary().len();
     let rotary = rows("rotary positions", &rotary_deg, axes)?;
     let around =

@@ -6,8 +6,8 @@ use trunnion_core::Error;
 
 use crate::errors::to_py;
 
-/// More threads than this are a slip, and would take the machine down.
-pub const MOST: usize = 1024;
+/// The most threads: more are likely a typo and would exhaust memory.
+pub const MAX: usize = 1024;
 
 /// Runs `work` on this many threads; `None`: on all cores.
 pub fn with_threads<T: Send>(
@@ -16,9 +16,9 @@ pub fn with_threads<T: Send>(
 ) -> PyResult<T> {
     match threads {
         None => Ok(work()),
-        Some(count) if count == 0 || count > MOST => {
-            let wanted = format!("1 to {MOST}, or None for all cores");
-            Err(to_py(&Error::input("threads", count, wanted)))
+        Some(count) if count == 0 || count > MAX => {
+            let expected = format!("1 to {MAX}, or None for all cores");
+            Err(to_py(&Error::input("threads", count, expected)))
         }
         Some(count) => rayon::ThreadPoolBuilder::new()
             .num_threads(count)

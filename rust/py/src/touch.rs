@@ -3,14 +3,12 @@
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use trunnion_core::artefact::{Artefact, Search};
-use trunnion_core::compensation::volumetric::Volume;
+use trunnion_core::artefact::{Artefact, KINDS, Search};
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
 use trunnion_core::machine::{self, Machine};
-use trunnion_core::moves::{self, MoveTable};
+use trunnion_core::moves::MoveTable;
 use trunnion_core::probe::Probe;
-use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::{self, Simulation};
 use trunnion_core::units::{ARCSEC, DEG, UM};
 use trunnion_core::{Error, Result};
@@ -18,20 +16,16 @@ use trunnion_core::{Error, Result};
 use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
+use crate::user_units::touches::{self as user_units, ParameterUnits};
 
-/// An artefact from its kind and dimensions (mm).
-pub fn artefact(kind: &str, dimensions: &[f64]) -> Result<Artefact> {
-    match (kind, dimensions) {
-        ("cross", &[length, width, height]) => Artefact::Cross { length, width, height },
-        ("cuboid", &[length, width, height]) => Artefact::Cuboid { length, width, height },
-        ("sphere", &[diameter, x, y, z]) => Artefact::Sphere { diameter, centre: [x, y, z] },
-        ("cross" | "cuboid" | "sphere", _) => {
-            let got = format!("{} numbers", dimensions.len());
-            return Err(Error::input(format!("dimensions of a {kind}"), got, "3, of a sphere 4"));
-        }
-        _ => return Err(Error::unknown("artefact", kind, ["cross", "cuboid", "sphere"])),
+/// Kinds of artefact: for each its dimensions (mm) in order, name and how many numbers.
+#[pyfunction]
+pub fn artefact_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for kind in KINDS {
+        all.set_item(kind.name, kind.dimensions.to_vec())?;
     }
-    .checked()
+    Ok(all)
 }
 
 fn kind_name(kind: Kind) -> &'static str {
@@ -60,7 +54,7 @@ fn need_name(machine: &Machine, need: Need) -> String {
 #[pyfunction]
 pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec<Entry>> {
     let machine = Machine::preset(preset, 1.0).into_py()?;
-    let artefact = artefact(kind, &dimensions).into_py()?;
+    let artefact = Artefact::of(kind, &dimensions).into_py()?;
     let entries = effects::catalogue(&machine, &artefact).into_iter().map(|effect| {
         let parameters = effect.parameters.iter();
         let parameters = parameters.map(|p| (p.name, p.unit.symbol(), kind_name(p.kind))).collect();
@@ -73,7 +67,7 @@ pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec
 /// Touches or planned moves in the core's units.
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct Moves {
-    inner: MoveTable,
+    pub inner: MoveTable,
 }
 
 #[pymethods]
@@ -89,7 +83,7 @@ impl Moves {
         sense: Option<PyReadonlyArray2<'_, f64>>,
     ) -> PyResult<Self> {
         let axes = rotary_deg.as_array().ncols();
-        let inner = MoveTable::from_face(
+        let inner = user_units::moves(
             axes,
             rows("rotary positions", &rotary_deg, axes)?.into_owned(),
             rows("points", &point_mm, 3)?.into_owned(),
@@ -111,7 +105,8 @@ impl Moves {
 /// The model of touches: location errors, placement and effects as parameters, in this order.
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct TouchModel {
-    inner: touch::TouchModel,
+    pub inner: touch::TouchModel,
+    pub units: ParameterUnits,
 }
 
 impl TouchModel {
@@ -122,7 +117,7 @@ impl TouchModel {
         priors: &[(usize, f64, f64)],
         max_steps: usize,
     ) -> Result<least_squares::Options> {
-        let units = self.inner.units();
+        let units = self.units.all();
         let prior = |&(parameter, mean, sigma): &(usize, f64, f64)| {
             let unit = units.get(parameter).copied().ok_or_else(|| {
                 Error::input("prior's parameter", parameter, format!("below {}", units.len()))
@@ -144,24 +139,14 @@ impl TouchModel {
             max_steps,
         })
     }
-
-    /// Rows of a linear map from readings in mm, in the face's units per µm.
-    fn operator_to_face(&self, mut operator: Vec<f64>, readings: usize) -> Vec<f64> {
-        for (row, unit) in operator.chunks_exact_mut(readings).zip(self.inner.units()) {
-            row.iter_mut().for_each(|value| *value *= UM / unit);
-        }
-        operator
-    }
-
-    /// The fourteen parameters of the plain model in the face's units.
-    fn plain_to_face(&self, values: &[f64]) -> Vec<f64> {
-        values.iter().zip(self.inner.units()).map(|(value, unit)| value / unit).collect()
-    }
 }
 
 #[pymethods]
 impl TouchModel {
     #[new]
+    #[pyo3(signature = (
+        preset, tool_length_mm, kind, dimensions, *, ball_radius_mm, tick_um, effect_ids
+    ))]
     fn new(
         preset: &str,
         tool_length_mm: f64,
@@ -172,11 +157,13 @@ impl TouchModel {
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
         let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-        let artefact = artefact(kind, &dimensions).into_py()?;
+        let artefact = Artefact::of(kind, &dimensions).into_py()?;
         let probe = Probe::new(ball_radius_mm, tick_um * UM).into_py()?;
         let all = effects::catalogue(&machine, &artefact);
         let chosen = effects::select(&all, &effect_ids).into_py()?;
-        Ok(Self { inner: touch::TouchModel::new(machine, artefact, probe, chosen) })
+        let inner = touch::TouchModel::new(machine, artefact, probe, chosen);
+        let units = ParameterUnits::of(&inner);
+        Ok(Self { inner, units })
     }
 
     #[getter]
@@ -202,7 +189,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let residuals = py.detach(|| {
             self.inner.check(&moves)?;
@@ -221,7 +208,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let p = self.inner.parameter_count();
         let result = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
@@ -230,7 +217,7 @@ impl TouchModel {
             let (mut residuals, mut jacobian) =
                 (vec![0.0; moves.len()], vec![0.0; moves.len() * p]);
             self.inner.linearise(&moves, &values, &mut residuals, &mut jacobian);
-            let units = self.inner.units();
+            let units = self.units.all();
             residuals.iter_mut().for_each(|r| *r /= -UM);
             for row in jacobian.chunks_exact_mut(p) {
                 row.iter_mut().zip(units).for_each(|(j, unit)| *j *= unit / UM);
@@ -241,7 +228,18 @@ impl TouchModel {
         Ok((array(py, residuals), matrix(py, jacobian, p)?))
     }
 
+    /// Name of the face that each touch is on, on the nominal machine: `+X arm, top`.
+    fn faces(&self, py: Python<'_>, moves: &Moves) -> PyResult<Vec<String>> {
+        let moves = moves.inner.view();
+        py.detach(|| {
+            self.inner.check(&moves)?;
+            Ok(self.inner.faces(&moves))
+        })
+        .into_py()
+    }
+
     /// Travel in mm from each move's point to the trigger.
+    #[pyo3(signature = (moves, values, *, from_start, reach_mm, noise_um, seed, sample))]
     fn simulate<'py>(
         &self,
         py: Python<'py>,
@@ -253,7 +251,7 @@ impl TouchModel {
         seed: u64,
         sample: u64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.inner.from_face(&vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
         let moves = moves.inner.view();
         let simulation = simulation(from_start, reach_mm, noise_um, seed);
         let travel = py.detach(|| {
@@ -265,7 +263,8 @@ impl TouchModel {
         Ok(array(py, travel.into_py()?))
     }
 
-    /// Least squares from `start`; a dictionary of arrays in the face's units.
+    /// Least squares from `start`; a dictionary of arrays in user units.
+    #[pyo3(signature = (moves, start, *, huber, sigma_um, priors, max_steps))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
@@ -276,20 +275,20 @@ impl TouchModel {
         priors: Vec<(usize, f64, f64)>,
         max_steps: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let fit = py.detach(|| least_squares::fit(&self.inner, &moves, &start, &options));
         let fit = fit.into_py()?;
-        let face = fit.to_face(&self.inner);
+        let user = self.units.fit(&fit);
         let p = self.inner.parameter_count();
         let result = PyDict::new(py);
-        result.set_item("values", array(py, face.values))?;
-        result.set_item("std_errors", array(py, face.std_errors))?;
-        result.set_item("covariance", matrix(py, face.covariance, p)?)?;
-        result.set_item("residuals_um", array(py, face.residuals_um))?;
-        result.set_item("sigma_um", face.sigma_um)?;
-        result.set_item("null_space", matrix(py, face.null_space, p)?)?;
+        result.set_item("values", array(py, user.values))?;
+        result.set_item("std_errors", array(py, user.std_errors))?;
+        result.set_item("covariance", matrix(py, user.covariance, p)?)?;
+        result.set_item("residuals_um", array(py, user.residuals_um))?;
+        result.set_item("sigma_um", user.sigma_um)?;
+        result.set_item("null_space", matrix(py, user.null_space, p)?)?;
         result.set_item("singular_values", array(py, fit.singular_values))?;
         result.set_item("weights", array(py, fit.weights))?;
         result.set_item("degrees_of_freedom", fit.degrees_of_freedom)?;
@@ -299,6 +298,7 @@ impl TouchModel {
     }
 
     /// Many measurements of one plan, `points` (m, 3 n): estimates, standard errors, converged.
+    #[pyo3(signature = (moves, points, start, *, huber, sigma_um, priors, max_steps, threads))]
     fn fit_many<'py>(
         &self,
         py: Python<'py>,
@@ -312,7 +312,7 @@ impl TouchModel {
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)>
     {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let points = rows("points", &points, 3 * moves.len())?;
@@ -322,7 +322,7 @@ impl TouchModel {
                 least_squares::fit_many(&self.inner, &moves, &points, &start, &options)
             })
         });
-        let found = fits?.into_py()?;
+        let found = self.units.estimates(fits?.into_py()?);
         let converged = PyArray1::from_vec(py, found.converged);
         Ok((matrix(py, found.values, p)?, matrix(py, found.std_errors, p)?, converged))
     }
@@ -336,7 +336,7 @@ impl TouchModel {
         labels: Vec<i64>,
         start: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, f64, f64, Bound<'py, PyArray2<f64>>)> {
-        let start = self.inner.from_face(&vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
         let moves = moves.inner.view();
         let result = py.detach(|| {
             self.inner.check(&moves)?;
@@ -347,8 +347,8 @@ impl TouchModel {
             Ok((found, closed_form::separating_operator(&rows, moves.len())?))
         });
         let (found, operator) = result.into_py()?;
-        let values = array(py, self.plain_to_face(&found.values));
-        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        let values = array(py, self.units.to_user(&found.values));
+        let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((values, found.kappa / UM, found.zeta / UM, operator))
     }
 
@@ -388,105 +388,13 @@ impl TouchModel {
         let tilted =
             found.tilted.iter().flat_map(|t| [t.angle / DEG, t.eb_a / ARCSEC, t.ey_a / UM]);
         let (turned, tilted) = (turned.collect(), tilted.collect());
-        let errors = array(py, self.plain_to_face(&found.errors));
-        let operator = matrix(py, self.operator_to_face(operator, moves.len()), moves.len())?;
+        let errors = array(py, self.units.to_user(&found.errors));
+        let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((errors, matrix(py, turned, 7)?, matrix(py, tilted, 3)?, operator))
     }
-
-    /// Virtual calibrations: for every row of `truths` (m, 14) the plan is simulated, both closed
-    /// forms are taken, and with `identify` least squares. Returns one row a sample (14 separating,
-    /// 8 printed, then 14 identified, 14 standard errors, converged) and the samples that failed,
-    /// whose rows are not numbers.
-    fn calibrations<'py>(
-        &self,
-        py: Python<'py>,
-        moves: &Moves,
-        labels: Vec<i64>,
-        truths: PyReadonlyArray2<'py, f64>,
-        reach_mm: f64,
-        noise_um: f64,
-        seed: u64,
-        first_sample: u64,
-        identify: bool,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
-        let moves = moves.inner.view();
-        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let simulation = simulation(true, reach_mm, noise_um, seed);
-        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
-        let options = identify.then(least_squares::Options::default);
-        let result = py.detach(|| {
-            with_threads(threads, || studies::calibrations(&measurement, &truths, options.as_ref()))
-        });
-        samples(py, result?.into_py()?)
-    }
-
-    /// What compensation leaves after virtual calibrations: for every row of `truths` (m, 14) the
-    /// plan is simulated, the location errors are estimated by `method` ("separating", "printed",
-    /// "identified"), and the volumetric error over the grid x × y × z with the rotary axes at
-    /// `rotary_deg` is taken under a control that believes in the nominal machine and under one
-    /// that believes in the estimates. Returns one row a sample (largest and root mean square
-    /// before, largest and root mean square left, µm) and the samples that failed.
-    fn compensations<'py>(
-        &self,
-        py: Python<'py>,
-        moves: &Moves,
-        labels: Vec<i64>,
-        truths: PyReadonlyArray2<'py, f64>,
-        reach_mm: f64,
-        noise_um: f64,
-        seed: u64,
-        first_sample: u64,
-        method: &str,
-        grid: [Vec<f64>; 3],
-        rotary_deg: Vec<f64>,
-        threads: Option<usize>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Vec<(usize, String)>)> {
-        let moves = moves.inner.view();
-        let truths = rows("true parameters", &truths, self.inner.parameter_count())?;
-        let simulation = simulation(true, reach_mm, noise_um, seed);
-        let measurement = self.measurement(&moves, &labels, simulation, first_sample);
-        let method = match method {
-            "separating" => Ok(Method::Separating),
-            "printed" => Ok(Method::Printed),
-            "identified" => Ok(Method::Identified),
-            _ => Err(Error::unknown("method", method, ["separating", "printed", "identified"])),
-        };
-        let method = method.into_py()?;
-        let volume = Volume::new([&grid[0], &grid[1], &grid[2]]);
-        let rotary: Vec<f64> = rotary_deg.iter().map(|angle| angle * DEG).collect();
-        let result = py.detach(|| {
-            with_threads(threads, || {
-                studies::compensations(&measurement, &truths, method, &volume, &rotary)
-            })
-        });
-        samples(py, result?.into_py()?)
-    }
 }
 
-impl TouchModel {
-    /// What the studies measure again and again.
-    fn measurement<'a>(
-        &'a self,
-        moves: &'a moves::Moves<'a>,
-        labels: &'a [i64],
-        simulation: Simulation,
-        first_sample: u64,
-    ) -> Measurement<'a> {
-        Measurement { model: &self.inner, moves, labels, simulation, first_sample }
-    }
-}
-
-fn samples(
-    py: Python<'_>,
-    found: studies::Samples,
-) -> PyResult<(Bound<'_, PyArray2<f64>>, Vec<(usize, String)>)> {
-    let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
-    let failures = failures.collect();
-    Ok((matrix(py, found.rows, found.width)?, failures))
-}
-
-fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {
+pub fn simulation(from_start: bool, reach_mm: f64, noise_um: f64, seed: u64) -> Simulation {
     let search = if from_start { Search::Ahead } else { Search::Nearest };
     Simulation { search, reach: reach_mm, noise: noise_um * UM, seed }
 }

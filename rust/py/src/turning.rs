@@ -12,7 +12,8 @@ use trunnion_core::turning::correction::{
 use trunnion_core::turning::diameter::{Cause, Cut};
 use trunnion_core::turning::finishing::{FinishOptions, finishing};
 use trunnion_core::turning::geometry::{Element, Gap};
-use trunnion_core::turning::probe_path::{PathOptions, ProbePath, ProgramOptions, probe_path};
+use trunnion_core::turning::probe_path::{PathOptions, ProbePath, probe_path};
+use trunnion_core::turning::probe_program::ProgramOptions;
 use trunnion_core::turning::profile::{Corner, Follows, Profile, Vertex};
 use trunnion_core::units::{ARCSEC, DEG, MINUTE, UM};
 
@@ -366,7 +367,7 @@ pub fn turning_change<'py>(
     Ok((array(py, change_um), covered))
 }
 
-/// Error of the diameter and its derivatives, in the units of the face: µm, arcsec, s, mm, µm/min.
+/// Error of the diameter and its derivatives, in µm, arcsec, s, mm, µm/min.
 ///
 /// `cuts`: z, length cut, time, force, diameter, one row a reading.
 #[pyfunction]

@@ -1,7 +1,7 @@
 //! Compensation: from errors to corrected commands, and the volumetric error before and after.
 //!
-//! The machine as it is, [`Model`], meets the machine as the control believes it to be,
-//! [`volumetric::Control`]. All compensation by the control's model is a choice of that belief: the
+//! The machine as it is, [`Model`], meets the machine as the control assumes it to be,
+//! [`volumetric::Control`]. All compensation by the control's model is a choice of what it assumes: the
 //! nominal machine (nothing compensated), axis centres and axis zeros (CNC parameters), or the
 //! whole identified machine (an exact error map, linear axes alone). [`inverse`] moves the rotary
 //! axes as well.
@@ -46,14 +46,13 @@ impl Model {
         }
     }
 
-    /// Sets a location error by name, µm or arcsec; a second value of one name adds.
+    /// Adds a location error of this machine, mm or rad.
     ///
     /// # Errors
-    /// A name that the machine does not have, a value that is not finite.
-    pub fn add_error(&mut self, name: &str, value: f64) -> Result<()> {
-        let error = self.machine.location_error(name)?;
-        let amount = internal(name, value, error.unit())?;
-        self.machine.add_location_error(&mut self.constant, &error, amount);
+    /// A value that is not finite.
+    pub fn add_error(&mut self, error: &LocationError, amount: f64) -> Result<()> {
+        let amount = finite(&error.name(), amount)?;
+        self.machine.add_location_error(&mut self.constant, error, amount);
         Ok(())
     }
 
@@ -64,8 +63,8 @@ impl Model {
     /// Another number of values than the machine has location errors, a value that is not finite.
     pub fn set_errors(&mut self, amounts: &[f64]) -> Result<()> {
         if amounts.len() != self.errors.len() {
-            let wanted = self.errors.len().to_string();
-            return Err(Error::input("location errors", amounts.len(), wanted));
+            let expected = self.errors.len().to_string();
+            return Err(Error::input("location errors", amounts.len(), expected));
         }
         self.constant = Places::default();
         for (error, amount) in self.errors.iter().zip(amounts) {
@@ -77,24 +76,19 @@ impl Model {
         Ok(())
     }
 
-    /// Sets the placement of the work on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc) in µm
-    /// and arcsec.
+    /// Sets the placement of the work on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc) in mm
+    /// and rad.
     ///
     /// # Errors
     /// A value that is not finite.
     pub fn set_placement(&mut self, placement: &[f64; 6]) -> Result<()> {
         for (component, value) in Component::ALL.into_iter().zip(placement) {
-            let unit = match component {
-                Component::Offset(_) => Unit::Um,
-                Component::Tilt(_) => Unit::Arcsec,
-            };
-            let amount = internal("placement", *value, unit)?;
-            self.constant.add(Place::placement(component), amount);
+            self.constant.add(Place::placement(component), finite("placement", *value)?);
         }
         Ok(())
     }
 
-    /// Adds an effect with its parameters in the face's units.
+    /// Adds an effect with its parameters, mm, rad, s.
     ///
     /// # Errors
     /// An effect that does not belong to the machine, another number of values than parameters, a
@@ -109,7 +103,7 @@ impl Model {
             return Err(Error::input(what, values.len(), effect.parameters.len().to_string()));
         }
         for (parameter, value) in effect.parameters.iter().zip(values) {
-            self.values.push(internal(parameter.name, *value, parameter.unit)?);
+            self.values.push(finite(parameter.name, *value)?);
         }
         self.effects.push(effect);
         Ok(())
@@ -168,10 +162,6 @@ impl Model {
     }
 }
 
-fn internal(what: &str, value: f64, unit: Unit) -> Result<f64> {
-    if value.is_finite() {
-        Ok(value * unit.to_internal())
-    } else {
-        Err(Error::input(what, value, "a finite number"))
-    }
+fn finite(what: &str, value: f64) -> Result<f64> {
+    if value.is_finite() { Ok(value) } else { Err(Error::input(what, value, "a finite number")) }
 }

@@ -1,7 +1,7 @@
 //! The volumetric error: where the tool point is on the work, minus where the program wants it.
 //!
 //! The program asks for a point p of the work at rotary positions q. The control sends linear
-//! positions l(p, q) from the machine it believes in and the rotary positions q + zeros; the machine
+//! positions l(p, q) from the machine it assumes and the rotary positions q + zeros; the machine
 //! as it is puts the tool point in T(q + zeros)⁻¹ actual(l) of the work's frame. Errors of the
 //! catalogue do not depend on X, Y, Z beyond the linear gain Λ, so at one set of rotary positions
 //! the error is affine in p, exactly: e(p) = M p + t. Its largest length over a box is in a corner
@@ -170,26 +170,26 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// What the control believes: the machine of its kinematic transformation, and the zeros that it
+/// What the control assumes: the machine of its kinematic transformation, and the zeros that it
 /// adds to the rotary positions it sends (rad).
 #[derive(Clone, Debug)]
 pub struct Control {
-    /// The believed machine.
+    /// The assumed machine.
     pub model: Model,
     /// Added to commanded rotary positions.
     pub zeros: [f64; MAX_ROTARY],
 }
 
 /// Machine and control at one set of rotary positions.
-pub struct Stand<'a> {
+pub struct ControlledPose<'a> {
     truth: &'a Model,
     control: &'a Control,
     places: Places,
     rates: Vec<crate::effects::Rate>,
     posture: Posture,
-    believed: Posture,
-    /// From the position that the control believes to reach to X, Y, Z that are right for it.
-    believed_inverse: Matrix3<f64>,
+    assumed: Posture,
+    /// From the position that the control assumes to reach to X, Y, Z that are right for it.
+    assumed_inverse: Matrix3<f64>,
     nominal: Posture,
     /// Recorded position of the tool point as a function of p.
     recorded: Affine,
@@ -197,11 +197,11 @@ pub struct Stand<'a> {
     actual: Affine,
 }
 
-impl<'a> Stand<'a> {
+impl<'a> ControlledPose<'a> {
     /// At commanded rotary positions, rad.
     ///
     /// # Errors
-    /// The believed I + Λ is singular.
+    /// The assumed I + Λ is singular.
     pub fn new(truth: &'a Model, control: &'a Control, commanded: &[f64]) -> Result<Self> {
         let mut sent = [0.0; MAX_ROTARY];
         for ((slot, position), zero) in sent.iter_mut().zip(commanded).zip(&control.zeros) {
@@ -213,19 +213,19 @@ impl<'a> Stand<'a> {
         let places = truth.places_and_rates(sent, Some(&mut rates));
         let posture = Posture::new(machine, sent, &places);
         let nominal = Posture::new(machine, commanded, &Places::default());
-        let beliefs = control.model.places(commanded);
-        let believed = Posture::new(machine, commanded, &beliefs);
-        let believed_inverse =
-            (Matrix3::identity() + linear(&beliefs)).try_inverse().ok_or_else(|| {
+        let assumed_places = control.model.places(commanded);
+        let assumed = Posture::new(machine, commanded, &assumed_places);
+        let assumed_inverse =
+            (Matrix3::identity() + linear(&assumed_places)).try_inverse().ok_or_else(|| {
                 crate::Error::Kinematics(
                     "errors of the linear axes leave no inverse: I + Λ is singular".into(),
                 )
             })?;
-        let shift = believed.artefact.translation - believed.head_shift - offset(&beliefs);
-        let belief = Affine { gain: believed.artefact.rotation, offset: shift };
-        let recorded = belief
-            .mapped(&believed_inverse)
-            .shifted(&(posture.head_nominal - believed.head_nominal));
+        let shift = assumed.artefact.translation - assumed.head_shift - offset(&assumed_places);
+        let assumed_field = Affine { gain: assumed.artefact.rotation, offset: shift };
+        let recorded = assumed_field
+            .mapped(&assumed_inverse)
+            .shifted(&(posture.head_nominal - assumed.head_nominal));
         let gain = Matrix3::identity() + linear(&places);
         let actual = recorded.mapped(&gain).shifted(&(offset(&places) + posture.head_shift));
         Ok(Self {
@@ -234,8 +234,8 @@ impl<'a> Stand<'a> {
             places,
             rates,
             posture,
-            believed,
-            believed_inverse,
+            assumed,
+            assumed_inverse,
             nominal,
             recorded,
             actual,
@@ -262,8 +262,8 @@ impl<'a> Stand<'a> {
         let direction = |posture: &Posture| {
             posture.artefact.rotation.tr_mul(&(posture.head.rotation * Vector3::z()))
         };
-        let (is, wanted) = (direction(&self.posture), direction(&self.nominal));
-        is.cross(&wanted).norm().atan2(is.dot(&wanted))
+        let (is, expected) = (direction(&self.posture), direction(&self.nominal));
+        is.cross(&expected).norm().atan2(is.dot(&expected))
     }
 
     /// Derivatives of the error with respect to the parameters of the machine as it is, in the
@@ -365,18 +365,18 @@ impl<'a> Stand<'a> {
                     let sign = if rotary.side == Side::Workpiece { factor } else { -factor };
                     for along in Direction::ALL {
                         if place == Place::frame(axis, Component::Offset(along)) {
-                            let carrier = &self.believed.joints[axis].carrier;
+                            let carrier = &self.assumed.joints[axis].carrier;
                             sum += carrier.column(along.index()) * sign;
                         }
                     }
                 }
             }
             (error.unit() == crate::units::Unit::Um)
-                .then(|| Affine::constant(gain * self.believed_inverse * sum))
+                .then(|| Affine::constant(gain * self.assumed_inverse * sum))
         });
         let work = Direction::ALL.into_iter().map(|along| {
-            let carrier = &self.believed.placement.carrier;
-            Affine::constant(gain * self.believed_inverse * carrier.column(along.index()))
+            let carrier = &self.assumed.placement.carrier;
+            Affine::constant(gain * self.assumed_inverse * carrier.column(along.index()))
         });
         zeros.chain(centres).chain(work).map(|rate| self.on_work(&rate)).collect()
     }
@@ -416,7 +416,8 @@ mod tests {
     fn model(errors: &[(&str, f64)]) -> Model {
         let mut model = Model::nominal(Machine::preset("trt-ca", 150.0).unwrap());
         for (name, value) in errors {
-            model.add_error(name, *value).unwrap();
+            let error = model.machine().location_error(name).unwrap();
+            model.add_error(&error, value * error.unit().to_internal()).unwrap();
         }
         model
     }
@@ -429,7 +430,7 @@ mod tests {
     fn the_largest_error_before_compensation_is_that_of_table_3() {
         let truth = model(&TABLE_2);
         let control = Control { model: model(&[]), zeros: [0.0; MAX_ROTARY] };
-        let error = Stand::new(&truth, &control, &[0.0, 0.0]).unwrap().error();
+        let error = ControlledPose::new(&truth, &control, &[0.0, 0.0]).unwrap().error();
         assert!((volume().largest(&error) - 0.050_768).abs() < 5e-7);
     }
 
@@ -446,7 +447,8 @@ mod tests {
         at_once.set_placement(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).unwrap();
         at_once.set_errors(&amounts).unwrap();
         let control = Control { model: model(&[]), zeros: [0.0; MAX_ROTARY] };
-        let field = |truth: &Model| Stand::new(truth, &control, &[0.3, -2.0]).unwrap().error();
+        let field =
+            |truth: &Model| ControlledPose::new(truth, &control, &[0.3, -2.0]).unwrap().error();
         assert!(volume().largest(&field(&at_once)) > 0.01);
         assert_eq!(field(&at_once), field(&model(&TABLE_2)));
         assert!(at_once.set_errors(&amounts[1..]).is_err());
@@ -458,9 +460,9 @@ mod tests {
         let truth = model(&TABLE_2);
         let control = Control { model: model(&TABLE_2), zeros: [0.0; MAX_ROTARY] };
         for rotary in [[0.0, 0.0], [1.5, -2.0], [-1.0, 7.0]] {
-            let stand = Stand::new(&truth, &control, &rotary).unwrap();
-            assert!(volume().largest(&stand.error()) < 1e-12);
-            assert!(stand.direction_error() > 1e-5);
+            let pose = ControlledPose::new(&truth, &control, &rotary).unwrap();
+            assert!(volume().largest(&pose.error()) < 1e-12);
+            assert!(pose.direction_error() > 1e-5);
         }
     }
 
@@ -468,7 +470,7 @@ mod tests {
     fn statistics_are_those_of_the_grid() {
         let truth = model(&TABLE_2);
         let control = Control { model: model(&[]), zeros: [0.0; MAX_ROTARY] };
-        let field = Stand::new(&truth, &control, &[0.4, 1.0]).unwrap().error();
+        let field = ControlledPose::new(&truth, &control, &[0.4, 1.0]).unwrap().error();
         let (x, y, z) = ([-150.0, 150.0], [-120.0, 120.0], [0.0, 75.0, 150.0]);
         let mut values = vec![0.0; 3 * 12];
         field.on_grid(&x, &y, &z, &mut values);
@@ -483,8 +485,7 @@ mod tests {
     #[test]
     fn only_effects_of_the_machine_are_taken() {
         let machine = Machine::preset("trt-ca", 150.0).unwrap();
-        let artefact =
-            crate::artefact::Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+        let artefact = crate::artefact::Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let catalogue = crate::effects::catalogue(&machine, &artefact);
         let mut model = Model::nominal(machine);
         for effect in catalogue {

@@ -65,9 +65,6 @@ pub struct Axis {
     pub limit: f64,
 }
 
-/// Number of parameters in a row that describes an axis, in the order of the fields of [`Axis`].
-pub const AXIS_FIELDS: usize = 13;
-
 impl Axis {
     /// A linear axis: gain and time constant.
     #[must_use]
@@ -88,8 +85,8 @@ impl Axis {
     }
 
     fn check(&self, name: char, period: f64) -> Result<()> {
-        let fail = |what: &str, got: f64, wanted: &str| {
-            Err(Error::input(format!("axis {name}: {what}"), got, wanted))
+        let fail = |what: &str, got: f64, expected: &str| {
+            Err(Error::input(format!("axis {name}: {what}"), got, expected))
         };
         if !(self.gain.is_finite() && self.gain > 0.0) {
             return fail("gain, 1/s", self.gain, "a finite number above 0");
@@ -122,8 +119,8 @@ impl Axis {
             return fail("damping ratio", self.damping, "0 to below 1");
         }
         if self.delay >= period * (MAX_DELAY - 1) as f64 {
-            let wanted = format!("below {} control periods", MAX_DELAY - 1);
-            return fail("delay, s", self.delay, &wanted);
+            let expected = format!("below {} control periods", MAX_DELAY - 1);
+            return fail("delay, s", self.delay, &expected);
         }
         if self.limit.is_nan() || self.limit <= 0.0 {
             return fail("limit of the velocity command", self.limit, "above 0, or infinite");

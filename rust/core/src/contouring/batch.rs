@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::interpolator::{Feed, Reference};
-use super::kinematics::Machine;
 use super::path::Path;
-use super::simulation::{Coupling, Simulation, estimates, model_error, true_errors};
-use super::{Axis, Feedback, OrientationModel, PositionModel};
+use super::simulation::{Coupling, Sample, Simulation, samples};
+use super::{Axis, Feedback};
 use crate::error::Result;
+use crate::machine::FiveAxis;
 
 /// One simulation of a sweep.
 #[derive(Clone, Debug)]
@@ -73,7 +73,12 @@ impl Figures {
 ///
 /// # Errors
 /// As [`Reference::new`] and [`Simulation::run`].
-pub fn figures(paths: &[Path], case: &Case, machine: &Machine, real: &Machine) -> Result<Figures> {
+pub fn figures(
+    paths: &[Path],
+    case: &Case,
+    machine: &FiveAxis,
+    real: &FiveAxis,
+) -> Result<Figures> {
     let path = paths.get(case.path).ok_or_else(|| {
         crate::Error::input("path of a case", case.path, format!("below {}", paths.len()))
     })?;
@@ -102,26 +107,18 @@ pub fn figures(paths: &[Path], case: &Case, machine: &Machine, real: &Machine) -
         proposed_max: 0.0,
         tangent_axis_max: 0.0,
     };
-    let models =
-        |position, orientation| estimates(&reference, machine, &run.axes, position, orientation);
-    let new = models(PositionModel::Circle, OrientationModel::Proposed);
-    let old = models(PositionModel::Tangent, OrientationModel::Tangent);
-    let truths = true_errors(path, &reference, real, &run.axes);
-    for (k, ((truth, new), old)) in truths.zip(new).zip(old).enumerate() {
+    for sample in samples(path, &reference, machine, real, &run.axes) {
+        let Sample { truth, proposed, tangent } = sample;
         let contour = truth.contour.norm();
         out.contour_max = out.contour_max.max(contour);
         out.contour_rms += contour * contour;
         out.orientation_max = out.orientation_max.max(truth.orientation);
         out.orientation_rms += truth.orientation * truth.orientation;
         out.following_max = out.following_max.max(truth.following);
-        if k >= 2 {
-            let [circle, proposed] = model_error(path, machine, &new, &truth);
-            let [tangent, tangent_axis] = model_error(path, machine, &old, &truth);
-            out.circle_max = out.circle_max.max(circle);
-            out.proposed_max = out.proposed_max.max(proposed);
-            out.tangent_max = out.tangent_max.max(tangent);
-            out.tangent_axis_max = out.tangent_axis_max.max(tangent_axis);
-        }
+        out.circle_max = out.circle_max.max(proposed[0]);
+        out.proposed_max = out.proposed_max.max(proposed[1]);
+        out.tangent_max = out.tangent_max.max(tangent[0]);
+        out.tangent_axis_max = out.tangent_axis_max.max(tangent[1]);
     }
     let n = out.steps.max(1) as f64;
     out.contour_rms = (out.contour_rms / n).sqrt();
@@ -136,8 +133,8 @@ pub fn figures(paths: &[Path], case: &Case, machine: &Machine, real: &Machine) -
 pub fn sweep(
     paths: &[Path],
     cases: &[Case],
-    machine: &Machine,
-    real: &Machine,
+    machine: &FiveAxis,
+    real: &FiveAxis,
 ) -> Result<Vec<Figures>> {
     cases.par_iter().map(|case| figures(paths, case, machine, real)).collect()
 }

@@ -6,9 +6,10 @@
 
 use nalgebra::Vector3;
 
-use super::kinematics::{Machine, POLE};
 use super::path::Path;
 use crate::error::{Error, Result};
+use crate::machine::FiveAxis;
+use crate::machine::five_axis::POLE;
 
 /// How fast the path is travelled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,17 +56,17 @@ impl Feed {
         at_least_0("acceleration time, s", self.acceleration_time)?;
         at_least_0("dwell, s", self.dwell)?;
         if self.normal_acceleration.is_nan() || self.normal_acceleration <= 0.0 {
-            let wanted = "above 0, or infinite for no limit";
+            let expected = "above 0, or infinite for no limit";
             return Err(Error::input(
                 "normal acceleration, mm/s^2",
                 self.normal_acceleration,
-                wanted,
+                expected,
             ));
         }
         let limited = self.normal_acceleration.is_finite() || self.decelerate;
         if limited && self.acceleration_time == 0.0 {
-            let wanted = "above 0 where the feed has to change (deceleration, curvature limit)";
-            return Err(Error::input("acceleration time, s", 0.0, wanted));
+            let expected = "above 0 where the feed has to change (deceleration, curvature limit)";
+            return Err(Error::input("acceleration time, s", 0.0, expected));
         }
         Ok(())
     }
@@ -158,7 +159,7 @@ pub struct Reference {
     pub point: Vec<Vector3<f64>>,
     /// Unit tool axis O(k), part frame.
     pub tool: Vec<Vector3<f64>>,
-    /// Axis positions x, y, z (mm), a, c (rad) by the controller's inverse kinematics.
+    /// Axis positions x, y, z (mm) and rotary (rad) by the controller's inverse kinematics.
     pub axes: Vec<[f64; 5]>,
 }
 
@@ -168,12 +169,12 @@ impl Reference {
     /// Sample k is at S(kT); samples end before the end of the path is reached, unless the feed
     /// slows down to rest there: then the end is the last sample, repeated over the dwell.
     ///
-    /// Where the tool axis lies along the C axis, C is not determined: at the start it takes the
-    /// direction in which the tool axis leaves, later it is held.
+    /// Where the tool axis lies along the second rotary axis (C of a `trt-ca`), that is not determined:
+    /// at the start it takes the direction in which the tool axis leaves, later it is held.
     ///
     /// # Errors
     /// Feed or period that are not usable; fewer than 4 samples; a tool axis the machine cannot take.
-    pub fn new(path: &Path, feed: Feed, period: f64, machine: &Machine) -> Result<Self> {
+    pub fn new(path: &Path, feed: Feed, period: f64, machine: &FiveAxis) -> Result<Self> {
         feed.check()?;
         if !(period.is_finite() && period > 0.0) {
             return Err(Error::input("control period, s", period, "a finite number above 0"));
@@ -182,8 +183,8 @@ impl Reference {
         let moving = (end / period).ceil();
         let dwell = if feed.decelerate { (feed.dwell / period).ceil() + 1.0 } else { 0.0 };
         if !(4.0..=5e7).contains(&(moving + dwell)) {
-            let wanted = "4 to 5e7: change feed, period or path";
-            return Err(Error::input("reference samples", moving + dwell, wanted));
+            let expected = "4 to 5e7: change feed, period or path";
+            return Err(Error::input("reference samples", moving + dwell, expected));
         }
         let count = (moving + dwell) as usize;
         let mut out = Self {
@@ -195,7 +196,8 @@ impl Reference {
         };
         let mut phase = 0;
         let (_, u_end) = path.span();
-        let mut c = start_c(path, machine);
+        let free = 3 + machine.free_axis();
+        let mut near = start(path, machine);
         for k in 0..count {
             let t = k as f64 * period;
             while phase + 1 < phases.len() && phases[phase + 1].t <= t {
@@ -209,8 +211,8 @@ impl Reference {
             }
             let frame = path.frame(u);
             let tool = frame.tool();
-            let axes = machine.inverse(&frame.r, &tool, c)?;
-            c = axes[4];
+            let axes = machine.inverse(&frame.r, &tool, near)?;
+            near = axes[free];
             out.u.push(u);
             out.point.push(frame.r);
             out.tool.push(tool);
@@ -232,14 +234,15 @@ impl Reference {
     }
 }
 
-/// C at the start: of the tool axis, or of the direction in which it leaves the C axis.
-fn start_c(path: &Path, machine: &Machine) -> f64 {
+/// The free axis at the start: of the tool axis, or of the direction in which it leaves that axis.
+fn start(path: &Path, machine: &FiveAxis) -> f64 {
+    let free = machine.free_axis();
     let frame = path.frame(path.span().0);
     let (o, o1) = (frame.tool(), frame.tool_derivative());
-    if o.x.hypot(o.y) >= POLE || o1.x.hypot(o1.y) < POLE {
-        return machine.rotary(&o, 0.0).1;
+    if machine.off_pole(&o) >= POLE || machine.off_pole(&o1) < POLE {
+        return machine.rotary(&o, 0.0, true)[free];
     }
     // A little way off: for the nominal machine the direction is that of the derivative.
     let leaving = o + o1 * (1e-7 / o1.norm());
-    machine.rotary(&leaving.normalize(), 0.0).1
+    machine.rotary(&leaving.normalize(), 0.0, true)[free]
 }

@@ -7,13 +7,14 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, Vector3};
 
 use super::axis::Axis;
-use super::kinematics::Machine;
 use super::path::Path;
 use super::pid::Gains;
 use crate::error::{Error, Result};
+use crate::machine::FiveAxis;
+use crate::machine::five_axis::Configuration;
 
 /// Margins of one loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,38 +137,38 @@ fn bisect(mut a: f64, mut b: f64, property: impl Fn(f64) -> bool) -> f64 {
 }
 
 /// The path's geometry at one point, as the coupled loop sees it for small deviations.
-struct Frozen {
-    rotation: Matrix3<f64>,
-    by_a: Vector3<f64>,
-    by_c: Vector3<f64>,
+struct Frozen<'a> {
+    machine: Configuration<'a>,
+    /// How X, Y, Z follow the rotary axes, mm/rad.
+    rates: [Vector3<f64>; 2],
     tangent: Vector3<f64>,
     /// Rotary reference positions by arc length, rad/mm.
     turn: [f64; 2],
 }
 
-impl Frozen {
-    fn new(path: &Path, u: f64, machine: &Machine) -> Result<Self> {
+impl<'a> Frozen<'a> {
+    fn new(path: &Path, u: f64, machine: &'a FiveAxis) -> Result<Self> {
         let frame = path.frame(u);
         let tool = frame.tool();
         let q = machine.inverse(&frame.r, &tool, 0.0)?;
-        let table = machine.table(q[3], q[4]);
-        let (by_a, by_c) = table.rates(&Vector3::new(q[0], q[1], q[2]));
-        // da/ds and dc/ds from the tool axis, by the turns that the table's rotation needs: small
+        let here = machine.at(&[q[3], q[4]]);
+        let rates = here.rates(&Vector3::new(q[0], q[1], q[2]));
+        let near = q[3 + machine.free_axis()];
+        // The rotary axes by arc length from the tool axis, by the turns that the table's rotation needs: small
         // steps of the tool axis along the path, exact to the second order of the step.
         let speed = frame.r1.norm();
         let step = 1e-5;
         let at = |sign: f64| {
             let moved = (tool + frame.tool_derivative() * (sign * step / speed)).normalize();
-            machine.rotary(&moved, q[4])
+            machine.rotary(&moved, near, true)
         };
         let (plus, minus) = (at(1.0), at(-1.0));
-        let turn = [(plus.0 - minus.0) / (2.0 * step), (plus.1 - minus.1) / (2.0 * step)];
-        // Along the pole C is not determined: it is held there.
-        let at_pole = tool.x.hypot(tool.y) < 1e-4;
+        let turn = [0, 1].map(|i| (plus[i] - minus[i]) / (2.0 * step));
+        // Along the pole the free axis is not determined: it is held there.
+        let at_pole = machine.off_pole(&tool) < 1e-4;
         Ok(Self {
-            rotation: table.rotation,
-            by_a,
-            by_c,
+            machine: here,
+            rates,
             tangent: frame.r1 / speed,
             turn: if at_pole { [0.0, 0.0] } else { turn },
         })
@@ -175,12 +176,13 @@ impl Frozen {
 
     /// J⁻¹ ε for a deviation of the axes from the reference.
     fn axis_error(&self, y: &[f64]) -> [f64; 5] {
-        let machine = Vector3::new(y[0], y[1], y[2]) - self.by_a * y[3] - self.by_c * y[4];
-        let p = self.rotation.tr_mul(&machine);
+        let [first, second] = self.rates;
+        let linear = Vector3::new(y[0], y[1], y[2]) - first * y[3] - second * y[4];
+        let p = self.machine.part_displacement(&linear);
         let along = self.tangent.dot(&p);
         let e = self.tangent * along - p;
         let (a, c) = (self.turn[0] * along - y[3], self.turn[1] * along - y[4]);
-        let m = self.rotation * e + self.by_a * a + self.by_c * c;
+        let m = self.machine.linear_displacement(&e) + first * a + second * c;
         [m.x, m.y, m.z, a, c]
     }
 }
@@ -193,7 +195,7 @@ impl Frozen {
 pub fn pole_radius(
     path: &Path,
     u: f64,
-    machine: &Machine,
+    machine: &FiveAxis,
     axes: &[Axis; 5],
     gains: &[Gains; 5],
     period: f64,
@@ -252,7 +254,7 @@ pub fn pole_radius(
 pub fn coupled_gain_margin(
     path: &Path,
     u: f64,
-    machine: &Machine,
+    machine: &FiveAxis,
     axes: &[Axis; 5],
     gains: &[Gains; 5],
     period: f64,

@@ -11,7 +11,7 @@
 //! | room | term |
 //! |---|---|
 //! | [`path`] | R(u), O(u), arc length, eq. (8) |
-//! | [`kinematics`] | Q, O and J⁻¹ of the tilting rotary table, location errors, eq. (7) |
+//! | [`FiveAxis`](crate::machine::FiveAxis) | Q, O and J⁻¹ of the machine, location errors, eq. (7) |
 //! | [`interpolator`] | R(k), O(k), R_m(k) at a feed |
 //! | [`axis`] | K_v, τ, and what real axes add |
 //! | [`contour_error`] | K, eq. (1) |
@@ -21,7 +21,6 @@
 //! | [`simulation`] | the loop |
 //! | [`margins`] | how far from instability the coupled loop is |
 //! | [`batch`] | many simulations |
-//! | [`face`] | the same in the units of files and plots |
 //!
 //! # Slips of the paper
 //!
@@ -41,22 +40,19 @@
 pub mod axis;
 pub mod batch;
 pub mod contour_error;
-pub mod face;
 pub mod foot;
 pub mod interpolator;
-pub mod kinematics;
 pub mod margins;
 pub mod orientation_error;
 pub mod path;
 pub mod pid;
 pub mod simulation;
 
-pub use axis::{AXIS_FIELDS, Axis, Feedback, Friction, responses};
+pub use axis::{Axis, Feedback, Friction, responses};
 pub use batch::{Case, Figures, sweep};
 pub use contour_error::PositionModel;
 pub use interpolator::{Feed, Reference};
-pub use kinematics::Machine;
 pub use orientation_error::OrientationModel;
 pub use path::{Path, Piece};
 pub use pid::Gains;
-pub use simulation::{Coupling, Order, Simulation};
+pub use simulation::{Coupling, Order, Sample, Simulation, samples};

@@ -212,12 +212,12 @@ impl Path {
         let index = self.panels.partition_point(|p| p.s <= s).saturating_sub(1);
         let panel = self.panels[index];
         let piece = &self.pieces[panel.piece];
-        let wanted = s - panel.s;
+        let expected = s - panel.s;
         let span = panel.end - panel.start;
         let length = self.panels.get(index + 1).map_or(self.length, |next| next.s) - panel.s;
-        let mut u = panel.start + span * (wanted / length);
+        let mut u = panel.start + span * (expected / length);
         for _ in 0..30 {
-            let missing = wanted - gauss(piece, panel.start, u);
+            let missing = expected - gauss(piece, panel.start, u);
             let next = (u + missing / piece.speed(u)).clamp(panel.start, panel.end);
             let step = next - u;
             u = next;

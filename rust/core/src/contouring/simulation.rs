@@ -10,15 +10,13 @@ use super::axis::{Axis, Drive, Feedback};
 use super::contour_error::{PositionModel, circle_foot, tangent_foot};
 use super::foot::Foot;
 use super::interpolator::Reference;
-use super::kinematics::{Machine, Table};
 use super::orientation_error::{OrientationModel, angle_between, tangent_rotary, turned_tool};
 use super::path::Path;
 use super::pid::{Gains, Pid};
 use crate::error::{Error, Result};
+use crate::machine::FiveAxis;
+use crate::machine::five_axis::Configuration;
 use crate::machine::kinematics::wrap;
-
-/// Letters of the axes in the order of every array of five.
-pub const AXES: [char; 5] = ['X', 'Y', 'Z', 'A', 'C'];
 
 /// Order of the coupling controller and the inverse Jacobian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,7 +55,7 @@ pub struct Coupling {
 pub struct Target {
     /// Foot point K, part frame, mm.
     pub point: Vector3<f64>,
-    /// Rotary positions K_a, K_c, rad.
+    /// Rotary positions K_a, K_c (in the machine's order), rad.
     pub rotary: [f64; 2],
 }
 
@@ -65,14 +63,14 @@ pub struct Target {
 #[derive(Clone, Debug)]
 pub struct Estimator<'a> {
     reference: &'a Reference,
-    machine: &'a Machine,
+    machine: &'a FiveAxis,
     nearest: usize,
 }
 
 impl<'a> Estimator<'a> {
     /// Starts at the first sample. `machine`: the controller's kinematics.
     #[must_use]
-    pub fn new(reference: &'a Reference, machine: &'a Machine) -> Self {
+    pub fn new(reference: &'a Reference, machine: &'a FiveAxis) -> Self {
         Self { reference, machine, nearest: 1 }
     }
 
@@ -108,8 +106,7 @@ impl<'a> Estimator<'a> {
                 let ahead = (foot - point[j]).dot(&(point[j + 1] - point[j - 1])) > 0.0;
                 let n = if ahead { j + 1 } else { j - 1 };
                 let axis = turned_tool(&foot, (&point[j], &tool[j]), (&point[n], &tool[n]));
-                let (a, c) = self.machine.rotary(&axis, axes[j][4]);
-                [a, c]
+                self.machine.rotary(&axis, axes[j][3 + self.machine.free_axis()], true)
             }
             OrientationModel::Tangent => {
                 let (_, lag, h) = tangent();
@@ -125,14 +122,14 @@ impl<'a> Estimator<'a> {
 pub struct Simulation<'a> {
     /// Reference samples.
     pub reference: &'a Reference,
-    /// The five axes X, Y, Z, A, C.
+    /// The five axes: X, Y, Z and the rotary ones in the machine's order.
     pub axes: [Axis; 5],
     /// Where the loops are closed.
     pub feedback: Feedback,
     /// Cross-coupling, or None for independent axes.
     pub coupling: Option<Coupling>,
-    /// Kinematics that the controller believes in.
-    pub machine: &'a Machine,
+    /// Kinematics that the controller assumes.
+    pub machine: &'a FiveAxis,
 }
 
 /// Tool tip further from the reference than this counts as divergence, mm.
@@ -161,7 +158,7 @@ impl<'a> Loop<'a> {
         }
         let drive = |i: usize| {
             let start = reference.axes[0][i];
-            let (axis, name) = (&simulation.axes[i], AXES[i]);
+            let (axis, name) = (&simulation.axes[i], simulation.machine.letters()[i]);
             Drive::new(axis, name, reference.period, simulation.feedback, start)
         };
         Ok(Self {
@@ -206,14 +203,16 @@ impl<'a> Loop<'a> {
 
     fn couple(&mut self, coupling: &Coupling, y: &[f64; 5], command: &mut [f64; 5]) {
         let period = self.simulation.reference.period;
-        let table = self.simulation.machine.table(y[3], y[4]);
-        let machine_point = Vector3::new(y[0], y[1], y[2]);
-        let p = table.to_part(&machine_point);
+        let here = self.simulation.machine.at(&[y[3], y[4]]);
+        let linear = Vector3::new(y[0], y[1], y[2]);
+        let p = here.to_part(&linear);
         self.estimator.follow(self.k, &p);
         let target = self.estimator.target(self.k, &p, coupling.position, coupling.orientation);
         let e = target.point - p;
-        let error = [e.x, e.y, e.z, target.rotary[0] - y[3], wrap(target.rotary[1] - y[4])];
-        let (fed, added) = self.coupled(coupling, &table, &machine_point, &error, period);
+        let mut error = [e.x, e.y, e.z, target.rotary[0] - y[3], target.rotary[1] - y[4]];
+        let free = 3 + self.simulation.machine.free_axis();
+        error[free] = wrap(error[free]);
+        let (fed, added) = self.coupled(coupling, &here, &linear, &error, period);
         for (command, added) in command.iter_mut().zip(added) {
             *command += added;
         }
@@ -235,7 +234,7 @@ impl<'a> Loop<'a> {
     fn coupled(
         &mut self,
         coupling: &Coupling,
-        table: &Table,
+        here: &Configuration<'_>,
         at: &Vector3<f64>,
         error: &[f64; 5],
         period: f64,
@@ -249,14 +248,14 @@ impl<'a> Loop<'a> {
         };
         match coupling.order {
             Order::ControllerLast => {
-                let axis_error = table.inverse_jacobian(at, error);
+                let axis_error = here.inverse_jacobian(at, error);
                 (axis_error, control(&axis_error))
             }
-            Order::JacobianLast => (*error, table.inverse_jacobian(at, &control(error))),
+            Order::JacobianLast => (*error, here.inverse_jacobian(at, &control(error))),
             Order::AsPrinted => {
                 let [x, y, z, a, c] = control(error);
                 let mixed = [x, y, z, a * DRIVE_UNIT, c * DRIVE_UNIT];
-                let [x, y, z, ..] = table.inverse_jacobian(at, &mixed);
+                let [x, y, z, ..] = here.inverse_jacobian(at, &mixed);
                 (*error, [x, y, z, a, c])
             }
         }
@@ -266,7 +265,7 @@ impl<'a> Loop<'a> {
 /// Axis positions of a whole run, and where it broke off.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Load positions x, y, z (mm), a, c (rad) at each sample.
+    /// Load positions x, y, z (mm) and rotary (rad) at each sample.
     pub axes: Vec<[f64; 5]>,
     /// Positions that the five loops were told to go to: reference and coupling.
     pub commands: Vec<[f64; 5]>,
@@ -315,7 +314,7 @@ pub struct TrueError {
 pub fn true_errors<'a>(
     path: &'a Path,
     reference: &'a Reference,
-    machine: &'a Machine,
+    machine: &'a FiveAxis,
     axes: &'a [[f64; 5]],
 ) -> impl Iterator<Item = TrueError> + 'a {
     let start = reference.u.first().copied().unwrap_or(path.span().0);
@@ -337,7 +336,7 @@ pub fn true_errors<'a>(
 /// true state itself at the first two samples, where there is no model yet.
 pub fn estimates<'a>(
     reference: &'a Reference,
-    machine: &'a Machine,
+    machine: &'a FiveAxis,
     axes: &'a [[f64; 5]],
     position: PositionModel,
     orientation: OrientationModel,
@@ -354,12 +353,49 @@ pub fn estimates<'a>(
 }
 
 /// Error of the models: distance of the foot point from the true one (mm) and angle between the
-/// tool axis and the true one (rad) at sample k; zero at the first two samples.
+/// tool axis and the true one (rad).
 #[must_use]
-pub fn model_error(path: &Path, machine: &Machine, target: &Target, truth: &TrueError) -> [f64; 2] {
+pub fn model_error(
+    path: &Path,
+    machine: &FiveAxis,
+    target: &Target,
+    truth: &TrueError,
+) -> [f64; 2] {
     let frame = path.frame(truth.u);
-    let axis = machine.table(target.rotary[0], target.rotary[1]).tool();
+    let axis = machine.at(&target.rotary).tool();
     [(target.point - frame.r).norm(), angle_between(&axis, &frame.tool())]
+}
+
+/// True errors of one sample and what the error models miss of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// True errors.
+    pub truth: TrueError,
+    /// [`model_error`] of circle and proposed orientation model; zero at the first two samples.
+    pub proposed: [f64; 2],
+    /// Likewise of the tangent line.
+    pub tangent: [f64; 2],
+}
+
+/// The samples of a run: `machine` is the controller's, `real` the machine as it is.
+pub fn samples<'a>(
+    path: &'a Path,
+    reference: &'a Reference,
+    machine: &'a FiveAxis,
+    real: &'a FiveAxis,
+    axes: &'a [[f64; 5]],
+) -> impl Iterator<Item = Sample> + 'a {
+    let models = |position, orientation| estimates(reference, machine, axes, position, orientation);
+    let new = models(PositionModel::Circle, OrientationModel::Proposed);
+    let old = models(PositionModel::Tangent, OrientationModel::Tangent);
+    let truths = true_errors(path, reference, real, axes);
+    truths.zip(new).zip(old).enumerate().map(move |(k, ((truth, new), old))| {
+        let error = |target| match k {
+            0 | 1 => [0.0; 2],
+            _ => model_error(path, machine, target, &truth),
+        };
+        Sample { truth, proposed: error(&new), tangent: error(&old) }
+    })
 }
 
 #[cfg(test)]

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::mechanism::{Geometry, Parameter};
+use super::geometry::Geometry;
+use super::parameter::Parameter;
 use super::solution::Solution;
 use crate::{Error, Result};
 

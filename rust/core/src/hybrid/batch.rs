@@ -1,16 +1,15 @@
-//! Many poses at once, in the units of the face: mm and degrees for joints, µm and arcsec for
-//! errors. Rows are independent, so the numbers are the same on any number of threads.
+//! Many poses at once, in mm and rad. Rows are independent, so the numbers are the same on any number of threads.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::ballbar;
 use super::closure::Closure;
-use super::inverse::ToolPose;
-use super::mechanism::{Geometry, Mechanism, Parameter};
-use super::posture::{ACTIVE, PASSIVE};
+use super::geometry::Geometry;
+use super::mechanism::Mechanism;
+use super::parameter::{ACTIVE, PASSIVE, Parameter};
+use super::posture::ToolPose;
 use super::solution::Solution;
-use crate::units::{ARCSEC, DEG, UM};
 use crate::{Error, Result};
 
 /// A mechanism with errors and a closure, asked about many poses on the threads of the current
@@ -26,52 +25,16 @@ pub struct Batch<'a> {
 }
 
 /// Columns of a row of [`Batch::forward`]: tool point (3, mm), direction (3), passive joints
-/// (8, deg), residuals of loop 1 and loop 3 (gap 3, µm; y·z and y·x, arcsec), pivot ratio, steps.
+/// (8, rad), residuals of loop 1 and loop 3 (gap 3, mm; y·z and y·x, rad), pivot ratio, steps.
 pub const FORWARD_COLUMNS: usize = 3 + 3 + PASSIVE + 10 + 2;
-/// Rows of a sensitivity: tool point (3, µm), turn of the tool (3, arcsec), the serial part of
-/// both (3 + 3), passive joints (8, arcsec).
+/// Rows of a sensitivity: tool point (3, mm), turn of the tool (3, rad), the serial part of
+/// both (3 + 3), passive joints (8, rad).
 pub const SENSITIVITY_ROWS: usize = 3 + 3 + 3 + 3 + PASSIVE;
-
-/// Errors from the face's names and units.
-///
-/// # Errors
-/// An unknown name, or a value that is not finite.
-pub fn errors(named: &[(String, f64)]) -> Result<Vec<(Parameter, f64)>> {
-    named
-        .iter()
-        .map(|(name, value)| {
-            let parameter = Parameter::parse(name)?;
-            if !value.is_finite() {
-                return Err(Error::input(format!("error {name}"), value, "a finite number"));
-            }
-            Ok((parameter, value * parameter.unit().to_internal()))
-        })
-        .collect()
-}
-
-/// Nominal e1 to e17 from the face's units: mm, and degrees for e16 and e17.
-#[must_use]
-pub fn dimensions(face: [f64; super::ERRORS]) -> [f64; super::ERRORS] {
-    let mut inside = face;
-    inside[15] *= DEG;
-    inside[16] *= DEG;
-    inside
-}
-
-/// Joints from the face: L1, L2, L3 (mm), q4, q5 (deg).
-#[must_use]
-pub fn inside(joints: &[f64; ACTIVE]) -> [f64; ACTIVE] {
-    [joints[0], joints[1], joints[2], joints[3] * DEG, joints[4] * DEG]
-}
-
-fn outside(active: &[f64; ACTIVE]) -> [f64; ACTIVE] {
-    [active[0], active[1], active[2], active[3] / DEG, active[4] / DEG]
-}
 
 fn at_row(row: usize) -> impl Fn(Error) -> Error {
     move |error| match error {
-        Error::Input { what, got, wanted } => {
-            Error::Input { what: format!("row {row}: {what}"), got, wanted }
+        Error::Input { what, got, expected } => {
+            Error::Input { what: format!("row {row}: {what}"), got, expected }
         }
         Error::Kinematics(message) => Error::Kinematics(format!("row {row}: {message}")),
         other => other,
@@ -101,10 +64,10 @@ impl Batch<'_> {
 
     fn solve(&self, joints: &[f64], row: usize) -> Result<Solution> {
         let own = std::array::from_fn(|k| joints[ACTIVE * row + k]);
-        self.mechanism.solve(&self.geometry, &inside(&own), &self.closure)
+        self.mechanism.solve(&self.geometry, &own, &self.closure)
     }
 
-    /// Forward solutions at `joints` (n × 5: L1, L2, L3 in mm, q4, q5 in deg), n ×
+    /// Forward solutions at `joints` (n × 5: L1, L2, L3 in mm, q4, q5 in rad), n ×
     /// [`FORWARD_COLUMNS`].
     ///
     /// # Errors
@@ -117,8 +80,7 @@ impl Batch<'_> {
     }
 
     /// Forward solutions followed by the sensitivities to `parameters`: a row holds the columns of
-    /// [`Batch::forward`] and then [`SENSITIVITY_ROWS`] × k, each in the face's unit per the
-    /// parameter's face unit.
+    /// [`Batch::forward`] and then [`SENSITIVITY_ROWS`] × k.
     ///
     /// # Errors
     /// As [`Mechanism::solve`], with the row.
@@ -132,14 +94,9 @@ impl Batch<'_> {
             let differential = solution.differential(&self.geometry);
             for (column, parameter) in parameters.iter().enumerate() {
                 let sensitivity = differential.of(*parameter);
-                let unit = parameter.unit().to_internal();
-                let lengths = |i: usize| if i < 3 { unit / UM } else { unit / ARCSEC };
-                for i in 0..6 {
-                    rates[i * k + column] = sensitivity.tool[i] * lengths(i);
-                    rates[(6 + i) * k + column] = sensitivity.serial[i] * lengths(i);
-                }
-                for i in 0..PASSIVE {
-                    rates[(12 + i) * k + column] = sensitivity.passive[i] * (unit / ARCSEC);
+                let all = sensitivity.tool.iter().chain(&sensitivity.serial);
+                for (i, rate) in all.chain(&sensitivity.passive).enumerate() {
+                    rates[i * k + column] = *rate;
                 }
             }
             Ok(())
@@ -147,7 +104,7 @@ impl Batch<'_> {
     }
 
     /// First-order strain of the loops under `parameters`: n × 10 × k, rows as the residuals of
-    /// [`Batch::forward`] (µm, arcsec) per the parameter's face unit.
+    /// [`Batch::forward`].
     ///
     /// # Errors
     /// As [`Mechanism::solve`], with the row.
@@ -157,10 +114,9 @@ impl Batch<'_> {
             let solution = self.solve(joints, row)?;
             let differential = solution.differential(&self.geometry);
             for (column, parameter) in parameters.iter().enumerate() {
-                let unit = parameter.unit().to_internal();
-                let left = differential.strain(*parameter).map(|r| face_residual(&r));
+                let left = differential.strain(*parameter).map(|r| r.rows());
                 for (i, value) in left.iter().flatten().enumerate() {
-                    slot[i * k + column] = value * unit;
+                    slot[i * k + column] = *value;
                 }
             }
             Ok(())
@@ -168,8 +124,7 @@ impl Batch<'_> {
     }
 
     /// Ball-bar readings: for each row of `joints` (n × 5) and ball centre (n × 3, mm), the length
-    /// (mm), the direction from ball to tool point (3) and the gradient by `parameters` (k, µm per
-    /// face unit): n × (4 + k). The gradient by the centre is minus the direction.
+    /// (mm), the direction from ball to tool point (3) and the gradient by `parameters` (k): n × (4 + k). The gradient by the centre is minus the direction.
     ///
     /// # Errors
     /// As [`Mechanism::solve`] and [`ballbar::reading`], with the row.
@@ -187,15 +142,15 @@ impl Batch<'_> {
             slot[0] = reading.length;
             slot[1..4].copy_from_slice(reading.direction.as_slice());
             let gradient = ballbar::gradient(&self.geometry, &solution, &reading, parameters);
-            for ((value, parameter), cell) in gradient.zip(parameters).zip(&mut slot[4..]) {
-                *cell = value * (parameter.unit().to_internal() / UM);
+            for (value, cell) in gradient.zip(&mut slot[4..]) {
+                *cell = value;
             }
             Ok(())
         })
     }
 
     /// Commands for tool points (n × 3, mm) and directions (n × 3): n × 6, L1, L2, L3 (mm), q4, q5
-    /// (deg) and 1 where the nominal wrist is singular. `negative` takes the branch with q5 ≤ 0. On
+    /// (rad) and 1 where the nominal wrist is singular. `negative` takes the branch with q5 ≤ 0. On
     /// the nominal machine closed form, with `exact` Newton on the machine with errors.
     ///
     /// # Errors
@@ -204,7 +159,7 @@ impl Batch<'_> {
         &self,
         tips: &[f64],
         directions: &[f64],
-        reference_deg: f64,
+        reference: f64,
         negative: bool,
         exact: bool,
     ) -> Result<Vec<f64>> {
@@ -216,30 +171,25 @@ impl Batch<'_> {
                 direction: Vector3::from_column_slice(&directions[3 * row..3 * row + 3]),
             };
             let mechanism = if exact { &start } else { self.mechanism };
-            let nominal = mechanism.nominal_inverse(&pose, reference_deg * DEG)?;
+            let nominal = mechanism.nominal_inverse(&pose, reference)?;
             let mut active = nominal.active[usize::from(negative)];
             if exact {
                 let solution =
                     self.mechanism.inverse(&self.geometry, &pose, &active, &self.closure)?;
                 active = solution.joints.active;
             }
-            slot[..ACTIVE].copy_from_slice(&outside(&active));
+            slot[..ACTIVE].copy_from_slice(&active);
             slot[ACTIVE] = f64::from(u8::from(nominal.singular));
             Ok(())
         })
     }
 }
 
-fn same_rows(what: &str, got: usize, wanted: usize) -> Result<()> {
-    if got == wanted {
+fn same_rows(what: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
         return Ok(());
     }
-    Err(Error::input(format!("rows of {what}"), got, wanted.to_string()))
-}
-
-fn face_residual(residual: &super::Residual) -> [f64; 5] {
-    let [x, y, z] = residual.gap.map(|gap| gap / UM);
-    [x, y, z, residual.along / ARCSEC, residual.about / ARCSEC]
+    Err(Error::input(format!("rows of {what}"), got, expected.to_string()))
 }
 
 fn fill_forward(solution: &Solution, slot: &mut [f64]) {
@@ -247,9 +197,9 @@ fn fill_forward(solution: &Solution, slot: &mut [f64]) {
     slot[..3].copy_from_slice(posture.tip().as_slice());
     slot[3..6].copy_from_slice(posture.direction().as_slice());
     for (cell, angle) in slot[6..14].iter_mut().zip(solution.joints.passive) {
-        *cell = angle / DEG;
+        *cell = angle;
     }
-    let residuals = solution.residuals().map(|r| face_residual(&r));
+    let residuals = solution.residuals().map(|r| r.rows());
     for (cell, value) in slot[14..24].iter_mut().zip(residuals.iter().flatten()) {
         *cell = *value;
     }

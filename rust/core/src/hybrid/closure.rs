@@ -1,4 +1,4 @@
-//! The ten closure equations of the two loops, and which of them are believed.
+//! The ten closure equations of the two loops, and which of them count.
 //!
 //! Eliminating the outer platform revolutes from the twelve equations of the loops leaves ten for
 //! the eight passive joints: at legs 1 and 3 the seat C meets the leg's end T, C − T = 0 (mm), and
@@ -9,7 +9,8 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::posture::{PASSIVE, Posture, Reach, Twist};
+use super::parameter::PASSIVE;
+use super::posture::{Posture, Reach, Twist};
 use crate::{Error, Result};
 
 /// Number of equations.
@@ -165,7 +166,8 @@ impl Residual {
         }
     }
 
-    fn rows(&self) -> [f64; 5] {
+    /// Gap (3), y_P·z, y_P·x.
+    pub(super) fn rows(&self) -> [f64; 5] {
         [self.gap[0], self.gap[1], self.gap[2], self.along, self.about]
     }
 }

@@ -2,7 +2,8 @@
 
 use nalgebra::{SMatrix, Vector3};
 
-use super::posture::{ACTIVE, LOOP_LEGS, PASSIVE, Posture, Reach, Twist};
+use super::parameter::{ACTIVE, PASSIVE};
+use super::posture::{LOOP_LEGS, Posture, Reach, Twist};
 use super::solution::Solution;
 
 /// Equations of two loops: position and orientation of each.

@@ -4,9 +4,10 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::closure::Closure;
-use super::mechanism::{Geometry, Mechanism, NO_CLOSED_FORM, Parameter};
-use super::posture::{ACTIVE, PASSIVE};
-use super::solution::Solution;
+use super::geometry::Geometry;
+use super::parameter::{ACTIVE, ERRORS, NO_CLOSED_FORM, PASSIVE, Parameter};
+use super::posture::ToolPose;
+use super::solution::{Home, Solution};
 use crate::pose::rotation_xyz;
 use crate::{Error, Result};
 
@@ -15,16 +16,7 @@ const WRIST_SINGULAR: f64 = 1e-9;
 /// Lever (mm) that weighs directions against points.
 const LEVER_MM: f64 = 250.0;
 /// Newton has arrived, mm.
-const CLOSE_MM: f64 = 1e-10;
-
-/// Where the tool shall be.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ToolPose {
-    /// Tool point, mm.
-    pub tip: Vector3<f64>,
-    /// Unit vector from the spindle to the tool point; (0, 0, −1) is a vertical tool.
-    pub direction: Vector3<f64>,
-}
+const TOLERANCE_MM: f64 = 1e-10;
 
 /// Sign of q5.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -65,135 +57,126 @@ fn unit(direction: &Vector3<f64>) -> Result<Vector3<f64>> {
     Err(Error::input("length of the tool direction", norm, "1 within 1e-6"))
 }
 
-impl Mechanism {
-    /// Closed-form inverse: needs e1 = e2 = e3 = e14 = 0 in the dimensions. q4 keeps `reference`
-    /// (rad) where the tool lies on its axis.
-    ///
-    /// # Errors
-    /// Dimensions that have no closed form; a direction that is not a unit vector (1e-6); a tool
-    /// point above the base or on the singular lines of the legs.
-    pub fn nominal_inverse(&self, pose: &ToolPose, reference: f64) -> Result<NominalInverse> {
-        let e = self.dimensions();
-        if let Some(i) = NO_CLOSED_FORM.into_iter().find(|&i| e[i] != 0.0) {
-            return Err(Error::input(
-                format!("dimension e{} (mm) of the closed-form inverse", i + 1),
-                e[i],
-                "0; use the inverse by Newton's method",
-            ));
-        }
-        let t = unit(&pose.direction)?;
-        if !pose.tip.iter().all(|v| v.is_finite()) {
-            let [x, y, z]: [f64; 3] = pose.tip.into();
-            return Err(Error::input("tool point (mm)", format!("({x}, {y}, {z})"), "finite"));
-        }
-        let (a2, wrist) = (Vector3::new(0.0, e[3], 0.0), pose.tip - t * e[14]);
-        if wrist.z.is_nan() || wrist.z >= 0.0 {
-            return Err(Error::Kinematics(format!(
-                "tool point at z = {:.3} mm puts the wrist at z = {:.3} mm; wanted below the base \
-                 (z < 0), where the legs reach",
-                pose.tip.z, wrist.z
-            )));
-        }
-        // Legs 1 and 3 and the wrist lie in one plane through the line A1 A3: turned by u.
-        let u = wrist.y.atan2(-wrist.z);
-        let frame_u = rotation_xyz(u, 0.0, 0.0);
-        // x_P is square to leg 2.
-        let depth = frame_u.column(2).dot(&(wrist - a2));
-        if depth.is_nan() || depth >= 0.0 {
-            return Err(Error::Kinematics(format!(
-                "leg 2 would have to point upwards ({depth:.3} mm along the plane of legs 1 and 3); \
-                 wanted a tool point farther below the base"
-            )));
-        }
-        let psi = (wrist.x / depth).atan();
-        let platform = frame_u * rotation_xyz(0.0, psi, 0.0);
-        let centre = wrist + platform.column(2) * e[12];
-        let seats = [
-            centre - platform.column(0) * e[8],
-            centre + platform * Vector3::new(0.0, e[9], e[11]),
-            centre + platform.column(0) * e[10],
-        ];
-        let bases = [Vector3::new(-e[7], 0.0, 0.0), a2, Vector3::new(e[7], 0.0, 0.0)];
-        let mut passive = [0.0; PASSIVE];
-        let mut legs = [0.0; 3];
-        for leg in 0..3 {
-            let along: Vector3<f64> = bases[leg] - seats[leg];
-            legs[leg] = along.norm();
-            let z = along / legs[leg];
-            // z = Rx(u) Ry(v) ẑ = (sin v, −sin u cos v, cos u cos v)
-            let at = [0, 2, 6][leg];
-            passive[at] = (-z.y).atan2(z.z);
-            passive[at + 1] = z.x.asin();
-        }
-        // R2ᵀ R_P = Rz(φ) Rx(w2)
-        let leg2: Matrix3<f64> =
-            rotation_xyz(passive[2], 0.0, 0.0) * rotation_xyz(0.0, passive[3], 0.0);
-        let turn = leg2.tr_mul(&platform);
-        passive[4] = turn[(1, 0)].atan2(turn[(0, 0)]);
-        passive[5] = turn[(2, 1)].atan2(turn[(2, 2)]);
-        let tool = platform.tr_mul(&t);
-        let across = tool.x.hypot(tool.y);
-        let singular = across < WRIST_SINGULAR;
-        let q5 = across.atan2(-tool.z);
-        let q4 = |sign: f64| match singular {
-            true => reference,
-            false => (-sign * tool.x).atan2(sign * tool.y),
-        };
-        let active = [1.0, -1.0].map(|sign| {
-            [legs[0] - e[4], legs[1] - e[5], legs[2] - e[6], q4(sign) - e[15], sign * q5 - e[16]]
-        });
-        Ok(NominalInverse { active, passive, singular })
+/// See [`super::Mechanism::nominal_inverse`].
+pub(super) fn nominal_inverse(
+    e: &[f64; ERRORS],
+    pose: &ToolPose,
+    reference: f64,
+) -> Result<NominalInverse> {
+    if let Some(i) = NO_CLOSED_FORM.into_iter().find(|&i| e[i] != 0.0) {
+        return Err(Error::input(
+            format!("dimension e{} (mm) of the closed-form inverse", i + 1),
+            e[i],
+            "0; use the inverse by Newton's method",
+        ));
     }
-
-    /// Commands that bring the tool to `pose` on the machine with errors, from commands nearby (the
-    /// nominal inverse): exact compensation by Newton's method on all five axes.
-    ///
-    /// # Errors
-    /// As [`Mechanism::solve`]; a direction that is not a unit vector; a wrist so close to the tool
-    /// axis that the direction cannot be reached by small turns.
-    pub fn inverse(
-        &self,
-        geometry: &Geometry,
-        pose: &ToolPose,
-        start: &[f64; ACTIVE],
-        closure: &Closure,
-    ) -> Result<Solution> {
-        let target = unit(&pose.direction)?;
-        let mut active = *start;
-        let mut last = f64::INFINITY;
-        for _ in 0..30 {
-            let solution = self.solve(geometry, &active, closure)?;
-            let miss = Self::miss(&solution, &pose.tip, &target);
-            let size = miss.norm();
-            // Converged, or resting on rounding.
-            if size < CLOSE_MM || (size < 1e-8 && size > 0.5 * last) {
-                return Ok(solution);
-            }
-            last = size;
-            let jacobian = tool_jacobian(geometry, &solution);
-            let step = jacobian
-                .svd(true, true)
-                .solve(&miss, 1e-9 * LEVER_MM)
-                .map_err(|error| Error::Kinematics(error.to_owned()))?;
-            for k in 0..ACTIVE {
-                let most = if k < 3 { 200.0 } else { 0.5 };
-                active[k] += step[k].clamp(-most, most);
-            }
-        }
+    let t = unit(&pose.direction)?;
+    if !pose.tip.iter().all(|v| v.is_finite()) {
         let [x, y, z]: [f64; 3] = pose.tip.into();
-        Err(Error::Kinematics(format!(
-            "no commands bring the tool to ({x:.3}, {y:.3}, {z:.3}) mm in the wanted direction: \
-             {last:.1e} mm left; the tool lies on the q4 axis, or the start is too far away"
-        )))
+        return Err(Error::input("tool point (mm)", format!("({x}, {y}, {z})"), "finite"));
     }
+    let (a2, wrist) = (Vector3::new(0.0, e[3], 0.0), pose.tip - t * e[14]);
+    if wrist.z.is_nan() || wrist.z >= 0.0 {
+        return Err(Error::Kinematics(format!(
+            "tool point at z = {:.3} mm puts the wrist at z = {:.3} mm; expected below the base \
+             (z < 0), where the legs reach",
+            pose.tip.z, wrist.z
+        )));
+    }
+    // Legs 1 and 3 and the wrist lie in one plane through the line A1 A3: turned by u.
+    let u = wrist.y.atan2(-wrist.z);
+    let frame_u = rotation_xyz(u, 0.0, 0.0);
+    // x_P is square to leg 2.
+    let depth = frame_u.column(2).dot(&(wrist - a2));
+    if depth.is_nan() || depth >= 0.0 {
+        return Err(Error::Kinematics(format!(
+            "leg 2 would have to point upwards ({depth:.3} mm along the plane of legs 1 and 3); \
+             expected a tool point farther below the base"
+        )));
+    }
+    let psi = (wrist.x / depth).atan();
+    let platform = frame_u * rotation_xyz(0.0, psi, 0.0);
+    let centre = wrist + platform.column(2) * e[12];
+    let seats = [
+        centre - platform.column(0) * e[8],
+        centre + platform * Vector3::new(0.0, e[9], e[11]),
+        centre + platform.column(0) * e[10],
+    ];
+    let bases = [Vector3::new(-e[7], 0.0, 0.0), a2, Vector3::new(e[7], 0.0, 0.0)];
+    let mut passive = [0.0; PASSIVE];
+    let mut legs = [0.0; 3];
+    for leg in 0..3 {
+        let along: Vector3<f64> = bases[leg] - seats[leg];
+        legs[leg] = along.norm();
+        let z = along / legs[leg];
+        // z = Rx(u) Ry(v) ẑ = (sin v, −sin u cos v, cos u cos v)
+        let at = [0, 2, 6][leg];
+        passive[at] = (-z.y).atan2(z.z);
+        passive[at + 1] = z.x.asin();
+    }
+    // R2ᵀ R_P = Rz(φ) Rx(w2)
+    let leg2: Matrix3<f64> =
+        rotation_xyz(passive[2], 0.0, 0.0) * rotation_xyz(0.0, passive[3], 0.0);
+    let turn = leg2.tr_mul(&platform);
+    passive[4] = turn[(1, 0)].atan2(turn[(0, 0)]);
+    passive[5] = turn[(2, 1)].atan2(turn[(2, 2)]);
+    let tool = platform.tr_mul(&t);
+    let across = tool.x.hypot(tool.y);
+    let singular = across < WRIST_SINGULAR;
+    let q5 = across.atan2(-tool.z);
+    let q4 = |sign: f64| match singular {
+        true => reference,
+        false => (-sign * tool.x).atan2(sign * tool.y),
+    };
+    let active = [1.0, -1.0].map(|sign| {
+        [legs[0] - e[4], legs[1] - e[5], legs[2] - e[6], q4(sign) - e[15], sign * q5 - e[16]]
+    });
+    Ok(NominalInverse { active, passive, singular })
+}
 
-    fn miss(solution: &Solution, tip: &Vector3<f64>, target: &Vector3<f64>) -> SVector<f64, 6> {
-        let mut miss = SVector::<f64, 6>::zeros();
-        miss.fixed_rows_mut::<3>(0).copy_from(&(tip - solution.posture.tip()));
-        let turn = (target - solution.posture.direction()) * LEVER_MM;
-        miss.fixed_rows_mut::<3>(3).copy_from(&turn);
-        miss
+/// See [`super::Mechanism::inverse`].
+pub(super) fn inverse(
+    home: &Home,
+    geometry: &Geometry,
+    pose: &ToolPose,
+    start: &[f64; ACTIVE],
+    closure: &Closure,
+) -> Result<Solution> {
+    let target = unit(&pose.direction)?;
+    let mut active = *start;
+    let mut last = f64::INFINITY;
+    for _ in 0..30 {
+        let solution = home.solve(geometry, &active, closure)?;
+        let miss = miss(&solution, &pose.tip, &target);
+        let size = miss.norm();
+        // Converged, or resting on rounding.
+        if size < TOLERANCE_MM || (size < 1e-8 && size > 0.5 * last) {
+            return Ok(solution);
+        }
+        last = size;
+        let jacobian = tool_jacobian(geometry, &solution);
+        let step = jacobian
+            .svd(true, true)
+            .solve(&miss, 1e-9 * LEVER_MM)
+            .map_err(|error| Error::Kinematics(error.to_owned()))?;
+        for k in 0..ACTIVE {
+            let most = if k < 3 { 200.0 } else { 0.5 };
+            active[k] += step[k].clamp(-most, most);
+        }
     }
+    let [x, y, z]: [f64; 3] = pose.tip.into();
+    Err(Error::Kinematics(format!(
+        "no commands bring the tool to ({x:.3}, {y:.3}, {z:.3}) mm in the given direction: \
+         {last:.1e} mm left; the tool lies on the q4 axis, or the start is too far away"
+    )))
+}
+
+fn miss(solution: &Solution, tip: &Vector3<f64>, target: &Vector3<f64>) -> SVector<f64, 6> {
+    let mut miss = SVector::<f64, 6>::zeros();
+    miss.fixed_rows_mut::<3>(0).copy_from(&(tip - solution.posture.tip()));
+    let turn = (target - solution.posture.direction()) * LEVER_MM;
+    miss.fixed_rows_mut::<3>(3).copy_from(&turn);
+    miss
 }
 
 /// d(tip, lever × direction) / d(L1, L2, L3, q4, q5).

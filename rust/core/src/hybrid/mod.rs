@@ -13,29 +13,35 @@
 //!
 //! | file | what it knows |
 //! |---|---|
-//! | `mechanism` | dimensions, places, error parameters, names and units |
+//! | `parameter` | places, error parameters, names and units |
+//! | `geometry` | the errors as displacements at the places |
 //! | `posture` | frames and twists at given joints: the only kinematics there is |
 //! | `closure` | the ten equations, their weights, their derivatives |
 //! | `solution` | Newton from the home posture, branch and reach, sensitivities |
 //! | `inverse` | closed form of the nominal machine; Newton for the machine with errors |
 //! | `constraint` | the 12 × 13 Jacobian: rank, self-stress; residual strain |
+//! | `mechanism` | dimensions and home: the three above for one machine |
 //! | `ballbar` | length to an unknown centre and its gradient |
-//! | `batch` | all of it over many poses, in the units of the face, on many cores |
+//! | `batch` | all of it over many poses, on many cores |
 
 pub mod ballbar;
 pub mod batch;
 pub mod closure;
 pub mod constraint;
+pub mod geometry;
 pub mod inverse;
 pub mod mechanism;
+pub mod parameter;
 pub mod posture;
 pub mod solution;
 
 pub use closure::{Closure, Residual};
 pub use constraint::Constraint;
-pub use inverse::{Branch, ToolPose};
-pub use mechanism::{ERRORS, Errors, Mechanism, Parameter, Place};
-pub use posture::{ACTIVE, Joints, PASSIVE, Posture};
+pub use geometry::Geometry;
+pub use inverse::Branch;
+pub use mechanism::Mechanism;
+pub use parameter::{ACTIVE, ERRORS, Errors, PASSIVE, Parameter, Place};
+pub use posture::{Joints, Posture, ToolPose};
 pub use solution::{Sensitivity, Solution};
 
 #[cfg(test)]

@@ -3,14 +3,10 @@
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use super::mechanism::{Geometry, PLACES, Parameter, Place, Source};
+use super::geometry::Geometry;
+use super::parameter::{ACTIVE, PASSIVE, PLACES, Parameter, Place, Source};
 use crate::machine::Component;
 use crate::pose::{Direction, Pose};
-
-/// Active joints: L1, L2, L3 (mm), q4, q5 (rad).
-pub const ACTIVE: usize = 5;
-/// Passive joints: u1, v1, u2, v2, φ, w2, u3, v3 (rad).
-pub const PASSIVE: usize = 8;
 
 /// All joints that define a posture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +15,15 @@ pub struct Joints {
     pub passive: [f64; PASSIVE],
     /// Commanded L1, L2, L3 (mm), q4, q5 (rad); zero offsets are added by the geometry.
     pub active: [f64; ACTIVE],
+}
+
+/// Where the tool shall be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolPose {
+    /// Tool point, mm.
+    pub tip: Vector3<f64>,
+    /// Unit vector from the spindle to the tool point; (0, 0, −1) is a vertical tool.
+    pub direction: Vector3<f64>,
 }
 
 /// Velocity field of a rigid body: v(p) = shift + turn × p.

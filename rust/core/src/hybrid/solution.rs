@@ -3,8 +3,9 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::closure::{Closure, EQUATIONS, Equations, Loops, Residual};
-use super::mechanism::{ERRORS, Geometry, Mechanism, Parameter};
-use super::posture::{ACTIVE, Joints, PASSIVE, Posture};
+use super::geometry::Geometry;
+use super::parameter::{ACTIVE, ERRORS, PASSIVE, Parameter};
+use super::posture::{Joints, Posture};
 use crate::{Error, Result};
 
 type Jacobian = SMatrix<f64, EQUATIONS, PASSIVE>;
@@ -80,16 +81,16 @@ impl Factors {
     }
 }
 
-/// Newton steps before it is given up; from home a pose of the working space takes 5 or 6.
-const STEPS: usize = 20;
+/// Newton steps before giving up; from home a pose of the working space takes 5 or 6.
+const MAX_STEPS: usize = 20;
 /// A step of this size (rad) is the last: the next one would be its square, below rounding.
-const LAST_STEP: f64 = 1e-9;
+const TOLERANCE_RAD: f64 = 1e-9;
 /// A larger step (rad) may have left the branch: the way there is then followed instead.
-const LONG_STEP: f64 = 0.7;
+const MAX_STEP_RAD: f64 = 0.7;
 /// Of the smallest to the largest diagonal element of R: below, the loops do not determine Y.
-const SINGULAR: f64 = 1e-7;
+const MIN_PIVOT_RATIO: f64 = 1e-7;
 /// Shortest fraction of the way from home that is still tried.
-const SHORTEST: f64 = 1e-4;
+const MIN_STRIDE: f64 = 1e-4;
 
 /// A posture whose loops are closed.
 #[derive(Clone, Debug)]
@@ -118,7 +119,7 @@ pub struct Sensitivity {
 }
 
 enum Failure {
-    /// Not there after [`STEPS`], or a step too long.
+    /// Not there after [`MAX_STEPS`], or a step too long.
     Lost,
     Singular,
 }
@@ -137,7 +138,7 @@ fn newton(
         let jacobian = closure.jacobian(&posture);
         let factors = Factors::new(&jacobian);
         let ratio = factors.pivot_ratio();
-        if ratio.is_nan() || ratio <= SINGULAR {
+        if ratio.is_nan() || ratio <= MIN_PIVOT_RATIO {
             return Err(Failure::Singular);
         }
         if last {
@@ -146,27 +147,54 @@ fn newton(
         }
         let change = factors.solve(&closure.equations(&posture));
         let size = change.amax();
-        if size.is_nan() || size >= LONG_STEP {
+        if size.is_nan() || size >= MAX_STEP_RAD {
             return Err(Failure::Lost);
         }
         for (angle, delta) in joints.passive.iter_mut().zip(change.iter()) {
             *angle -= delta;
         }
-        last = size < LAST_STEP;
+        last = size < TOLERANCE_RAD;
     }
     Err(Failure::Lost)
 }
 
-impl Mechanism {
-    /// The posture at commanded legs and wrist with the loops closed in the weighted sense of
-    /// `closure`, on the branch of the home posture.
-    ///
-    /// Newton goes straight from home. Where that does not arrive in short steps, the way from
-    /// home (leg lengths in proportion) is followed in steps that are halved as need be.
-    ///
-    /// # Errors
-    /// Commands that are not finite or legs not above zero; leg lengths out of reach; a posture
-    /// that belongs to another branch; a singular posture.
+/// The posture from which the branch of the machine is followed.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Home {
+    /// Passive joints, rad.
+    pub passive: [f64; PASSIVE],
+    /// Leg lengths, mm.
+    pub legs: [f64; 3],
+    /// Sign of the determinant for each choice of eight equations.
+    sides: [[f64; 2]; 2],
+}
+
+impl Home {
+    /// A posture at which the loops of the nominal machine close.
+    pub fn new(geometry: &Geometry, passive: [f64; PASSIVE], legs: [f64; 3]) -> Self {
+        let [l1, l2, l3] = legs;
+        let joints = Joints { passive, active: [l1, l2, l3, 0.0, 0.0] };
+        let posture = Posture::new(geometry, &joints);
+        let sides = [3, 4].map(|first| {
+            [3, 4].map(|second| {
+                let weight = |row: usize, kept: usize| if row == kept { 1000.0 } else { 0.0 };
+                let closure = Closure {
+                    along_mm: [weight(3, first), weight(3, second)],
+                    about_mm: [weight(4, first), weight(4, second)],
+                };
+                side(&closure.jacobian(&posture), &closure)
+            })
+        });
+        Self { passive, legs, sides }
+    }
+
+    /// Which side of the singular postures home is on, under this closure.
+    fn side(&self, closure: &Closure) -> f64 {
+        let [first, second] = closure.kept();
+        self.sides[first - 3][second - 3]
+    }
+
+    /// See [`super::Mechanism::solve`].
     pub fn solve(
         &self,
         geometry: &Geometry,
@@ -174,21 +202,16 @@ impl Mechanism {
         closure: &Closure,
     ) -> Result<Solution> {
         check_active(active)?;
-        let direct = newton(geometry, closure, self.home(), active, STEPS);
+        let direct = newton(geometry, closure, &self.passive, active, MAX_STEPS);
         match direct {
-            Ok(solution) if solution.side == self.home_side(closure) => Ok(solution),
+            Ok(solution) if solution.side == self.side(closure) => Ok(solution),
             Ok(other) => self.follow(geometry, active, closure, Some(&other)),
             Err(Failure::Singular | Failure::Lost) => self.follow(geometry, active, closure, None),
         }
     }
 
-    /// Passive joints of the nominal machine at these commands, default closure.
-    pub(super) fn solve_nominal(&self, active: &[f64; ACTIVE]) -> Result<[f64; PASSIVE]> {
-        let solution = self.follow(&self.with(&[]), active, &Closure::default(), None)?;
-        Ok(solution.joints.passive)
-    }
-
-    fn follow(
+    /// Along the way from home, leg lengths in proportion.
+    pub fn follow(
         &self,
         geometry: &Geometry,
         active: &[f64; ACTIVE],
@@ -197,18 +220,19 @@ impl Mechanism {
     ) -> Result<Solution> {
         let at = |fraction: f64| {
             let mut way = *active;
-            for (leg, home) in self.home_legs().iter().enumerate() {
+            for (leg, home) in self.legs.iter().enumerate() {
                 way[leg] = home + fraction * (active[leg] - home);
             }
             way
         };
-        let mut here = newton(geometry, closure, self.home(), &at(0.0), STEPS).map_err(|_| {
-            Error::Kinematics(
-                "the loops do not close even at the home posture with these errors; wanted errors \
+        let mut here =
+            newton(geometry, closure, &self.passive, &at(0.0), MAX_STEPS).map_err(|_| {
+                Error::Kinematics(
+                "the loops do not close even at the home posture with these errors; expected errors \
                  that are small beside the dimensions"
                     .to_owned(),
             )
-        })?;
+            })?;
         let mut steps = here.steps;
         let (mut done, mut stride) = (0.0, 0.25);
         let mut ratio = here.pivot_ratio();
@@ -224,7 +248,7 @@ impl Mechanism {
                 }
                 _ => stride *= 0.5,
             }
-            if stride < SHORTEST {
+            if stride < MIN_STRIDE {
                 return Err(unreachable_legs(active, done, ratio, elsewhere));
             }
         }
@@ -235,7 +259,7 @@ impl Mechanism {
 
 /// Sign of the determinant of the square part of the closure: y_P·z at both legs, as in the
 /// paper, or y_P·x where the former is dropped. It can only change at a singular posture.
-pub(super) fn side(all: &Jacobian, closure: &Closure) -> f64 {
+fn side(all: &Jacobian, closure: &Closure) -> f64 {
     let [first, second] = closure.kept();
     let mut square = SMatrix::<f64, PASSIVE, PASSIVE>::zeros();
     for (row, from) in [0, 1, 2, first, 5, 6, 7, 5 + second].into_iter().enumerate() {
@@ -278,7 +302,7 @@ fn unreachable_legs(
                 100.0 * done
             )
         }
-        None if done > 1.0 - 10.0 * SHORTEST => format!(
+        None if done > 1.0 - 10.0 * MIN_STRIDE => format!(
             "leg lengths {legs} are a singular posture: the loops no longer hold the platform \
              (pivot ratio {ratio:.1e})"
         ),

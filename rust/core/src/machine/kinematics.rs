@@ -7,7 +7,8 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::posture::linear;
-use super::{MAX_ROTARY, Machine, Places, Posture, Side};
+use super::{FiveAxis, MAX_ROTARY, Machine, Places, Posture, Side};
+use crate::pose::nearest;
 use crate::{Error, Result};
 
 /// Most axes: three linear ones and the rotary ones.
@@ -44,13 +45,6 @@ pub struct Branches {
 /// Tools closer than this to the singular direction count as singular, rad: below it the position
 /// of the free axis is rounding noise.
 pub const SINGULAR_RAD: f64 = 1e-9;
-
-/// How the direction of the tool depends on the rotary axes: turned first about `first`, then
-/// about `second`, by sign · position.
-struct DirectionChain {
-    first: (usize, Vector3<f64>),
-    second: (usize, Vector3<f64>),
-}
 
 impl Machine {
     /// Tool point and direction for axis positions, with errors at `places`.
@@ -96,9 +90,9 @@ impl Machine {
                 }
                 Side::Tool => {
                     let nominal_joint = &nominal.joints[axis];
-                    let believed = nominal_joint.turn.cross(&nominal.tool);
+                    let assumed = nominal_joint.turn.cross(&nominal.tool);
                     let real = joint.turn.cross(&(posture.tool - joint.origin));
-                    (real + linear(places) * believed, joint.turn.cross(&spindle))
+                    (real + linear(places) * assumed, joint.turn.cross(&spindle))
                 }
             };
             jacobian.fixed_view_mut::<3, 1>(0, 3 + axis).copy_from(&(to_work * point));
@@ -132,30 +126,6 @@ impl Machine {
         Ok(recorded - posture.head_nominal)
     }
 
-    fn direction_chain(&self) -> Result<DirectionChain> {
-        let axes = self.rotary();
-        let tool = (0..axes.len()).rev().filter(|&i| axes[i].side == Side::Tool);
-        let table = (0..axes.len()).filter(|&i| axes[i].side == Side::Workpiece);
-        let signed = |i: usize| {
-            let unit = axes[i].direction.unit();
-            (i, if axes[i].side == Side::Tool { unit } else { -unit })
-        };
-        // From the spindle outwards: the spindle's direction meets the head's last axis first, and
-        // on the table's side the axis next to the bed.
-        let order: Vec<_> = tool.chain(table).map(signed).collect();
-        match order[..] {
-            [first, second] if first.1.z == 0.0 => Ok(DirectionChain { first, second }),
-            _ => {
-                let letters: Vec<String> = axes.iter().map(|a| a.letter().to_string()).collect();
-                Err(Error::Kinematics(format!(
-                    "inverse kinematics: got rotary axes {}, wanted two, the one nearer to the \
-                     spindle not parallel to it",
-                    letters.join(", ")
-                )))
-            }
-        }
-    }
-
     /// Axis positions of the nominal machine for a tool pose: both branches, rotary positions in
     /// (−π, π]. Where the tool is parallel to the second rotary axis (A = 0 on a `trt-ca`), that
     /// axis keeps its position in `reference` and `singular` is set.
@@ -164,43 +134,25 @@ impl Machine {
     /// Another number of rotary axes than two, a direction that the machine cannot take, or one
     /// that is not a unit vector (1e-6).
     pub fn inverse(&self, tool: &Tool, reference: &[f64]) -> Result<Branches> {
-        let chain = self.direction_chain()?;
+        let resolved = FiveAxis::new(self, &Places::default())?;
         let norm = tool.direction.norm();
         if norm.is_nan() || (norm - 1.0).abs() > 1e-6 {
             return Err(Error::input("length of the tool direction", norm, "1 within 1e-6"));
         }
         let direction = tool.direction / norm;
-        let (i, first) = chain.first;
-        let (j, second) = chain.second;
-        // Turn z about `first` so that its part along `second` is that of the direction. The three
-        // vectors first, second, z and the axes are square, so that with q the angle,
-        // second · Rot(first, q) z = a cos q + b sin q, a² + b² = 1.
-        let (a, b) = (second.z, second.dot(&first.cross(&Vector3::z())));
-        let across = direction.cross(&second).norm();
-        let base = b.atan2(a);
-        let opening = across.atan2(direction.dot(&second));
-        let singular = across < SINGULAR_RAD;
-        let zeros = Places::default();
-        let mut positions =
-            [AxisPositions { linear: Vector3::zeros(), rotary: [0.0; MAX_ROTARY] }; 2];
-        for (slot, sign) in positions.iter_mut().zip([1.0, -1.0]) {
-            let q_first = base + sign * opening;
-            let turned = rotate(&first, q_first);
-            let q_second = if singular {
-                reference.get(j).copied().unwrap_or(0.0)
-            } else {
-                // Between the parts square to `second`: no cancellation near the singularity.
-                let from = turned - second * second.dot(&turned);
-                let to = direction - second * second.dot(&direction);
-                second.dot(&from.cross(&to)).atan2(from.dot(&to))
-            };
-            slot.rotary[i] = wrap(q_first);
-            slot.rotary[j] = if singular { q_second } else { wrap(q_second) };
-            let rotary = &slot.rotary[..self.rotary().len()];
-            slot.linear = self.linear_axes_for(&tool.point, rotary, &zeros)?;
-        }
-        // The branch with the first axis on its positive side comes first.
-        if positions[0].rotary[i] < positions[1].rotary[i] {
+        let free = resolved.free_axis();
+        let singular = resolved.off_pole(&direction) < SINGULAR_RAD;
+        let mut positions = [true, false].map(|positive| {
+            let mut rotary = resolved.rotary(&direction, 0.0, positive).map(wrap);
+            if singular {
+                rotary[free] = reference.get(free).copied().unwrap_or(0.0);
+            }
+            let linear = resolved.at(&rotary).to_linear(&tool.point);
+            AxisPositions { linear, rotary: [rotary[0], rotary[1], 0.0] }
+        });
+        // The branch with the axis nearer to the spindle on its positive side comes first.
+        let tilt = 1 - free;
+        if positions[0].rotary[tilt] < positions[1].rotary[tilt] {
             positions.swap(0, 1);
         }
         Ok(Branches { positions, singular })
@@ -229,7 +181,7 @@ impl Machine {
             // Weight directions by 100 mm, so that both parts are lengths at the work.
             miss.fixed_rows_mut::<3>(3).scale_mut(LEVER_MM);
             let size = miss.norm();
-            if size < CLOSE_MM {
+            if size < TOLERANCE_MM {
                 return Ok(positions);
             }
             // Newton has come to rest above rounding: no pose of this machine does better.
@@ -265,20 +217,14 @@ impl Machine {
 }
 
 const LEVER_MM: f64 = 100.0;
-const CLOSE_MM: f64 = 1e-12;
+const TOLERANCE_MM: f64 = 1e-12;
 const REST_MM: f64 = 1e-9;
-
-/// Rot(axis, angle) z for an axis square to z (Rodrigues).
-fn rotate(axis: &Vector3<f64>, angle: f64) -> Vector3<f64> {
-    let (sin, cos) = angle.sin_cos();
-    Vector3::z() * cos + axis.cross(&Vector3::z()) * sin
-}
 
 /// Into (−π, π].
 #[must_use]
 pub fn wrap(angle: f64) -> f64 {
     let turn = std::f64::consts::TAU;
-    let wrapped = angle - turn * (angle / turn).round();
+    let wrapped = angle - turn * nearest(angle / turn);
     if wrapped <= -std::f64::consts::PI { wrapped + turn } else { wrapped }
 }
 
@@ -301,7 +247,7 @@ mod tests {
 
     #[test]
     fn inverse_undoes_forward_on_one_of_both_branches() {
-        for preset in PRESETS {
+        for preset in PRESETS.map(|preset| preset.name) {
             let machine = Machine::preset(preset, 120.0).unwrap();
             for q in [[0.7, 2.0], [-0.4, -2.9], [1.5, 0.0], [-1.2, 1.0], [1e-6, 0.3]] {
                 let there = positions(10.0, -20.0, 30.0, q);
@@ -340,7 +286,7 @@ mod tests {
 
     #[test]
     fn the_jacobian_agrees_with_central_differences() {
-        for preset in PRESETS {
+        for preset in PRESETS.map(|preset| preset.name) {
             let machine = Machine::preset(preset, 120.0).unwrap();
             let places = places(&machine, 1e-3);
             let here = positions(10.0, -20.0, 30.0, [0.7, 2.0]);
@@ -367,7 +313,7 @@ mod tests {
 
     #[test]
     fn the_inverse_of_the_erroneous_machine_reaches_the_pose() {
-        for preset in PRESETS {
+        for preset in PRESETS.map(|preset| preset.name) {
             let machine = Machine::preset(preset, 120.0).unwrap();
             let places = places(&machine, 1e-4);
             let direction = Vector3::new(0.3, -0.2, 0.9).normalize();

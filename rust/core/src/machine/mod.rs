@@ -4,10 +4,13 @@
 //! - [`places`]: every place where an error can act, and the state of all of them;
 //! - [`posture`]: the pose of the table and the spindle for given axis positions and places;
 //! - [`kinematics`]: forward, inverse and Jacobian for programs in work coordinates;
+//! - [`five_axis`]: closed forms both ways for machines with two rotary axes;
 //! - [`batch`]: forward kinematics of many poses at once.
 
 pub mod batch;
+pub mod five_axis;
 pub mod kinematics;
+mod links;
 pub mod location;
 pub mod places;
 pub mod posture;
@@ -16,6 +19,7 @@ use crate::pose::Direction;
 use crate::{Error, Result};
 
 pub use batch::ForwardBatch;
+pub use five_axis::FiveAxis;
 pub use location::LocationError;
 pub use places::{Component, MAX_ROTARY, Place, Places};
 pub use posture::{Frames, Posture};
@@ -56,8 +60,33 @@ pub struct Machine {
     tool_length: f64,
 }
 
-/// The names of the machines that come with the project.
-pub const PRESETS: [&str; 3] = ["trt-ca", "trt-bc", "table-c-head-b"];
+/// A machine that comes with the project.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Preset {
+    /// Name, as in the set-up file.
+    pub name: &'static str,
+    /// Its rotary axes, in the order of [`Machine::new`].
+    pub rotary: &'static [Rotary],
+}
+
+/// The machines that come with the project.
+pub const PRESETS: [Preset; 3] = {
+    use Direction::{X, Y, Z};
+    const fn table(direction: Direction) -> Rotary {
+        Rotary { direction, side: Side::Workpiece }
+    }
+    const fn head(direction: Direction) -> Rotary {
+        Rotary { direction, side: Side::Tool }
+    }
+    [
+        // A carries C, both under the table.
+        Preset { name: "trt-ca", rotary: &[table(X), table(Z)] },
+        // B carries C.
+        Preset { name: "trt-bc", rotary: &[table(Y), table(Z)] },
+        // C under the table, B in the head.
+        Preset { name: "table-c-head-b", rotary: &[head(Y), table(Z)] },
+    ]
+};
 
 impl Machine {
     /// A machine from its rotary axes: those of the workpiece side in order from the bed to the
@@ -69,8 +98,8 @@ impl Machine {
     /// apart by name), or a tool length that is not positive.
     pub fn new(rotary: Vec<Rotary>, tool_length: f64) -> Result<Self> {
         if rotary.len() > MAX_ROTARY {
-            let wanted = format!("at most {MAX_ROTARY}");
-            return Err(Error::input("number of rotary axes", rotary.len(), wanted));
+            let expected = format!("at most {MAX_ROTARY}");
+            return Err(Error::input("number of rotary axes", rotary.len(), expected));
         }
         for (i, axis) in rotary.iter().enumerate() {
             if rotary[..i].iter().any(|other| other.direction == axis.direction) {
@@ -84,21 +113,16 @@ impl Machine {
         Ok(Self { rotary, tool_length })
     }
 
-    /// One of [`PRESETS`]: `trt-ca` (A carries C, both under the table), `trt-bc` (B carries C),
-    /// `table-c-head-b` (C under the table, B in the head).
+    /// One of [`PRESETS`].
     ///
     /// # Errors
     /// An unknown name.
     pub fn preset(name: &str, tool_length: f64) -> Result<Self> {
-        use Direction::{X, Y, Z};
-        let axis = |direction, side| Rotary { direction, side };
-        let rotary = match name {
-            "trt-ca" => vec![axis(X, Side::Workpiece), axis(Z, Side::Workpiece)],
-            "trt-bc" => vec![axis(Y, Side::Workpiece), axis(Z, Side::Workpiece)],
-            "table-c-head-b" => vec![axis(Y, Side::Tool), axis(Z, Side::Workpiece)],
-            _ => return Err(Error::unknown("machine preset", name, PRESETS)),
-        };
-        Self::new(rotary, tool_length)
+        let found = PRESETS.iter().find(|preset| preset.name == name);
+        let preset = found.ok_or_else(|| {
+            Error::unknown("machine preset", name, PRESETS.iter().map(|preset| preset.name))
+        })?;
+        Self::new(preset.rotary.to_vec(), tool_length)
     }
 
     /// The rotary axes, in the order in which their positions are given everywhere.

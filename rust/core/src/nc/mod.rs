@@ -3,7 +3,7 @@
 //! A [`Program`] is what stands on the paper: blocks, each a row of words (`X70.01`) and comments,
 //! in the order and the spelling in which they were written. [`Program::parse`] is the inverse of
 //! [`Program::emit`]: numbers keep their written digits ([`Number`]), so a block that nobody touched
-//! comes back as it was, up to blanks. What the words *mean* (modes, moves) is read by [`path`],
+//! comes back as it was, up to blanks. What the words *mean* (modes, moves) is read by [`follow`],
 //! one dialect at a time ([`Dialect`]).
 //!
 //! ```
@@ -15,8 +15,11 @@
 //! # Ok::<(), trunnion_core::Error>(())
 //! ```
 
+pub mod contour;
 mod dialect;
 mod emit;
+pub mod follow;
+mod modes;
 mod number;
 mod parse;
 pub mod path;

@@ -25,7 +25,7 @@ enum Sign {
 }
 
 /// How many digits a number may have.
-const MOST_DIGITS: u8 = 15;
+const MAX_DIGITS: u8 = 15;
 
 impl Number {
     /// Reads the number at the head of `text`; returns it with the count of bytes it took.
@@ -42,7 +42,7 @@ impl Number {
         while let Some(&byte) = bytes.get(at) {
             match byte {
                 b'0'..=b'9' => {
-                    if whole + decimals == MOST_DIGITS {
+                    if whole + decimals == MAX_DIGITS {
                         return None;
                     }
                     digits = digits * 10 + u64::from(byte - b'0');
@@ -75,8 +75,8 @@ impl Number {
     pub fn rounded(value: f64, decimals: u8) -> Result<Self> {
         let scaled = (value.abs() * 10_f64.powi(i32::from(decimals))).round();
         if decimals > 9 || !scaled.is_finite() || scaled >= 1e15 {
-            let wanted = "a finite number of at most 15 digits, at most 9 of them decimals";
-            return Err(Error::input("number", value, wanted));
+            let expected = "a finite number of at most 15 digits, at most 9 of them decimals";
+            return Err(Error::input("number", value, expected));
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
         let (mut digits, mut decimals) = (scaled as u64, decimals);

@@ -77,28 +77,31 @@ impl<'a> Reader<'a> {
                     let word = self.word(character.to_ascii_uppercase())?;
                     let bit = 1 << (u32::from(word.letter) - u32::from('A'));
                     if seen & bit != 0 && !matches!(word.letter, 'G' | 'M') {
-                        let message = format!("a second {} in one block; wanted one", word.letter);
+                        let message =
+                            format!("a second {} in one block; expected one", word.letter);
                         return Err(span.error(message));
                     }
                     if word.letter == 'N' && seen != 0 {
-                        return Err(span.error("block number behind other words; wanted it first"));
+                        return Err(
+                            span.error("block number behind other words; expected it first")
+                        );
                     }
                     seen |= bit;
                     Item::Word(word)
                 }
                 '#' | '[' | ']' | '=' | '<' => {
                     return Err(span.error(format!(
-                        "{character:?}: variables and expressions are not read; wanted plain numbers"
+                        "{character:?}: variables and expressions are not read; expected plain numbers"
                     )));
                 }
                 ',' => {
                     return Err(span.error(
-                        "',': corners by C and R behind a comma are not read; wanted G1, G2, G3",
+                        "',': corners by C and R behind a comma are not read; expected G1, G2, G3",
                     ));
                 }
                 _ => {
                     return Err(span.error(format!(
-                        "{character:?}; wanted a letter with a number, a comment, '%' or '/' in front"
+                        "{character:?}; expected a letter with a number, a comment, '%' or '/' in front"
                     )));
                 }
             };
@@ -116,7 +119,7 @@ impl<'a> Reader<'a> {
                 Some(character) => format!("{character:?}"),
             };
             return Err(span.error(format!(
-                "{letter} without a number: got {got}, wanted a decimal number of at most 15 digits"
+                "{letter} without a number: got {got}, expected a decimal number of at most 15 digits"
             )));
         };
         self.take(length);

@@ -8,7 +8,7 @@ use parry3d_f64::glamx::{DPose3, DQuat, DVec3};
 use parry3d_f64::query::{ShapeCastOptions, cast_shapes};
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape};
 
-use crate::artefact::Artefact;
+use crate::artefact::{Artefact, Part};
 use crate::pose::Pose;
 
 /// Ball and stem of the probe, mm. The stem leaves the ball towards the spindle.
@@ -41,27 +41,22 @@ impl Surroundings {
     pub fn new(artefact: &Artefact, table_radius: f64, table_thickness: f64) -> Self {
         let mut obstacles: Vec<(DPose3, Box<dyn Shape>)> = Vec::new();
         let mut corners = Vec::new();
-        let mut add_block = |x: f64, y: f64, z: f64| {
-            let half = DVec3::new(0.5 * x, 0.5 * y, 0.5 * z);
-            let pose = DPose3::from_translation(DVec3::new(0.0, 0.0, 0.5 * z));
-            obstacles.push((pose, Box::new(Cuboid::new(half))));
-            for (i, j) in [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)] {
-                corners.push(Vector3::new(i * x, j * y, z));
-            }
-        };
-        match *artefact {
-            Artefact::Cross { length, width, height } => {
-                add_block(length, width, height);
-                add_block(width, length, height);
-            }
-            Artefact::Cuboid { length, width, height } => add_block(length, width, height),
-            Artefact::Sphere { diameter, centre } => {
-                let centre: Vector3<f64> = centre.into();
-                let radius = 0.5 * diameter;
-                let pose = DPose3::from_translation(to_parry(&centre));
-                obstacles.push((pose, Box::new(Ball::new(radius))));
-                for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
-                    corners.extend([centre + direction * radius, centre - direction * radius]);
+        for part in artefact.outline() {
+            match part {
+                Part::Box([x, y, z]) => {
+                    let half = DVec3::new(0.5 * x, 0.5 * y, 0.5 * z);
+                    let pose = DPose3::from_translation(DVec3::new(0.0, 0.0, 0.5 * z));
+                    obstacles.push((pose, Box::new(Cuboid::new(half))));
+                    for (i, j) in [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)] {
+                        corners.push(Vector3::new(i * x, j * y, z));
+                    }
+                }
+                Part::Ball { radius, centre } => {
+                    let pose = DPose3::from_translation(to_parry(&centre));
+                    obstacles.push((pose, Box::new(Ball::new(radius))));
+                    for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                        corners.extend([centre + direction * radius, centre - direction * radius]);
+                    }
                 }
             }
         }
@@ -136,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_stem_must_not_pass_through_an_arm() {
-        let cross = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
+        let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let around = Surroundings::new(&cross, 150.0, 30.0);
         let stylus = Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 };
         let free = |from: [f64; 3], to: [f64; 3], stem: [f64; 3]| {

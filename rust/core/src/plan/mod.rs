@@ -9,17 +9,15 @@
 //! level above everything at this position of the axes, across, and down to the next start.
 
 pub mod collision;
-pub mod targets;
 
 use nalgebra::Vector3;
 
-use crate::artefact::{Artefact, Line, Search};
+use crate::artefact::{Artefact, Layout, Line, Search, Target, View};
 use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::pose::Direction;
 use crate::{Error, Result};
 
 use collision::{Stylus, Surroundings};
-use targets::{Layout, Target, targets};
 
 /// How a plan is made; mm, rad, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,8 +129,8 @@ struct PlanAxes {
 
 impl PlanAxes {
     fn of(machine: &Machine) -> Self {
-        let find = |wanted: &dyn Fn(Direction, Side) -> bool| {
-            machine.rotary().iter().position(|axis| wanted(axis.direction, axis.side))
+        let find = |expected: &dyn Fn(Direction, Side) -> bool| {
+            machine.rotary().iter().position(|axis| expected(axis.direction, axis.side))
         };
         Self {
             turning: find(&|direction, _| direction == Direction::Z),
@@ -275,7 +273,9 @@ impl Planner<'_> {
         let axes = &rotary[..self.machine.rotary().len()];
         let posture = Posture::new(self.machine, axes, &Places::default());
         let stem = posture.head.rotation * Vector3::z();
-        let found = targets(self.artefact, &posture.table, &stem, self.options);
+        let PlanOptions { layout, all_faces, .. } = *self.options;
+        let found =
+            self.artefact.targets(&View { table: &posture.table, stem: &stem, layout, all_faces });
         let touches = found.into_iter().filter_map(|target| {
             self.touch(&posture, &stem, &target).map(|mut touch| {
                 touch.rotary = rotary;
@@ -349,7 +349,7 @@ fn clean(direction: Vector3<f64>) -> Vector3<f64> {
     direction.map(|value| if value.abs() < 1e-12 { 0.0 } else { value }).normalize()
 }
 
-/// How far an axis backs off to come from the wanted sense, rad.
+/// How far an axis backs off to come from the expected sense, rad.
 pub const BACK_OFF: f64 = 5.0 * crate::units::DEG;
 
 /// Keeps time, and where the axes came from.
@@ -368,7 +368,7 @@ impl<'a> Clock<'a> {
     }
 
     /// Turns the axes. C always comes from the round's sense (it has no ends); a tilting axis does
-    /// where both senses are wanted, and otherwise goes straight there.
+    /// where both senses are expected, and otherwise goes straight there.
     fn turn(&mut self, axes: &PlanAxes, to: &[f64; MAX_ROTARY], sense: f64, both_senses: bool) {
         let from = self.rotary.unwrap_or([0.0; MAX_ROTARY]);
         let first = self.rotary.is_none();
@@ -380,10 +380,10 @@ impl<'a> Clock<'a> {
             if !moves {
                 continue;
             }
-            let wanted = if is_turning || both_senses { sense } else { way.signum() };
-            let back = if way * wanted > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
+            let expected = if is_turning || both_senses { sense } else { way.signum() };
+            let back = if way * expected > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
             longest = longest.max(way.abs() + back);
-            self.sense[axis] = wanted;
+            self.sense[axis] = expected;
         }
         self.rotary = Some(*to);
         if longest > 0.0 {
@@ -444,7 +444,7 @@ mod tests {
     }
 
     fn cross() -> Artefact {
-        Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 }
+        Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap()
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! ball over a capsule and the stylus and body, which are convex, over the convex hull of their two
 //! ends. The distance of two convex polygons is exact.
 
-use super::geometry::{NOTHING_MM, Point, along, dot, minus, norm};
+use super::geometry::{MIN_LENGTH_MM, Point, along, dot, minus, norm};
 use super::profile::Profile;
 use crate::units::UM;
 use crate::{Error, Result};
@@ -92,7 +92,7 @@ impl Solid {
         let mut pieces: Vec<[Point; 4]> = outline
             .windows(2)
             .filter_map(|pair| match pair {
-                [a, b] if a[0] - b[0] > NOTHING_MM => Some([*a, *b, [b[0], 0.0], [a[0], 0.0]]),
+                [a, b] if a[0] - b[0] > MIN_LENGTH_MM => Some([*a, *b, [b[0], 0.0], [a[0], 0.0]]),
                 _ => None,
             })
             .collect();
@@ -167,7 +167,7 @@ fn distance(a: &[Point], b: &[Point]) -> f64 {
         for (p, q) in edges(polygon) {
             let edge = minus(q, p);
             let length = norm(edge);
-            if length < NOTHING_MM {
+            if length < MIN_LENGTH_MM {
                 continue;
             }
             for normal in

@@ -1,7 +1,7 @@
 //! From a profile to the program that finishes it.
 
-use super::geometry::{Element, Gap, NOTHING_MM, Point, minus, norm};
-use super::probe_path::Writer;
+use super::geometry::{Element, Gap, MIN_LENGTH_MM, Point, minus, norm};
+use super::probe_program::Writer;
 use super::profile::{Follows, Profile};
 use crate::nc::{Dialect, Program, Word};
 use crate::{Error, Result};
@@ -56,8 +56,8 @@ pub struct Finishing {
 /// below the part.
 pub fn finishing(profile: &Profile, options: &FinishOptions) -> Result<Finishing> {
     if options.retract_x_mm.is_nan() || options.retract_x_mm <= profile.largest_x() {
-        let wanted = format!("more than the largest radius, {:.3}", profile.largest_x());
-        return Err(Error::input("retract radius, mm", options.retract_x_mm, wanted));
+        let expected = format!("more than the largest radius, {:.3}", profile.largest_x());
+        return Err(Error::input("retract radius, mm", options.retract_x_mm, expected));
     }
     // Elements keep their numbers only on the profile itself: cut the head off there.
     let kept = profile.elements().get(options.first_element..).unwrap_or_default();
@@ -65,13 +65,13 @@ pub fn finishing(profile: &Profile, options: &FinishOptions) -> Result<Finishing
     let (Some(first), Some(kept_first)) = (path.first(), kept.first()) else {
         return Err(Error::input("first element", options.first_element, "one of the profile"));
     };
-    let wanted =
+    let expected =
         kept_first.offset(reach(options.follows)).map_or(first.from(), |e| e.direction(e.from()));
     let begin = path
         .iter()
         .position(|e| {
-            norm(minus(e.direction(e.from()), wanted)) < 1e-9
-                && e.to()[0] <= kept_first.from()[0] + reach(options.follows) + NOTHING_MM
+            norm(minus(e.direction(e.from()), expected)) < 1e-9
+                && e.to()[0] <= kept_first.from()[0] + reach(options.follows) + MIN_LENGTH_MM
         })
         .unwrap_or(0);
     let path = path.get(begin..).unwrap_or_default();
@@ -94,7 +94,8 @@ pub fn finishing(profile: &Profile, options: &FinishOptions) -> Result<Finishing
         // Look for a floor with an access point.
         let from = element.from();
         let floor = path.iter().enumerate().skip(index).find_map(|(i, e)| {
-            let inside = |z: &&f64| **z < e.from()[0] - NOTHING_MM && **z > e.to()[0] + NOTHING_MM;
+            let inside =
+                |z: &&f64| **z < e.from()[0] - MIN_LENGTH_MM && **z > e.to()[0] + MIN_LENGTH_MM;
             let line = matches!(e, Element::Line { .. }) && !falls(e, options.steepest_fall);
             Some((i, *options.access_z_mm.iter().find(|z| line && inside(z))?))
         });

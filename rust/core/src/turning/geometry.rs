@@ -11,7 +11,7 @@ use crate::{Error, Result};
 pub type Point = [f64; 2];
 
 /// Shorter than this is nothing, mm: a hundredth of the finest increment of a control.
-pub const NOTHING_MM: f64 = 1e-5;
+pub const MIN_LENGTH_MM: f64 = 1e-5;
 
 /// `a - b`.
 #[must_use]
@@ -107,7 +107,7 @@ impl Element {
     #[must_use]
     pub fn slope(&self) -> Option<f64> {
         match self {
-            Self::Line { from, to } if (to[0] - from[0]).abs() > NOTHING_MM => {
+            Self::Line { from, to } if (to[0] - from[0]).abs() > MIN_LENGTH_MM => {
                 Some((to[1] - from[1]) / (to[0] - from[0]))
             }
             _ => None,
@@ -140,7 +140,7 @@ impl Element {
     #[must_use]
     pub fn runs_to_chuck(&self) -> bool {
         match self {
-            Self::Line { from, to } => to[0] <= from[0] + NOTHING_MM,
+            Self::Line { from, to } => to[0] <= from[0] + MIN_LENGTH_MM,
             Self::Arc { from, to, .. } => {
                 // Ends that rounding has put beyond the point of return do no harm below a micrometre.
                 let back = |at: Point| {
@@ -163,7 +163,7 @@ impl Element {
             Self::Arc { from, to, centre, convex } => {
                 let radius = norm(minus(*from, *centre));
                 let left = if *convex { radius + distance } else { radius - distance };
-                (left > NOTHING_MM).then(|| Self::Arc {
+                (left > MIN_LENGTH_MM).then(|| Self::Arc {
                     from: shift(*from),
                     to: shift(*to),
                     centre: *centre,
@@ -187,7 +187,7 @@ impl Element {
     #[must_use]
     pub fn x_at(&self, z: f64) -> Option<f64> {
         let (from, to) = (self.from(), self.to());
-        if z > from[0].max(to[0]) + NOTHING_MM || z < from[0].min(to[0]) - NOTHING_MM {
+        if z > from[0].max(to[0]) + MIN_LENGTH_MM || z < from[0].min(to[0]) - MIN_LENGTH_MM {
             return None;
         }
         Some(match self {
@@ -259,7 +259,7 @@ pub fn intersection(a: &Element, b: &Element, near: Point) -> Option<Point> {
             let foot = along(*from, dot(minus(*centre, *from), u) / (length * length), u);
             let distance = norm(minus(*centre, foot));
             // Touching within rounding counts as touching.
-            if distance < radius + NOTHING_MM {
+            if distance < radius + MIN_LENGTH_MM {
                 let half = (radius * radius - distance * distance).max(0.0);
                 let reach = half.sqrt() / length;
                 found = [Some(along(foot, reach, u)), Some(along(foot, -reach, u))];
@@ -269,9 +269,9 @@ pub fn intersection(a: &Element, b: &Element, near: Point) -> Option<Point> {
             let (r, s) = (a.radius()?, b.radius()?);
             let between = minus(*q, *p);
             let distance = norm(between);
-            if distance > NOTHING_MM
-                && distance < r + s + NOTHING_MM
-                && distance > (r - s).abs() - NOTHING_MM
+            if distance > MIN_LENGTH_MM
+                && distance < r + s + MIN_LENGTH_MM
+                && distance > (r - s).abs() - MIN_LENGTH_MM
             {
                 let share = (r * r - s * s + distance * distance) / (2.0 * distance);
                 let height = (r * r - share * share).max(0.0).sqrt();
@@ -288,8 +288,8 @@ pub fn intersection(a: &Element, b: &Element, near: Point) -> Option<Point> {
 }
 
 /// An error for a contour that cannot be.
-pub fn impossible(what: &str, at: Point, wanted: &str) -> Error {
-    Error::input(format!("contour at Z {:.3} X {:.3}", at[0], at[1]), what, wanted)
+pub fn impossible(what: &str, at: Point, expected: &str) -> Error {
+    Error::input(format!("contour at Z {:.3} X {:.3}", at[0], at[1]), what, expected)
 }
 
 /// Tangent-continuous there, or a corner to the left (concave) or right (convex)?
@@ -338,7 +338,7 @@ pub fn offset(elements: &[Element], distance: f64, gap: Gap) -> Result<Vec<Eleme
         let Some(shifted) = element.offset(distance) else { continue };
         if let (Some(last), Some(before)) = (moved.last_mut(), original.last()) {
             let apart = norm(minus(last.to(), shifted.from()));
-            if apart > NOTHING_MM {
+            if apart > MIN_LENGTH_MM {
                 let corner = turn(before, element);
                 let opens = (corner == Turn::Convex) == (distance > 0.0);
                 if opens && gap == Gap::Roll && corner != Turn::Smooth {
@@ -374,7 +374,7 @@ pub fn offset(elements: &[Element], distance: f64, gap: Gap) -> Result<Vec<Eleme
     for (shifted, element) in moved.iter().zip(&original) {
         if let (Element::Line { from, to }, Element::Line { .. }) = (shifted, element) {
             let run = minus(*to, *from);
-            if dot(run, element.direction(element.from())) < -NOTHING_MM {
+            if dot(run, element.direction(element.from())) < -MIN_LENGTH_MM {
                 return Err(impossible(
                     &format!("an offset of {distance} mm does not fit"),
                     element.from(),
@@ -383,7 +383,7 @@ pub fn offset(elements: &[Element], distance: f64, gap: Gap) -> Result<Vec<Eleme
             }
         }
     }
-    moved.retain(|element| norm(minus(element.to(), element.from())) > NOTHING_MM);
+    moved.retain(|element| norm(minus(element.to(), element.from())) > MIN_LENGTH_MM);
     Ok(moved)
 }
 

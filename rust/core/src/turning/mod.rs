@@ -10,4 +10,5 @@ pub mod diameter;
 pub mod finishing;
 pub mod geometry;
 pub mod probe_path;
+pub mod probe_program;
 pub mod profile;

@@ -1,7 +1,8 @@
 //! The workpiece: corners with their kinds (Fig. 3), turned into lines and arcs.
 
 use super::geometry::{
-    Element, Gap, NOTHING_MM, Point, Turn, along, cross, dot, impossible, minus, norm, offset, turn,
+    Element, Gap, MIN_LENGTH_MM, Point, Turn, along, cross, dot, impossible, minus, norm, offset,
+    turn,
 };
 use crate::nc::path::{Motion, Move, Plane, Side};
 use crate::{Error, Result};
@@ -115,7 +116,7 @@ impl Profile {
             };
             elements.push(cut);
         }
-        elements.retain(|element| norm(minus(element.to(), element.from())) > NOTHING_MM);
+        elements.retain(|element| norm(minus(element.to(), element.from())) > MIN_LENGTH_MM);
         Self::new(elements, reliefs)
     }
 
@@ -155,20 +156,24 @@ impl Profile {
             .max_by_key(|run| run.iter().filter(|m| m.to.axes[2] < m.from.axes[2]).count())
             .unwrap_or_default();
         if run.is_empty() {
-            return Err(Error::Data("the program has no feed moves; wanted a contour".into()));
+            return Err(Error::Data("the program has no feed moves; expected a contour".into()));
         }
         let mut elements = Vec::with_capacity(run.len());
         for m in run {
             let element = element_of(m)?;
-            if norm(minus(element.to(), element.from())) < NOTHING_MM {
-                return Err(m.span.error("a full circle; wanted a contour that runs to the chuck"));
+            if norm(minus(element.to(), element.from())) < MIN_LENGTH_MM {
+                return Err(m
+                    .span
+                    .error("a full circle; expected a contour that runs to the chuck"));
             }
             if m.side == Side::Left {
-                return Err(m.span.error("G41 on a contour towards the chuck; wanted G42 or G40"));
+                return Err(m
+                    .span
+                    .error("G41 on a contour towards the chuck; expected G42 or G40"));
             }
             if !element.runs_to_chuck() {
                 return Err(m.span.error(format!(
-                    "the contour folds back from Z{:.3} to Z{:.3}; wanted Z that falls or stays",
+                    "the contour folds back from Z{:.3} to Z{:.3}; expected Z that falls or stays",
                     m.from.axes[2], m.to.axes[2]
                 )));
             }
@@ -255,8 +260,8 @@ fn check_vertex(index: usize, vertex: &Vertex, vertices: &[Vertex]) -> Result<()
         before.is_some_and(|v| matches!(v.corner, Corner::ArcOut(_) | Corner::ArcToArc(_)));
     let says_arc = matches!(vertex.corner, Corner::ArcIn | Corner::ArcToArc(_));
     if after_arc != says_arc {
-        let wanted = if after_arc { "arc in or arc to arc" } else { "no arc before it" };
-        return Err(Error::input(name("kind of corner"), format!("{:?}", vertex.corner), wanted));
+        let expected = if after_arc { "arc in or arc to arc" } else { "no arc before it" };
+        return Err(Error::input(name("kind of corner"), format!("{:?}", vertex.corner), expected));
     }
     let inner = before.is_some() && index + 1 < vertices.len();
     if !inner
@@ -272,7 +277,7 @@ fn check_vertex(index: usize, vertex: &Vertex, vertices: &[Vertex]) -> Result<()
         return Err(Error::input(name("kind of corner"), "an arc behind the last point", "sharp"));
     }
     if let Some(before) = before
-        && z > before.at[0] + NOTHING_MM
+        && z > before.at[0] + MIN_LENGTH_MM
     {
         return Err(Error::input(name("z"), z, format!("at most {}: it folds back", before.at[0])));
     }
@@ -283,7 +288,7 @@ fn check_vertex(index: usize, vertex: &Vertex, vertices: &[Vertex]) -> Result<()
 fn arc_between(from: Point, to: Point, radius: f64) -> Result<Element> {
     let chord = minus(to, from);
     let half = 0.5 * norm(chord);
-    if half < NOTHING_MM || half > radius.abs() + NOTHING_MM {
+    if half < MIN_LENGTH_MM || half > radius.abs() + MIN_LENGTH_MM {
         let got = format!("radius {} mm over {:.3} mm", radius.abs(), 2.0 * half);
         return Err(impossible(&got, from, "a radius of at least half the distance"));
     }
@@ -309,7 +314,7 @@ fn filleted(before: &Element, after: &Element, radius: f64) -> Result<(Element, 
     let angle = cross(d0, d1).abs().atan2(dot(d0, d1));
     let tangent = radius * (0.5 * angle).tan();
     let room = norm(minus(before.from(), corner)).min(norm(minus(after.to(), corner)));
-    if tangent > room + NOTHING_MM {
+    if tangent > room + MIN_LENGTH_MM {
         let got = format!("a fillet of radius {radius} mm needs {tangent:.3} mm, has {room:.3} mm");
         return Err(impossible(&got, corner, "a fillet that fits"));
     }
@@ -345,8 +350,8 @@ pub fn element_of(m: &Move) -> Result<Element> {
         Motion::Arc { plane: Plane::Zx, centre, clockwise } => {
             Ok(Element::Arc { from, to, centre, convex: !clockwise })
         }
-        Motion::Arc { .. } => Err(m.span.error("an arc outside the ZX plane; wanted G18")),
-        Motion::Probe => Err(m.span.error("a probing move; wanted a contour")),
+        Motion::Arc { .. } => Err(m.span.error("an arc outside the ZX plane; expected G18")),
+        Motion::Probe => Err(m.span.error("a probing move; expected a contour")),
     }
 }
 

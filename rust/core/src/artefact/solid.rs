@@ -1,109 +1,10 @@
-//! Artefacts: cross, cuboid, sphere; their dimensions, and where a ball on a line touches them.
-//!
-//! The artefact's frame has its base on z = 0 and its middle over the origin. The cross is the
-//! union of two bars, `length` × `width` × `height` along X and Y.
+//! Where a ball on a line touches boxes and spheres.
 
 use nalgebra::Vector3;
 
-use crate::machine::{Place, Places};
-use crate::{Error, Result};
-
-/// Nominal shape, dimensions in mm.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Artefact {
-    /// Two bars that cross in the middle (paper 000, Fig. 2).
-    Cross {
-        /// Length of each bar, L.
-        length: f64,
-        /// Width of each bar, w.
-        width: f64,
-        /// Height over the table, h.
-        height: f64,
-    },
-    /// A box, `length` along X and `width` along Y.
-    Cuboid {
-        /// Along X.
-        length: f64,
-        /// Along Y.
-        width: f64,
-        /// Height over the table.
-        height: f64,
-    },
-    /// A sphere on a post; the post is not modelled.
-    Sphere {
-        /// Diameter.
-        diameter: f64,
-        /// Centre in the artefact's frame.
-        centre: [f64; 3],
-    },
-}
-
-impl Artefact {
-    /// The artefact with these dimensions, checked.
-    ///
-    /// # Errors
-    /// A dimension that is not a positive number, or a cross whose bars are wider than long.
-    pub fn checked(self) -> Result<Self> {
-        let positive = |what: &str, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                return Ok(());
-            }
-            Err(Error::input(format!("artefact {what} in mm"), value, "a positive number"))
-        };
-        match self {
-            Self::Cross { length, width, height } | Self::Cuboid { length, width, height } => {
-                positive("length", length)?;
-                positive("width", width)?;
-                positive("height", height)?;
-            }
-            Self::Sphere { diameter, centre } => {
-                positive("diameter", diameter)?;
-                if !centre.iter().all(|c| c.is_finite()) {
-                    let got = format!("{centre:?}");
-                    return Err(Error::input("artefact centre in mm", got, "three finite numbers"));
-                }
-            }
-        }
-        if let Self::Cross { length, width, .. } = self
-            && width >= length
-        {
-            let wanted = format!("less than the length, {length}");
-            return Err(Error::input("width of the cross in mm", width, wanted));
-        }
-        Ok(self)
-    }
-
-    /// The solid with the errors of its dimensions.
-    #[must_use]
-    pub fn solid(&self, places: &Places) -> Solid {
-        match *self {
-            Self::Cross { length, width, height } => {
-                let length = length + places.at(Place::LENGTH);
-                let width = width + places.at(Place::WIDTH);
-                let height = height + places.at(Place::HEIGHT);
-                let turn = places.at(Place::SQUARENESS);
-                Solid::Blocks([
-                    Some(Block::new(length, width, height, Bar::AlongX, 0.0)),
-                    Some(Block::new(width, length, height, Bar::AlongY, turn)),
-                ])
-            }
-            Self::Cuboid { length, width, height } => {
-                let length = length + places.at(Place::LENGTH);
-                let width = width + places.at(Place::WIDTH);
-                let height = height + places.at(Place::HEIGHT);
-                Solid::Blocks([Some(Block::new(length, width, height, Bar::AlongX, 0.0)), None])
-            }
-            Self::Sphere { diameter, centre } => Solid::Sphere {
-                radius: 0.5 * (diameter + places.at(Place::LENGTH)),
-                centre: centre.into(),
-            },
-        }
-    }
-}
-
 /// Which dimension lies along which direction of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Bar {
+pub(super) enum Bar {
     AlongX,
     AlongY,
 }
@@ -169,7 +70,7 @@ pub enum Search {
 }
 
 impl Block {
-    fn new(x: f64, y: f64, z: f64, bar: Bar, turn: f64) -> Self {
+    pub(super) fn new(x: f64, y: f64, z: f64, bar: Bar, turn: f64) -> Self {
         let (sin, cos) = turn.sin_cos();
         Self { half: Vector3::new(0.5 * x, 0.5 * y, 0.5 * z), bar, sin, cos }
     }
@@ -239,7 +140,7 @@ impl Block {
             }
             let step = (distance - radius) / approach;
             travel += step;
-            if step <= CLOSE_MM {
+            if step <= TOLERANCE_MM {
                 return Some(Entry { travel, normal });
             }
         }
@@ -282,7 +183,8 @@ struct Entry {
 }
 
 /// Newton's steps below this length end it: beyond it lies rounding only.
-const CLOSE_MM: f64 = 1e-13;
+const TOLERANCE_MM: f64 = 1e-13;
+
 const MAX_STEPS: usize = 100;
 
 impl Solid {
@@ -361,10 +263,11 @@ fn blocks_contact(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::artefact::Artefact;
+    use crate::machine::Places;
 
     fn cross() -> Solid {
-        let cross = Artefact::Cross { length: 100.0, width: 25.0, height: 25.0 };
-        cross.checked().unwrap().solid(&Places::default())
+        Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap().solid(&Places::default())
     }
 
     fn touch(solid: &Solid, origin: [f64; 3], direction: [f64; 3]) -> Option<Contact> {

@@ -1,0 +1,361 @@
+"""What a diagnosis is made of: causes, alternatives, gain, and the readings with their residuals.
+
+Records hold numbers, texts and arrays, never a model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.base.report import Result, Table, measured, number, significant
+from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.diagnosis.model import Covariate, Model, Readings
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Alternative", "Cause", "Gain", "Residuals", "Verdict"]
+
+Flags: TypeAlias = NDArray[np.bool_]
+
+Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
+
+MAX_PARAMETERS = 8  # of a cause: more are counted, not listed
+MIN_P = 0.001  # smaller ones are called so
+MAX_ROWS = 12  # of a table of readings
+
+
+def chance(p: float) -> str:
+    """Say a p-value: "p = 0.042", "p < 0.001"."""
+    return f"p < {MIN_P}" if p < MIN_P else f"p = {p:.2g}"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Put a unit behind a number, if there is one."""
+    return f"{text} {unit}" if unit else text
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Cause(Result):
+    """A named cause.
+
+    Attributes
+    ----------
+    id:
+        The effect.
+    parameters, std_errors:
+        By parameter name, in the unit of the name. A standard error of inf: not identifiable.
+    p_value:
+        Of the data without this cause, the others kept, times the number of candidates.
+    aliases:
+        Effects that could take its place.
+    label:
+        What people call it.
+    """
+
+    id: str
+    parameters: Mapping[str, float]
+    std_errors: Mapping[str, float]
+    p_value: float
+    aliases: tuple[str, ...] = ()
+    label: str = ""
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a parameter."""
+        return self.parameters[name]
+
+    def called(self) -> str:
+        """Return label and id: ``drift of the Z axis (drift_z)``."""
+        return labelled(self.id, self.label)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say what it is and how large: ``drift of the Z axis (drift_z): 4.8 ± 0.3 µm/h``."""
+        if len(self.parameters) > MAX_PARAMETERS:
+            return (f"{self.called()}: {len(self.parameters)} parameters",)
+        parts = []
+        for name, value in self.parameters.items():
+            text = value_in_words(value, self.std_errors[name], unit_of(name))
+            symbol = name.split("_", 1)[0]
+            parts.append(f"{symbol} = {text}" if len(self.parameters) > 1 else text)
+        return (f"{self.called()}: {', '.join(parts)}",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Parameters with their standard errors."""
+        rows = [
+            (name, *measured(value, self.std_errors[name]), unit_of(name))
+            for name, value in self.parameters.items()
+        ]
+        columns = ("parameter", "value", "standard error", "unit")
+        return (Table.of(f"{self.called()}, {chance(self.p_value)}", columns, rows),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gain(Result):
+    """Residual rms of the plain and of the extended model, readings of one unit.
+
+    Attributes
+    ----------
+    rms_before_um, rms_after_um:
+        Of the fits, in `unit`.
+    heldout_rms_before_um, heldout_rms_after_um:
+        Cross-validated: each group of readings predicted from the others, in `unit`.
+    unit:
+        Unit of these readings: µm, or arcsec for the rotary axes of a log.
+    others:
+        The same for the readings in other units, where the data mix them.
+    """
+
+    rms_before_um: float
+    rms_after_um: float
+    heldout_rms_before_um: float
+    heldout_rms_after_um: float
+    unit: str = "µm"
+    others: tuple[Gain, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        before: Floats,
+        after: Floats,
+        heldout_before: Floats,
+        heldout_after: Floats,
+        units: tuple[str, ...],
+        unit_index: Integers,
+    ) -> Gain:
+        """Return the gain from residuals, each (n,), the unit of each given by its index."""
+        gains: list[Gain] = []
+        for i, unit in enumerate(units):
+            mine = unit_index == i
+            if mine.any():
+                a, b, c, d = (rms(r[mine]) for r in (before, after, heldout_before, heldout_after))
+                gains.append(cls(a, b, c, d, unit))
+        return replace(gains[0], others=tuple(gains[1:]))
+
+    def by_unit(self) -> dict[str, Gain]:
+        """Return the gain of the readings of each unit."""
+        return {gain.unit: gain for gain in (self, *self.others)}
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say what the causes gain on data that the fit has not used."""
+        return ("Cross-validated rms: " + self.fall() + ".",)
+
+    def fall(self) -> str:
+        """Return ``from 0.97 to 0.304 µm``, unit by unit."""
+        return ", ".join(
+            with_unit(f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}", g.unit)
+            for g in (self, *self.others)
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """Rms before and after, one row a unit."""
+        rows = [
+            (
+                name if len(self.by_unit()) == 1 else f"{name}, {gain.unit}",
+                significant(before),
+                significant(after),
+                gain.unit,
+            )
+            for gain in (self, *self.others)
+            for name, before, after in (
+                ("rms of the fit", gain.rms_before_um, gain.rms_after_um),
+                (
+                    "cross-validated rms",
+                    gain.heldout_rms_before_um,
+                    gain.heldout_rms_after_um,
+                ),
+            )
+        ]
+        return (Table.of("Residuals", ("", "plain model", "with causes", "unit"), rows),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Alternative(Result):
+    """A set of causes that explains the data about as well, and how well.
+
+    Attributes
+    ----------
+    causes:
+        Ids of the set.
+    distance:
+        Penalised -2 ln L above the best set's.
+    rms_um:
+        Of the residuals, in the readings' unit; relative to the noise where units are mixed.
+    start:
+        Values of nonlinear parameters (a slip's time) from which a fit of the set starts.
+    """
+
+    causes: frozenset[str]
+    distance: float
+    rms_um: float
+    start: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say the set and its distance."""
+        return (
+            f"{' + '.join(sorted(self.causes))}: {self.distance:.1f} above the best in -2 ln L",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
+        """The set as one row."""
+        return (alternatives_table([self]),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Residuals(Result):
+    """The readings of a diagnosis, what they depend on, and what the models leave of them.
+
+    Attributes
+    ----------
+    rows:
+        Data row (from 0) of each reading, (n,).
+    values:
+        Readings, (n,).
+    before, after:
+        Reading minus prediction of the plain and of the extended model, (n,).
+    used:
+        Indices of the readings that were used, (m,): the others are outliers.
+    units, unit_index:
+        The units of the readings, and the index of each reading's, (n,).
+    covariates:
+        Recorded quantities by which residuals are drawn.
+    changes:
+        What each named cause changes, (n,) each.
+    """
+
+    rows: Integers
+    values: Floats
+    before: Floats
+    after: Floats
+    used: Integers
+    units: tuple[str, ...]
+    unit_index: Integers
+    covariates: tuple[Covariate, ...] = ()
+    changes: Mapping[str, Floats] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        before: Floats,
+        after: Floats,
+        used: Integers,
+        nuisance: Floats,
+        effects: Mapping[str, Mapping[str, float]],
+    ) -> Residuals:
+        """Return the record of a model and its residuals before and after.
+
+        Parameters
+        ----------
+        nuisance, effects
+            Values of the extended model, at which the causes' changes are taken.
+        """
+        units, unit_index = units_of(model.readings)
+        whole = model.predict(nuisance, effects) if effects else after
+        changes = {
+            name: whole - model.predict(nuisance, {k: v for k, v in effects.items() if k != name})
+            for name in effects
+        }
+        readings = model.readings
+        return cls(
+            np.asarray(readings.rows),
+            np.asarray(readings.values),
+            before,
+            after,
+            used,
+            units,
+            unit_index,
+            tuple(model.covariates),
+            changes,
+        )
+
+    @property
+    def kept(self) -> Flags:
+        """Whether each reading was used, (n,)."""
+        mask = np.zeros(len(self.values), dtype=bool)
+        mask[self.used] = True
+        return mask
+
+    @property
+    def unit(self) -> str:
+        """Unit of the readings; all of them where the data mix units."""
+        return ", ".join(unit for unit in self.units if unit)
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say how many there are and their rms."""
+        count = len(self.values)
+        out = count - len(self.used)
+        parts = [
+            with_unit(f"from {rms(self.before[mine]):.3g} to {rms(self.after[mine]):.3g}", unit)
+            for i, unit in enumerate(self.units)
+            if (mine := self.kept & (self.unit_index == i)).any()
+        ]
+        left = f", {out} left out" if out else ""
+        return (f"{count} readings{left}: rms {', '.join(parts)}.",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """The first readings; all of them are in `to_dataframe`."""
+        return (self._table(slice(0, MAX_ROWS)),)
+
+    def _table(self, some: slice) -> Table:
+        columns = ("row", "reading", "before", "after", "used", "unit")
+        rows = [
+            (int(row), value, before, after, bool(kept), self.units[unit])
+            for row, value, before, after, kept, unit in zip(
+                self.rows[some],
+                self.values[some].tolist(),
+                self.before[some].tolist(),
+                self.after[some].tolist(),
+                self.kept[some],
+                self.unit_index[some],
+                strict=True,
+            )
+        ]
+        return Table.of("Residuals", columns, rows)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return one row a reading, as a pandas DataFrame."""
+        return self._table(slice(None)).to_dataframe()
+
+
+def units_of(readings: Readings) -> tuple[tuple[str, ...], Integers]:
+    """Return the units of readings, and the index of each reading's, (n,)."""
+    if isinstance(readings.unit, str):
+        return (readings.unit,), np.zeros(len(readings), dtype=np.intp)
+    units = tuple(dict.fromkeys(readings.unit))
+    index = {unit: i for i, unit in enumerate(units)}
+    return units, np.array([index[unit] for unit in readings.unit], dtype=np.intp)
+
+
+def rms(r: Floats) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(r * r)))
+
+
+def labelled(id_: str, label: str) -> str:
+    """Return a label with its id behind it; the id alone, in words, where there is no label."""
+    return f"{label} ({id_})" if label else id_.replace("_", " ")
+
+
+def value_in_words(value: float, std: float | None, unit: str = "") -> str:
+    """Say a value to the two leading digits of its standard error: ``4.82 ± 0.31 µm/h``."""
+    if std is None or std <= 0:
+        return with_unit(f"{value:.3g}".replace("-", "−"), unit)
+    if not np.isfinite(std):
+        return number(std)
+    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
+    return with_unit(f"{number(value, digits)} ± {number(std, digits)}", unit)
+
+
+def alternatives_table(alternatives: Sequence[Alternative], unit: str = "") -> Table:
+    """Return sets of causes with their distance from the best."""
+    rows = [
+        (" + ".join(sorted(a.causes)), round(a.distance, 1) + 0.0, significant(a.rms_um))
+        for a in alternatives
+    ]
+    columns = ("causes", "−2 ln L above the best", with_unit("rms", unit and f"({unit})"))
+    return Table.of("Sets of causes", columns, rows, digits=1)

@@ -1,0 +1,119 @@
+//! Studies: many virtual measurements of one plan.
+
+use numpy::{PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use trunnion_core::compensation::volumetric::Volume;
+use trunnion_core::identification::{closed_form, least_squares};
+use trunnion_core::studies::{self, Measurement, Method};
+use trunnion_core::touch::Simulation;
+use trunnion_core::units::{DEG, UM};
+
+use crate::arrays::{matrix, rows};
+use crate::errors::IntoPy;
+use crate::names::choice;
+use crate::threads::with_threads;
+use crate::touch::{Moves, TouchModel, simulation};
+
+/// One row a sample, and the samples that failed, whose rows are not numbers.
+type Samples<'py> = (Bound<'py, PyArray2<f64>>, Vec<(usize, String)>);
+
+/// Virtual measurements of one plan by one probe: what all samples share.
+#[pyclass(frozen, module = "trunnion._core")]
+pub struct Measurements {
+    model: Py<TouchModel>,
+    moves: Py<Moves>,
+    labels: Vec<i64>,
+    simulation: Simulation,
+}
+
+#[pymethods]
+impl Measurements {
+    #[new]
+    #[pyo3(signature = (model, moves, labels, *, reach_mm, noise_um, seed))]
+    fn new(
+        model: Py<TouchModel>,
+        moves: Py<Moves>,
+        labels: Vec<i64>,
+        reach_mm: f64,
+        noise_um: f64,
+        seed: u64,
+    ) -> Self {
+        Self { model, moves, labels, simulation: simulation(true, reach_mm, noise_um, seed) }
+    }
+
+    /// For every row of `truths` (m, 14) the plan is simulated, both closed forms are taken, and with
+    /// `identify` least squares. A row holds 14 separating, 8 printed, then 14 identified, 14 standard
+    /// errors, converged.
+    #[pyo3(signature = (truths, *, first_sample, identify, threads))]
+    fn calibrations<'py>(
+        &self,
+        py: Python<'py>,
+        truths: PyReadonlyArray2<'py, f64>,
+        first_sample: u64,
+        identify: bool,
+        threads: Option<usize>,
+    ) -> PyResult<Samples<'py>> {
+        let options = identify.then(least_squares::Options::default);
+        let found = self.run(py, &truths, first_sample, threads, |measurement, truths| {
+            studies::calibrations(measurement, truths, options.as_ref())
+        })?;
+        let (all, errors) = (closed_form::COUNT, closed_form::ERRORS);
+        let runs = if identify { vec![all, errors, all, all] } else { vec![all, errors] };
+        samples(py, self.model.get().units.calibrations(found, &runs))
+    }
+
+    /// What compensation leaves: for every row of `truths` (m, 14) the plan is simulated, the location
+    /// errors are estimated by `method` ("separating", "printed", "identified"), and the volumetric
+    /// error over the grid x × y × z with the rotary axes at `rotary_deg` is taken under a control
+    /// that assumes the nominal machine and under one that assumes the estimates. A row holds largest
+    /// and root mean square before, largest and root mean square left, µm.
+    #[pyo3(signature = (truths, *, first_sample, method, grid, rotary_deg, threads))]
+    fn compensations<'py>(
+        &self,
+        py: Python<'py>,
+        truths: PyReadonlyArray2<'py, f64>,
+        first_sample: u64,
+        method: &str,
+        grid: [Vec<f64>; 3],
+        rotary_deg: Vec<f64>,
+        threads: Option<usize>,
+    ) -> PyResult<Samples<'py>> {
+        let methods = [
+            ("separating", Method::Separating),
+            ("printed", Method::Printed),
+            ("identified", Method::Identified),
+        ];
+        let method = choice("method", method, &methods).into_py()?;
+        let volume = Volume::new([&grid[0], &grid[1], &grid[2]]);
+        let rotary: Vec<f64> = rotary_deg.iter().map(|angle| angle * DEG).collect();
+        let mut found = self.run(py, &truths, first_sample, threads, |measurement, truths| {
+            studies::compensations(measurement, truths, method, &volume, &rotary)
+        })?;
+        found.rows.iter_mut().for_each(|value| *value /= UM);
+        samples(py, found)
+    }
+}
+
+impl Measurements {
+    fn run(
+        &self,
+        py: Python<'_>,
+        truths: &PyReadonlyArray2<'_, f64>,
+        first_sample: u64,
+        threads: Option<usize>,
+        study: impl FnOnce(&Measurement, &[f64]) -> trunnion_core::Result<studies::Samples> + Send,
+    ) -> PyResult<studies::Samples> {
+        let TouchModel { inner: model, units } = self.model.get();
+        let truths = units.to_core(&rows("true parameters", truths, model.parameter_count())?);
+        let moves = &self.moves.get().inner.view();
+        let (labels, simulation) = (self.labels.as_slice(), self.simulation);
+        let measurement = Measurement { model, moves, labels, simulation, first_sample };
+        py.detach(|| with_threads(threads, || study(&measurement, &truths)))?.into_py()
+    }
+}
+
+fn samples(py: Python<'_>, found: studies::Samples) -> PyResult<Samples<'_>> {
+    let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
+    let failures = failures.collect();
+    Ok((matrix(py, found.rows, found.width)?, failures))
+}

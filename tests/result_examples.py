@@ -1,0 +1,148 @@
+"""An example of every result and of every data table."""
+
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+
+import trunnion as tn
+from trunnion import contouring, hybrid, turning
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.linear_axes import FieldMotion, Travel
+from trunnion.models.kinds import Kind, kinds
+
+SAMPLES = {
+    "touches": ("cross/touches.csv", "cross/setup.toml"),
+    "points": ("plate/first.csv", None),
+    "sweep": ("axis/sweep.csv", None),
+    "diameters": ("turning/diameters.csv", "turning/setup.toml"),
+    "ballbar": ("ballbar/circle.csv", None),
+    "axislog": ("contour/axislog.csv", "contour/setup.toml"),
+}
+
+
+def data_of(kind: Kind) -> Any:
+    return kind.read(tn.sample_path(SAMPLES[kind.name][0]))
+
+
+@cache
+def diagnosis_of(name: str) -> Diagnosis:
+    kind = next(kind for kind in kinds() if kind.name == name)
+    data, setup = data_of(kind), SAMPLES[name][1]
+    if name == "axislog":
+        data = data[:: max(1, len(data) // 400)]
+    return tn.diagnose(data, tn.read_setup(tn.sample_path(setup)) if setup else None)
+
+
+@cache
+def cross() -> tuple[tn.Touches, tn.Setup]:
+    """Touches of a cross, and their set-up."""
+    folder = tn.sample_path("cross")
+    return tn.read_touches(folder / "touches.csv"), tn.read_setup(folder / "setup.toml")
+
+
+def model_of(name: str) -> Any:
+    return diagnosis_of(name).model
+
+
+def field_motion() -> FieldMotion:
+    places = np.array([[-1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [0.5, 0.5]])
+    travel = Travel((50.0, 50.0), (100.0, 100.0))
+    return FieldMotion(places, np.array([[1.0], [2.0], [0.5], [-1.0]]), 0.1, 2.0, travel)
+
+
+@cache
+def with_outliers() -> Diagnosis:
+    """Ambiguous, with rows that were left out."""
+    return tn.diagnose(
+        tn.read_touches(tn.sample_path("hidden/touches.csv")),
+        tn.read_setup(tn.sample_path("hidden/setup.toml")),
+    )
+
+
+POSE = [1100.0, 1130.0, 1110.0, 20.0, 5.0]
+CENTRE = (0.0, -350.0, -1400.0)
+
+
+def ballbar() -> hybrid.BallbarIdentification:
+    machine = hybrid.Mechanism()
+    plan = hybrid.ballbar_plan(machine, CENTRE, step_deg=15.0)
+    return hybrid.identify_ballbar(plan, machine, sigma_um=0.5)
+
+
+def identifiability() -> hybrid.Identifiability:
+    machine = hybrid.Mechanism()
+    return hybrid.identifiability(hybrid.ballbar_plan(machine, CENTRE, step_deg=15.0), machine)
+
+
+def short() -> contouring.Path:
+    return contouring.Path.circle(5.0, turn_deg=20.0, tilt_deg=10.0)
+
+
+def comparison() -> contouring.ContourComparison:
+    return contouring.compare(path=short(), feeds_mm_min=(1000.0, 2000.0))
+
+
+def profile() -> turning.Profile:
+    return turning.Profile.from_points([(100, 20), (50, 20), (50, 30), (0, 30)])
+
+
+def finishing() -> turning.Finishing:
+    return profile().finishing("linuxcnc-lathe", head=[[("G", 7)]], feed=100)
+
+
+def correction() -> turning.Correction:
+    z = np.arange(5.0, 45.0, 1.0)
+    return turning.correct(finishing().program, (z, 12.0 * np.sin(z / 9.0)), unit_um=1.0)
+
+
+def groove() -> turning.Finishing:
+    points = [(100, 20), (60, 20), (60, 15), (40, 15), (40, 20), (0, 20)]
+    part = turning.Profile.from_points(points)
+    return part.finishing("linuxcnc-lathe", access_z_mm=[50.0], feed=100)
+
+
+def crossing() -> turning.Crossing:
+    return turning.Crossing((12.0, 9.0), 5.0)
+
+
+EXAMPLES: dict[str, Callable[[], Any]] = {
+    **{f"data {kind.name}": partial(data_of, kind) for kind in kinds()},
+    **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
+    "diagnosis with outliers": with_outliers,
+    **{f"model {kind.name}": partial(model_of, kind.name) for kind in kinds()},
+    "FieldMotion": field_motion,
+    "IdentificationResult": lambda: tn.identify(*cross()),
+    "ClosedFormResult": lambda: tn.closed_form(*cross(), method="printed"),
+    "PerPosition": lambda: tn.closed_form(*cross(), method="printed").per_position,
+    "Observability": lambda: tn.observability(*cross()),
+    "Estimate": lambda: tn.Estimate(errors={"EX0C": 15.0}, std_errors={"EX0C": 0.2}),
+    "Forward": lambda: hybrid.Mechanism().forward([POSE, POSE]),
+    "Sensitivity": lambda: hybrid.Mechanism().sensitivity(POSE),
+    "Constraint": lambda: hybrid.Mechanism().constraint(POSE),
+    "ClosureDependence": lambda: hybrid.Mechanism().closure_dependence(POSE, {"base3_c": 10.0}),
+    "Identifiability": identifiability,
+    "BallbarIdentification": ballbar,
+    "CubeStudy": lambda: hybrid.cube_study(hybrid.Mechanism(), ["e4", "e5"]),
+    "CubeChange": lambda: hybrid.transformed_cube(hybrid.Mechanism(), "e4"),
+    "ContourRun": lambda: contouring.simulate(short(), 1000.0),
+    "ContourSweep": lambda: contouring.sweep([short()], [500.0, 1000.0]),
+    "Margins": lambda: contouring.margins(path=short()),
+    "ContourComparison": comparison,
+    "Correction": correction,
+    "Finishing": groove,
+    "ProbePath": lambda: turning.probe_path(profile()),
+    "Interval": lambda: turning.probe_path(profile()).intervals[0],
+    "Crossing": crossing,
+    "Cause": lambda: with_outliers().causes[0],
+    "Alternative": lambda: with_outliers().evidence[1],
+    "Gain": lambda: with_outliers().gain,
+    "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
+    "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
+    "Prospect": lambda: tn.prospect(diagnosis_of("touches"), 4),
+    "RepeatablePart": lambda: tn.repeatable_part(
+        diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
+    ),
+    "Residuals": lambda: with_outliers().residuals,
+}
