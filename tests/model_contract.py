@@ -49,7 +49,8 @@ def slope(
 ) -> Floats:
     """Difference quotient of a function of named values."""
     up = np.asarray(f({**values, name: values[name] + step}))
-    return (up - np.asarray(f({**values, name: values[name] - step}))) / (2 * step)
+    down = np.asarray(f({**values, name: values[name] - step}))
+    return np.asarray((up - down) / (2 * step), dtype=np.float64)
 
 
 # --- the checks
@@ -239,11 +240,11 @@ def check_sense(model: Model, setup: Any) -> None:
     start = model.start
     for one, two in zip(model.effects, other.effects, strict=True):
         linear = [k for k, p in enumerate(one.parameters) if p.linear]
-        columns = [
+        ours, theirs = (
             np.abs(m.effect_jacobian(start, e, values_of(e))[:, linear])
             for m, e in ((model, one), (other, two))
-        ]
-        assert close(*columns, 1e-3), one.id
+        )
+        assert close(ours, theirs, 1e-3), one.id
 
 
 def check_not_identifiable_is_refused(model: Model, setup: Any) -> None:

@@ -8,6 +8,7 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -35,7 +36,7 @@ class Own:
 
     id: str
     parameters: tuple[Parameter, ...]
-    change: Callable[[Floats, Mapping[str, float]], Floats]
+    change: Callable[[Floats, Mapping[str, float]], Any]
     label: str = ""
 
 

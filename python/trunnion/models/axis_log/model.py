@@ -87,9 +87,9 @@ class AxisLogModel(BaseModel):
         places = Places(self._design, self.readings.values, chords or {})
         made = catalogue(self._signals, places)
         self._given = tuple(effects)
-        own = with_own([m.effect for m in made], effects, log)[len(made) :]
+        foreign = with_own([m.effect for m in made], effects, log)[len(made) :]
         every = range(channels)
-        own = [Located(on_readings(e, len(log), self._signals), every) for e in own]
+        own = [Located(on_readings(e, len(log), self._signals), every) for e in foreign]
         self._located = (*made, *own)
         self._places = places.found
         self.effects = tuple(located.effect for located in self._located)

@@ -150,7 +150,7 @@ class BallbarModel(BaseModel):
         full = gradient_with_centres(gradient, direction, self.index)
         kept = list(range(errors))
         for k, axes in enumerate(self._seen_axes):
-            kept += [errors + 3 * k + a for a in axes]
+            kept += [errors + 3 * k + int(a) for a in axes]
         jacobian = full[:, kept]
         readings = length * 1e3 - self.reference_um
         if not self.settings.calibrated:

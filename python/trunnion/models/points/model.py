@@ -96,7 +96,7 @@ class PointsModel(BaseModel):
             for label in self._labels
             for name, unit in ((x, "arcsec" if "arcsec" in x else "µm") for x in names)
         )
-        self._travel = Places.of(nominal) if source is None else source._travel
+        self._travel: Places = Places.of(nominal) if source is None else source._travel
         self._places = places_of(nominal)
         named = catalogue(data, self._travel)
         self.field: Field | None = (
@@ -104,7 +104,8 @@ class PointsModel(BaseModel):
         )
         if self.field is not None:
             named.append(self.field.effect(data, named))
-        self._given = tuple(effects) if source is None else source._given
+        given = effects if source is None else source._given
+        self._given: tuple[EffectLike | str, ...] = tuple(given)
         self.effects = with_own(named, self._given, data)
 
     def _check_near(self, deviation: Floats) -> None:
