@@ -50,7 +50,7 @@ def slope(
     """Difference quotient of a function of named values."""
     up = np.asarray(f({**values, name: values[name] + step}))
     down = np.asarray(f({**values, name: values[name] - step}))
-    return np.asarray((up - down) / (2 * step), dtype=np.float64)
+    return np.asarray((up - down) / (2 * step))
 
 
 # --- the checks
@@ -240,11 +240,11 @@ def check_sense(model: Model, setup: Any) -> None:
     start = model.start
     for one, two in zip(model.effects, other.effects, strict=True):
         linear = [k for k, p in enumerate(one.parameters) if p.linear]
-        ours, theirs = (
+        first, second = (
             np.abs(m.effect_jacobian(start, e, values_of(e))[:, linear])
             for m, e in ((model, one), (other, two))
         )
-        assert close(ours, theirs, 1e-3), one.id
+        assert close(first, second, 1e-3), one.id
 
 
 def check_not_identifiable_is_refused(model: Model, setup: Any) -> None:

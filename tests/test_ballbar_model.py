@@ -187,7 +187,7 @@ def test_readings_out_of_order_and_too_few_are_refused() -> None:
     with pytest.raises(tn.DataError, match=r"time_s \(row \d+\): got .* after .*in the order"):
         tn.BallbarModel(mixed)
     for count in (1, 2):
-        with pytest.raises(tn.DataError, match=rf"got {count} readings? in set-up 0, wanted at"):
+        with pytest.raises(tn.DataError, match=rf"got {count} readings? in set-up 0, expected at"):
             tn.BallbarModel(data[:count])
 
 

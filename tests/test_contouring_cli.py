@@ -66,7 +66,7 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
     ("arguments", "told"),
     [
         (("contour", "simulate", "--feed", "-5"), "feed: got -5 mm/min"),
-        (("contour", "simulate", "--controller", "best"), "wanted one of independent"),
+        (("contour", "simulate", "--controller", "best"), "expected one of independent"),
         (("contour", "simulate", CROSS), "servo: the"),
         (("contour", "diagnose", LOG), "setup: got NoneType"),
         (

@@ -8,7 +8,6 @@ import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -36,7 +35,7 @@ class Own:
 
     id: str
     parameters: tuple[Parameter, ...]
-    change: Callable[[Floats, Mapping[str, float]], Any]
+    change: Callable[[Floats, Mapping[str, float]], NDArray[np.floating]]
     label: str = ""
 
 

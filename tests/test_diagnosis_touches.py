@@ -221,3 +221,43 @@ def test_touches_without_any_noise_are_put_into_words(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["diagnose", touches, setup])
     assert said.exit_code == 0, said.output
     assert said.output.startswith("Ambiguous: ")
+
+
+def _cross_at(a_deg: tuple[float, ...]) -> tuple[tn.Touches, tn.Setup]:
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    return touches[np.isin(touches.rotary_deg["a"], a_deg)], setup
+
+
+@pytest.mark.parametrize("a_deg", [(0.0,), (0.0, 90.0), (0.0, -90.0, 90.0)])
+def test_diagnosis_and_identification_agree_on_what_is_identifiable(
+    a_deg: tuple[float, ...],
+) -> None:
+    """The same estimates, the same standard errors, the same ones without."""
+    touches, setup = _cross_at(a_deg)
+    fit = tn.identify(touches, setup)
+    d = tn.diagnose(touches, setup)
+    assert d.verdict == "consistent"
+    for name, value in d.errors_after.items():
+        std, expected = d.errors_std[name], fit.std_errors[name]
+        assert np.isinf(std) == np.isinf(expected), name
+        if np.isinf(std):
+            assert value == pytest.approx(fit.errors[name], abs=1e-3)
+        else:
+            assert std == pytest.approx(expected, rel=1e-4)
+            assert abs(value - fit.errors[name]) < 1e-3 * std
+
+
+def test_an_effect_that_shares_with_an_error_leaves_neither_identified() -> None:
+    """A sag of the A axis lifts the table at A = 90 deg as an offset of the axis does."""
+    data = tn.Touches(measured({"a_sag": {"ky_um": 2.0, "kz_um": 3.0}}).columns)
+    setup = ground("rich")[3]
+    d = tn.diagnose(data, setup)
+    assert [c.id for c in d.causes] == ["a_sag"]
+    fit = tn.identify(data, setup, effects=("a_sag",))
+    for name, value in d.errors_after.items():
+        std = d.errors_std[name]
+        assert np.isinf(std) == np.isinf(fit.std_errors[name]), name
+        assert value == pytest.approx(fit.errors[name], abs=1e-3)
+    assert np.isinf(d.errors_std["EZ0A"])
+    assert np.isinf(d.causes[0].std_errors["kz_um"])

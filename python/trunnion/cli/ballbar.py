@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 import trunnion as tn
-from trunnion.cli import diagnose as diagnosis
 from trunnion.cli.command import Answer, command, sort_files
 from trunnion.cli.diagnose import Html
+from trunnion.cli.diagnose import diagnose as diagnose_files
 from trunnion.cli.hybrid import mechanism_of
 
 __all__ = ["register"]
@@ -42,7 +42,7 @@ def diagnose(files: Lengths, html: Html = None) -> Answer:
                 f"{set_up}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
                 "no set-up for a three-axis machine and a calibrated bar"
             )
-    return diagnosis.diagnose(files, kind="ballbar", html=html)
+    return diagnose_files(files, kind="ballbar", html=html)
 
 
 def identify(

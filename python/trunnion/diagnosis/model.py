@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
 from trunnion.machine.effects import Owner
@@ -38,6 +39,7 @@ __all__ = [
     "Nuisance",
     "Readings",
     "Uncertainty",
+    "identity",
 ]
 
 
@@ -205,12 +207,11 @@ class Model(Protocol):
         ...
 
     @property
-    def visible(self) -> float:
-        """Smallest part of a nuisance parameter's change that counts as seen.
+    def rank_tolerance(self) -> float:
+        """Share of the largest singular value up to which a combination is not identifiable.
 
-        A direction of the nuisance parameters is seen if the readings keep more than this of it
-        (a singular value, columns of unit length) beside the others. Larger than rounding where
-        second-order terms make a direction seem to be seen that is not.
+        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
+        has a reason for another.
         """
         ...
 
@@ -253,8 +254,12 @@ class Model(Protocol):
         ...
 
 
-def _as_it_is(values: Floats) -> Floats:
-    return values
+EXACT_TOLERANCE = 1e-9
+
+
+def identity(columns: Floats) -> Floats:
+    """Whiten noise that is white already."""
+    return columns
 
 
 class BaseModel:
@@ -314,9 +319,9 @@ class BaseModel:
         return None
 
     @property
-    def visible(self) -> float:
-        """Anything above rounding."""
-        return 1e-9
+    def rank_tolerance(self) -> float:
+        """That of all."""
+        return RANK_TOLERANCE
 
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
@@ -348,7 +353,7 @@ class BaseModel:
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
         """Noise taken as white and of one size."""
-        return _as_it_is
+        return identity
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Nuisance parameters that belong to the machine, by name."""
@@ -437,6 +442,11 @@ class LinearModel(BaseModel):
     def replicates(self) -> Integers | None:
         """As given, or none known."""
         return None if self._replicates is None else np.asarray(self._replicates, dtype=np.intp)
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Rounding: a design that is exact has no leftovers of second order."""
+        return EXACT_TOLERANCE
 
     def base(self, nuisance: Floats) -> Floats:
         """Return design @ nuisance."""

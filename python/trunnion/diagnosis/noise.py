@@ -14,10 +14,10 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
-from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.engine import NAMELESS
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 
 __all__ = [
     "Autoregression",
@@ -50,7 +50,7 @@ class Autoregression:
         ``sizes[k]``: standard deviation of what is left then. The last pair holds from there on.
     """
 
-    predictors: tuple[Floats, ...] = (np.zeros(0),)
+    predictors: tuple[Array, ...] = (np.zeros(0),)
     sizes: tuple[float, ...] = (1.0,)
 
     @property
@@ -58,7 +58,7 @@ class Autoregression:
         """How many readings back the noise remembers; 0: white."""
         return len(self.predictors) - 1
 
-    def whiten(self, values: Floats) -> Floats:
+    def whiten(self, values: Array) -> Array:
         """Innovations of (n, m) consecutive values in units of their size."""
         order = min(self.order, len(values))
         out = np.array(values, dtype=np.float64)
@@ -87,9 +87,9 @@ class Channel:
         Its name among the model's components.
     """
 
-    rows: Integers
-    fixed: Floats
-    sought: tuple[Floats, ...] = ()
+    rows: IntArray
+    fixed: Array
+    sought: tuple[Array, ...] = ()
     component: str = ""
 
 
@@ -100,9 +100,9 @@ class Whitener:
     ``filters``: consecutive readings, and their noise.
     """
 
-    filters: tuple[tuple[Integers, Autoregression], ...]
+    filters: tuple[tuple[IntArray, Autoregression], ...]
 
-    def __call__(self, values: Floats) -> Floats:
+    def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
         flat = values.reshape(len(values), -1)
         out = np.zeros_like(flat, dtype=np.float64)
@@ -114,7 +114,7 @@ class Whitener:
 
 
 def whitener(
-    model: Model, residuals: Floats, channels: Iterable[Channel], groups: Integers
+    model: Model, residuals: Array, channels: Iterable[Channel], groups: IntArray
 ) -> Whitener:
     """Noise of each channel, as left when all that need not be noise is fitted at once.
 
@@ -132,8 +132,8 @@ def whitener(
     groups:
         Group of each reading, shape (n,): the noise has no memory from one to another.
     """
-    filters: list[tuple[Integers, Autoregression]] = []
-    terms: dict[str, list[Floats]] | None = None
+    filters: list[tuple[IntArray, Autoregression]] = []
+    terms: dict[str, list[Array]] | None = None
     for channel in channels:
         y, own_groups = residuals[channel.rows], groups[channel.rows]
         segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
@@ -148,7 +148,7 @@ def whitener(
     return Whitener(tuple(filters))
 
 
-def structure_terms(model: Model) -> dict[str, list[Floats]]:
+def structure_terms(model: Model) -> dict[str, list[Array]]:
     """Unexplained structure that each component may have, the engine's own: columns (n, k)."""
     dictionary = Dictionary(model, np.arange(len(model.readings)))
     return {
@@ -164,7 +164,7 @@ def structure_terms(model: Model) -> dict[str, list[Floats]]:
 # --- one channel
 
 
-def fit_noise(y: Floats, q: Floats, segments: Sequence[Integers]) -> Autoregression:
+def fit_noise(y: Array, q: Array, segments: Sequence[IntArray]) -> Autoregression:
     """Noise of readings y (n,) of which columns q (n, k), orthonormal, may be no noise.
 
     The order is the one that BIC takes for what q leaves. Its coefficients maximise the restricted
@@ -179,12 +179,12 @@ def fit_noise(y: Floats, q: Floats, segments: Sequence[Integers]) -> Autoregress
     both = np.concatenate([q, y[:, None]], axis=1)
     count = sum(max(len(s) - order, 0) for s in segments) - q.shape[1]
 
-    def triangle(ar: Floats) -> Floats:
+    def triangle(ar: Array) -> Array:
         white = [_predicted_off(both[s], ar, order) for s in segments if len(s) > order]
         corner = np.asarray(np.linalg.qr(np.concatenate(white), mode="r"), dtype=np.float64)
         return np.asarray(np.abs(np.diag(corner)))
 
-    def cost(z: Floats) -> float:
+    def cost(z: Array) -> float:
         d = np.maximum(triangle(levinson(np.tanh(z))[-1]), 1e-300)
         return float(2 * count * np.log(d[-1]) + 2 * np.sum(np.log(d[:-1])))
 
@@ -199,7 +199,7 @@ def fit_noise(y: Floats, q: Floats, segments: Sequence[Integers]) -> Autoregress
 
 
 def fit_noise_beside_structure(
-    y: Floats, q: Floats, segments: Sequence[Integers], terms: Sequence[Floats]
+    y: Array, q: Array, segments: Sequence[IntArray], terms: Sequence[Array]
 ) -> Autoregression:
     """Noise of y where unexplained structure may be beside q, a term at a time.
 
@@ -207,7 +207,7 @@ def fit_noise_beside_structure(
     that the engine asks for it.
     """
 
-    def score(basis: Floats) -> tuple[float, Autoregression]:
+    def score(basis: Array) -> tuple[float, Autoregression]:
         noise = fit_noise(y, basis, segments)
         both = np.concatenate([basis, y[:, None]], axis=1)
         white = np.concatenate([noise.whiten(both[s])[MAX_ORDER:] for s in segments])
@@ -228,7 +228,8 @@ def fit_noise_beside_structure(
         tried = []
         for i in np.argsort(gain)[::-1][:MAX_TRIED]:
             wider = np.concatenate([q, own[i]], axis=1)
-            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms))) + NAMELESS
+            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms)))
+            price += UNNAMED_TERM_PENALTY
             tried.append((*score(wider), price, wider))
         value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
         if value + price >= best:
@@ -240,15 +241,15 @@ def fit_noise_beside_structure(
 # --- autoregressions
 
 
-def levinson(partial: Floats) -> tuple[Floats, ...]:
+def levinson(partial: Array) -> tuple[Array, ...]:
     """Coefficients of every order from 0 up, from partial autocorrelations."""
-    out: list[Floats] = [np.zeros(0)]
+    out: list[Array] = [np.zeros(0)]
     for r in partial:
         out.append(np.append(out[-1] - r * out[-1][::-1], r))
     return tuple(out)
 
 
-def partial_autocorrelations(ar: Floats) -> Floats:
+def partial_autocorrelations(ar: Array) -> Array:
     """Partial autocorrelations of an autoregression; of an unstable one, those to where it is."""
     out, a = np.zeros(len(ar)), np.asarray(ar, dtype=np.float64)
     for k in range(len(ar) - 1, -1, -1):
@@ -257,7 +258,7 @@ def partial_autocorrelations(ar: Floats) -> Floats:
     return out
 
 
-def _predicted_off(values: Floats, ar: Floats, first: int) -> Floats:
+def _predicted_off(values: Array, ar: Array, first: int) -> Array:
     """Values (n, m) from row ``first`` on, less what an autoregression predicts."""
     out = np.array(values[first:], dtype=np.float64)
     for k, a in enumerate(ar, start=1):
@@ -265,7 +266,7 @@ def _predicted_off(values: Floats, ar: Floats, first: int) -> Floats:
     return out
 
 
-def _autoregression(series: Sequence[Floats]) -> Floats:
+def _autoregression(series: Sequence[Array]) -> Array:
     """Coefficients of an autoregression, of the order that BIC takes; empty for white noise."""
     n = sum(len(s) for s in series)
     series = [s for s in series if len(s) > 2 * MAX_ORDER]
@@ -278,7 +279,7 @@ def _autoregression(series: Sequence[Floats]) -> Floats:
             for s in series
         ]
     )
-    best: Floats = np.zeros(0)
+    best: Array = np.zeros(0)
     best_cost = np.inf
     for order in range(MAX_ORDER + 1):
         x = lags[:, :order]
@@ -290,7 +291,7 @@ def _autoregression(series: Sequence[Floats]) -> Floats:
     return best
 
 
-def _longer(cost: Callable[[Floats], float], z: Floats) -> Floats:
+def _longer(cost: Callable[[Array], float], z: Array) -> Array:
     """Change of z = artanh of partial autocorrelations that makes the memory longer by 1 σ.
 
     ``cost``: -2 ln L, least at z. The slow part of the noise goes with Π 1/(1 - tanh z)².
@@ -309,14 +310,14 @@ def _longer(cost: Callable[[Floats], float], z: Floats) -> Floats:
 
 
 def _absorbed(
-    y: Floats, channel: Channel, noise: Autoregression, segments: Sequence[Integers]
-) -> Floats:
+    y: Array, channel: Channel, noise: Autoregression, segments: Sequence[IntArray]
+) -> Array:
     """Orthonormal basis of a channel's columns: all fixed, and the best place of each set sought.
 
     So little of the noise goes with what is not noise. ``noise``: what is known of it.
     """
 
-    def white(columns: Floats) -> Floats:
+    def white(columns: Array) -> Array:
         return np.concatenate([noise.whiten(columns[s]) for s in segments])
 
     taken = channel.fixed[:, np.any(channel.fixed != 0, axis=0)]
@@ -332,7 +333,7 @@ def _absorbed(
     return _basis(taken)
 
 
-def _basis(columns: Floats) -> Floats:
+def _basis(columns: Array) -> Array:
     """Orthonormal basis of columns; those that vanish are left out."""
     size = np.sqrt((columns**2).sum(axis=0))
     seen = size > 1e-12 * max(float(size.max(initial=0.0)), 1e-300)

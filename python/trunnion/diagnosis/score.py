@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Floats
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.effect import EffectValues, Values
-from trunnion.diagnosis.fit import orthonormal
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Gain, units_of
 
@@ -46,7 +46,7 @@ def score(
     return Gain.of(one, two, one, two, units, index[keep])
 
 
-def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Floats:
+def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Array:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
     free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
@@ -69,9 +69,10 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Fl
     loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
-    r: Floats = y - model.predict(at, values)
+    r: Array = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
+    hold = None
     for step in range(STEPS):
         parts = [model.jacobian(at, values)[:, free]]
         for e in loose:
@@ -81,8 +82,14 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Fl
         if jac.shape[1] == 0:
             break
         root = np.sqrt(weight)
-        u, s, vt, scale = orthonormal(np.asarray(whiten(jac)) * root[:, None])
-        move = (vt.T / s / scale[:, None]) @ (u.T @ (np.asarray(whiten(r)) * root))
+        solved = linear_fit(
+            np.asarray(whiten(jac)) * root[:, None],
+            np.asarray(whiten(r)) * root,
+            hold=hold,
+            tolerance=model.rank_tolerance,
+        )
+        hold = solved.held  # what is not identifiable where the fit starts stays there
+        move = solved.solution
         at[free] += move[: int(free.sum())]
         for (e, i), m in zip(index, move[int(free.sum()) :], strict=True):
             values[e.id][e.parameters[i].name] += float(m)

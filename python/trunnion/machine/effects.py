@@ -165,7 +165,9 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
         If something is neither an id nor an effect, or an id stands twice.
     """
     if isinstance(effects, str):
-        raise InputError(f"effects: got the text {effects!r}, wanted a sequence of ids or effects")
+        raise InputError(
+            f"effects: got the text {effects!r}, expected a sequence of ids or effects"
+        )
     ids: list[str] = []
     own: list[UserEffect] = []
     for effect in effects:
@@ -175,11 +177,11 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
             own.append(effect)
         else:
             raise InputError(
-                f"effect: got {effect!r}, wanted an id of the catalogue or an object with id, "
+                f"effect: got {effect!r}, expected an id of the catalogue or an object with id, "
                 "parameters and change(data, values)"
             )
     names = [*ids, *(effect.id for effect in own)]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"effects: got {name!r} twice, wanted each once")
+            raise InputError(f"effects: got {name!r} twice, expected each once")
     return ids, own

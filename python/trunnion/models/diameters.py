@@ -163,7 +163,9 @@ def _seconds(data: Diameters, conditions: Conditions, length_mm: Floats) -> Floa
         rpm = np.asarray(data.spindle_rpm, dtype=np.float64)
         if not (rpm > 0).all():
             row = int(np.argmin(rpm > 0))
-            raise DataError(f"spindle_rpm (row {row}): got {rpm[row]}, expected more than zero")
+            raise DataError(
+                f"spindle_rpm ({data.place(row)}): got {rpm[row]}, expected more than 0"
+            )
     elif conditions.spindle_rpm is not None:
         rpm = np.full(len(data), conditions.spindle_rpm)
     else:
@@ -447,14 +449,14 @@ def _check(data: Diameters, conditions: Conditions) -> None:
     if (z > overhang + 1e-6).any():
         row = int(np.argmax(z))
         raise DataError(
-            f"z_mm (row {row}): got {z[row]}, expected at most the overhang, {overhang} mm"
+            f"z_mm ({data.place(row)}): got {z[row]}, expected at most the overhang, {overhang} mm"
         )
     error = np.asarray(data.error_um, dtype=np.float64)
     if (np.abs(error) > MAX_ERROR_UM).any():
         row = int(np.argmax(np.abs(error)))
         raise DataError(
-            f"error_um (row {row}): got {error[row]}, expected measured minus nominal diameter, "
-            f"µm, within ±{MAX_ERROR_UM:g}"
+            f"error_um ({data.place(row)}): got {error[row]}, expected measured minus nominal "
+            f"diameter, µm, within ±{MAX_ERROR_UM:g}"
         )
     labels = _labels(data.pass_, len(data))
     for label, count in zip(*np.unique(labels, return_counts=True), strict=True):

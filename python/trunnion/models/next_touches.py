@@ -13,9 +13,9 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Flags, fit
-from trunnion.diagnosis.parting import Hypothesis, Parting
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
@@ -141,7 +141,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
     if not isinstance(n, int) or isinstance(n, bool) or n < 1:
-        raise InputError(f"n: got {n!r}, wanted a whole number from 1")
+        raise InputError(f"n: got {n!r}, expected a whole number from 1")
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]
@@ -152,12 +152,14 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         sets = [_hypothesis(model, both, d, used, {}, 0.0)]
     nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
-        parting = Parting(nuisance, is_old, sets, d.sigma)
-        many = parting.choose(max(n, COUNTS[-1]))
+        discrimination = Discrimination(nuisance, is_old, sets, d.sigma)
+        many = discrimination.choose(max(n, COUNTS[-1]))
         chosen = many[:n]
-        chance = parting.chance(chosen)
-        enough = next((k for k in COUNTS if k > n and parting.chance(many[:k]) >= MIN_CHANCE), None)
-        pairs = parting.unparted(many)
+        chance = discrimination.chance(chosen)
+        enough = next(
+            (k for k in COUNTS if k > n and discrimination.chance(many[:k]) >= MIN_CHANCE), None
+        )
+        pairs = discrimination.alike(many)
         alike = tuple((d.alternatives[i], d.alternatives[j]) for i, j in pairs)
     else:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)

@@ -127,11 +127,6 @@ class TouchDiagnosisModel(BaseModel):
         """Location errors known beforehand, artefact where it should be."""
         return self._start.copy()
 
-    @property
-    def visible(self) -> float:
-        """Errors and placement of 1e-3 rad break exact dependencies in second order."""
-        return 0.02
-
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return readings, µm; built-in effects act together in the core, a user's own is added."""
         ids, values = self._vector(nuisance, effects)
@@ -320,8 +315,8 @@ class TouchDiagnosisModel(BaseModel):
         worst = int(np.argmax(off))
         if off[worst] > MAX_DISTANCE_UM:
             raise DataError(
-                f"touch of row {worst}: got a point {off[worst] / 1e3:.1f} mm from the modelled "
-                f"surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
+                f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
+                f"the modelled surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
             )
 
 

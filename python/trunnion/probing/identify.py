@@ -73,7 +73,7 @@ def identify(
         Fewer touches than parameters, touches off the modelled surface.
     """
     if loss not in ("squares", "huber"):
-        raise UnknownNameError(f"loss: got {loss!r}, wanted 'squares' or 'huber'")
+        raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
@@ -184,10 +184,10 @@ def identify_many(
     """
     positions = np.ascontiguousarray(positions_mm, dtype=float)
     if positions.ndim != 3 or positions.shape[1:] != (len(plan), 3):
-        raise InputError(f"positions_mm: got shape {positions.shape}, wanted (m, {len(plan)}, 3)")
+        raise InputError(f"positions_mm: got shape {positions.shape}, expected (m, {len(plan)}, 3)")
     ids, own = split_effects(effects)
     if own:
-        raise InputError("effects: got a user's own, wanted ids of the catalogue")
+        raise InputError("effects: got a user's own, expected ids of the catalogue")
     model = TouchModel(setup, ids)
     values, errors, converged = model.core.fit_many(
         model.moves(plan),
@@ -220,7 +220,7 @@ def _priors(
             value, uncertainty = (float(part) for part in prior)
         except (TypeError, ValueError):
             raise InputError(
-                f"prior of {name}: got {prior!r}, wanted (value, standard uncertainty)"
+                f"prior of {name}: got {prior!r}, expected (value, standard uncertainty)"
             ) from None
         found.append((names.index(name), value, uncertainty))
     return found

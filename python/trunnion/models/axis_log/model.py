@@ -87,12 +87,12 @@ class AxisLogModel(BaseModel):
         places = Places(self._design, self.readings.values, chords or {})
         made = catalogue(self._signals, places)
         self._given = tuple(effects)
-        foreign = with_own([m.effect for m in made], effects, log)[len(made) :]
+        own = with_own([m.effect for m in made], effects, log)[len(made) :]
         every = range(channels)
-        own = [Located(on_readings(e, len(log), self._signals), every) for e in foreign]
-        self._located = (*made, *own)
+        located = (Located(on_readings(e, len(log), self._signals), every) for e in own)
+        self._located: tuple[Located, ...] = (*made, *located)
         self._places = places.found
-        self.effects = tuple(located.effect for located in self._located)
+        self.effects = tuple(one.effect for one in self._located)
 
     def _read(self) -> Signals:
         """Axes and tool tip of the log, checked."""

@@ -379,8 +379,8 @@ def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:
 def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     if stop - start < MIN_SAMPLES:
         raise DataError(
-            f"axis log, rows {start} to {stop - 1}: got {stop - start} samples in a run, "
-            f"expected at least {MIN_SAMPLES}"
+            f"axis log, run from {log.place(start)} on: got {stop - start} samples, expected at "
+            f"least {MIN_SAMPLES}"
         )
     steps = np.diff(log.time_s[start:stop])
     period = float((log.time_s[stop - 1] - log.time_s[start]) / (stop - 1 - start))
@@ -388,19 +388,19 @@ def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     if uneven.max() > 0.01 * period:
         row = start + 1 + int(np.argmax(uneven))
         raise DataError(
-            f"axis log, row {row}: got {steps[row - start - 1]:.6g} s after the row before, "
+            f"axis log, {log.place(row)}: got {steps[row - start - 1]:.6g} s after the row before, "
             f"expected even sampling ({period:.6g} s within 1 %); give each run its label"
         )
     control = period if servo.period_ms is None else servo.period_ms * 1e-3
     substeps = max(1, round(period / control))
     if substeps > MAX_SUBSTEPS:
         raise DataError(
-            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected at most "
-            f"{MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
+            f"axis log, {log.place(start)}: got samples every {period * 1e3:.6g} ms, expected at "
+            f"most {MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
         )
     if abs(period - substeps * control) > 0.01 * period:
         raise DataError(
-            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected a multiple "
-            f"of servo.period_ms = {control * 1e3:.6g}"
+            f"axis log, {log.place(start)}: got samples every {period * 1e3:.6g} ms, expected a "
+            f"multiple of servo.period_ms = {control * 1e3:.6g}"
         )
     return Run(slice(start, stop), period, substeps)

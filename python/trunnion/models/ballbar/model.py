@@ -38,6 +38,8 @@ __all__ = ["BallbarModel", "ExtendedBallbarModel", "build"]
 
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
+MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
+
 
 class BallbarModel(BaseModel):
     """Ball-bar lengths, as the diagnosis engine asks for them.
@@ -123,13 +125,14 @@ class BallbarModel(BaseModel):
         return start
 
     @property
-    def visible(self) -> float:
+    def rank_tolerance(self) -> float:
         """Weaker combinations of the 17 are left alone.
 
         Errors of 50 µm change the readings of a circle along them by less than the noise, but a
-        fit that followed them would take the errors to where derivatives no longer hold.
+        fit that followed them would take the errors to where derivatives no longer hold. They have
+        no gap: the singular values of a circle fall evenly from 1 to 1e-6.
         """
-        return 1e-4
+        return MIN_SINGULAR_VALUE
 
     def _centres_at(self, nuisance: Floats) -> Floats:
         centres = self._centres.copy()
@@ -176,7 +179,7 @@ class BallbarModel(BaseModel):
         readings, jacobian = self._plain(self.start)
         scale = np.linalg.norm(jacobian, axis=0)
         u, s, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
-        basis = u[:, s > self.visible]
+        basis = u[:, s > self.rank_tolerance * s[0]]
         residual = self.readings.values - readings
         residual = residual - basis @ (basis.T @ residual)
         return [self._sharp(e, basis, residual) for e in effects]

@@ -57,7 +57,8 @@ class Path:
         if len(back):
             row = int(back[0]) + 1
             raise DataError(
-                f"time_s (row {row}): got {data.time_s[row]:g} after {data.time_s[row - 1]:g}, "
+                f"time_s ({data.place(row)}): got {data.time_s[row]:g} after "
+                f"{data.time_s[row - 1]:g}, "
                 "expected the readings in the order in which they were taken"
             )
 

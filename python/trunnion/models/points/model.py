@@ -113,8 +113,8 @@ class PointsModel(BaseModel):
         worst = int(np.argmax(off))
         if off[worst] > MAX_DISTANCE_MM:
             raise DataError(
-                f"point of row {worst}: got a point {off[worst]:.1f} mm from where the placement "
-                f"puts it, expected at most {MAX_DISTANCE_MM:.0f} mm"
+                f"point of {self.data.place(worst)}: got a place {off[worst]:.1f} mm from where "
+                f"the placement puts it, expected at most {MAX_DISTANCE_MM:.0f} mm"
             )
 
     def _field(self, deviation: Floats, catalogue: Sequence[Effect]) -> Field | None:
@@ -276,7 +276,7 @@ class PointsModel(BaseModel):
         if data.dimension != self.dimension:
             raise InputError(
                 f"other data: got points with {data.dimension} coordinates, "
-                f"wanted {self.dimension} as in the diagnosed ones"
+                f"expected {self.dimension} as in the diagnosed ones"
             )
         return PointsModel(data, source=self)
 

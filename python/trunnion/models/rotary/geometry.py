@@ -47,7 +47,7 @@ class Geometry:
         centred = p.copy()
         for k in range(count):
             centred[target == k] -= p[target == k].mean(axis=0)
-        _, size, vt = np.linalg.svd(centred, full_matrices=False)
+        _, size, vt = np.linalg.svd(centred, full_matrices=len(centred) < 3)
         if size[0] == 0.0:
             raise DataError("sweep: got targets that do not move, expected targets that turn")
         frame = np.stack([vt[0], vt[1], np.cross(vt[0], vt[1])], axis=1)
@@ -144,7 +144,7 @@ def fit_circles(data: Sweep) -> dict[Any, Circle]:
         if len(p) < MIN_CIRCLE_POSITIONS:
             raise DataError(f"target {label}: got {len(p)} positions, expected at least 4")
         middle = p.mean(axis=0)
-        vt = np.linalg.svd(p - middle, full_matrices=False)[2]
+        vt = np.linalg.svd(p - middle, full_matrices=len(p) < 3)[2]
         q = (p - middle) @ vt.T
         a = np.column_stack([2 * q[:, :2], np.ones(len(q))])
         x, y, w = np.linalg.lstsq(a, np.sum(q[:, :2] ** 2, axis=1), rcond=None)[0]

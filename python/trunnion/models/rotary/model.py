@@ -124,9 +124,9 @@ class SweepModel(BaseModel):
         worst = int(np.argmax(off))
         if off[worst] > MAX_DISTANCE_MM:
             raise DataError(
-                f"target {self._labels[self._target[worst]]} (row {worst}): got a place "
-                f"{off[worst]:.1f} mm from where its circle and angle_deg put it, expected at most "
-                f"{MAX_DISTANCE_MM:.0f} mm"
+                f"target {self._labels[self._target[worst]]} ({self.data.place(worst)}): got a "
+                f"place {off[worst]:.1f} mm from where its circle and angle_deg put it, expected "
+                f"at most {MAX_DISTANCE_MM:.0f} mm"
             )
 
     def _directions(self) -> Floats:
