@@ -45,8 +45,8 @@ of delay in the loop, 0.2 to 2 ms in the log, 1 to 5 µm of friction, 1 to 8 µm
 
 Right: verdict "consistent" where nothing is hidden (promised for white noise: at least 95 %), else
 the effect named or in the alias group of a cause (promised for all: at least 97 %). Nothing else:
-no further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something else.
-Memory: correlation of the noise from one sample (1 ms) to the next.
+no further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something
+else. Memory: correlation of the noise from one sample (1 ms) to the next.
 
 """
 
