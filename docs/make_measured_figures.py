@@ -81,7 +81,7 @@ def sweeps() -> None:
         data = tn.read_sweep(MEASURED / f"meca500_{joint}.csv")
         d = tn.diagnose(data)
         assert d.residuals is not None
-        circle = tn.circles(data)[1]
+        circle = tn.fit_circles(data)[1]
         before, after = (r.reshape(-1, 3) for r in (d.residuals.before, d.residuals.after))
         plain = (circle.radial_um, circle.axial_um * np.sign(circle.normal @ d.model.direction))
         for ax, part, i, r in zip(
@@ -111,7 +111,7 @@ def report() -> None:
         out.write(f"{tn.repeatable_part(d, plates[other])}\n")
     for joint in JOINTS:
         data = tn.read_sweep(MEASURED / f"meca500_{joint}.csv")
-        circle = tn.circles(data)[1]
+        circle = tn.fit_circles(data)[1]
         d = tn.diagnose(data)
         assert d.residuals is not None
         out.write(f"{joint} {circle.radial_rms_um:.1f} / {circle.axial_rms_um:.1f}\n")

@@ -213,7 +213,7 @@ def main() -> None:
         "",
         "Made by `make power-ballbar` on lengths of the independent generator in "
         "`tests/ballbar_twin.py`: random errors, centres and ways, noise unknown to the code. "
-        "Found: named, in its alias group, or among the alternatives; wanted 95 % of each cause, "
+        "Found: named, in its alias group, or among the alternatives; expected 95 % of each cause, "
         "and 95 % consistent where nothing is hidden.",
         "",
         "| machine | hidden | runs | found | named | wrong name | when not found |",

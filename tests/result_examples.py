@@ -138,5 +138,11 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Cause": lambda: with_outliers().causes[0],
     "Alternative": lambda: with_outliers().evidence[1],
     "Gain": lambda: with_outliers().gain,
+    "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
+    "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
+    "Prospect": lambda: tn.prospect(diagnosis_of("touches"), 4),
+    "RepeatablePart": lambda: tn.repeatable_part(
+        diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
+    ),
     "Residuals": lambda: with_outliers().residuals,
 }

@@ -125,7 +125,7 @@ def test_what_is_not_identifiable_stays_and_is_named() -> None:
 def test_bad_input_to_identification() -> None:
     machine = Mechanism()
     plan = ballbar_plan(machine, CENTRES[0], step_deg=90.0)
-    with pytest.raises(tn.DataError, match="wanted more than 20 unknowns"):
+    with pytest.raises(tn.DataError, match="expected more than 20 unknowns"):
         identify_ballbar(plan[:15], machine)
     with pytest.raises(tn.InputError, match="sigma_um"):
         identify_ballbar(plan, machine, tolerance=10.0)
@@ -164,7 +164,7 @@ def test_chosen_poses_beat_evenly_spread_and_random_ones() -> None:
 
 def test_lengths_in_metres_and_a_noise_of_nothing_are_refused() -> None:
     plan = ballbar_plan(Mechanism(), (0.0, -350.0, -1400.0), step_deg=15.0)
-    with pytest.raises(tn.DataError, match=r"length_mm \(row \d+\): got 0.1500, wanted within 5"):
+    with pytest.raises(tn.DataError, match=r"length_mm \(row \d+\): got 0.1500, expected within 5"):
         identify_ballbar(plan.with_columns(length_mm=plan.length_mm / 1000), Mechanism())
     for sigma in (0.0, -1.0, float("nan")):
         with pytest.raises(tn.InputError, match="sigma_um"):

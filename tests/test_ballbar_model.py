@@ -34,49 +34,13 @@ def circle(step: float = 2.0, radius: float = 100.0) -> tn.Ballbar:
     )
 
 
-def test_every_effect_has_the_derivative_it_says() -> None:
-    plan = ballbar_plan(Mechanism(), HOME, step_deg=15.0)
-    for model in (tn.BallbarModel(circle()), tn.BallbarModel(plan)):
-        rng = np.random.default_rng(1)
-        for effect in model.effects:
-            values = {
-                p.name: rng.uniform(0.5, 2.0) if p.linear else p.grid[len(p.grid) // 2]
-                for p in effect.parameters
-            }
-            jacobian = effect.columns(model.data, values)
-            assert jacobian.shape == (len(model.data), len(effect.parameters))
-            for k, p in enumerate(effect.parameters):
-                step = 1e-7 * abs(values[p.name])
-                up, down = (
-                    np.asarray(effect.change(model.data, values | {p.name: values[p.name] + s}))
-                    for s in (step, -step)
-                )
-                difference = (up - down) / (2 * step)
-                scale = max(float(np.abs(difference).max()), 1e-9)
-                assert np.abs(difference - jacobian[:, k]).max() < 1e-5 * scale, effect.id
-            nothing = {p.name: 0.0 if p.linear else values[p.name] for p in effect.parameters}
-            assert np.abs(np.asarray(effect.change(model.data, nothing))).max() == 0
-
-
-def test_the_plain_model_has_exact_derivatives() -> None:
-    for data in (circle(), ballbar_plan(Mechanism(), HOME, step_deg=20.0)):
-        model = tn.BallbarModel(data)
-        at = model.start + np.random.default_rng(2).normal(0, 20, len(model.nuisance))
-        jacobian = model.base_jacobian(at)
-        for k in range(len(at)):
-            step = np.zeros(len(at))
-            step[k] = 10.0
-            difference = (model.base(at + step) - model.base(at - step)) / 20.0
-            assert np.abs(difference - jacobian[:, k]).max() < 1e-6, model.nuisance[k].name
-
-
 def test_signs_on_a_circle() -> None:
     model = tn.BallbarModel(circle())
     effects = {e.id: e for e in model.effects}
     data, bar = model.data, model.bar
 
     def change(name: str, **values: float) -> np.ndarray:
-        return np.asarray(effects[name].change(data, values))
+        return np.asarray(effects[name].change(values))
 
     x = given(data.x_mm) - 50.0
     y = given(data.y_mm) + 20.0
@@ -147,7 +111,7 @@ def test_the_hybrid_machine_may_be_commanded_in_coordinates() -> None:
         sense=given(plan.sense),
         time_s=given(plan.time_s),
     )
-    joints = tn.BallbarModel(same, setup).joints
+    joints = tn.BallbarModel(same, setup).machine.commands
     assert joints is not None
     assert np.abs(joints - given(plan.joints)).max() < 1e-7
 
@@ -186,7 +150,7 @@ def with_backlash() -> tn.Ballbar:
     """Both circles with 4 µm of backlash of X and 0.3 µm of noise."""
     model = tn.BallbarModel(circle())
     backlash = {e.id: e for e in model.effects}["backlash_x"]
-    lost = np.asarray(backlash.change(model.data, {"b_um": 4.0}))
+    lost = np.asarray(backlash.change({"b_um": 4.0}))
     noise = np.random.default_rng(3).normal(0, 0.3, len(lost))
     data = circle()
     return data.with_columns(length_mm=data.length_mm + 1e-3 * (lost + noise))
@@ -223,7 +187,7 @@ def test_readings_out_of_order_and_too_few_are_refused() -> None:
     with pytest.raises(tn.DataError, match=r"time_s \(row \d+\): got .* after .*in the order"):
         tn.BallbarModel(mixed)
     for count in (1, 2):
-        with pytest.raises(tn.DataError, match=rf"got {count} readings? in set-up 0, wanted at"):
+        with pytest.raises(tn.DataError, match=rf"got {count} readings? in set-up 0, expected at"):
             tn.BallbarModel(data[:count])
 
 

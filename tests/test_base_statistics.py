@@ -18,8 +18,8 @@ def test_numbers_are_those_of_numpy(rows: int) -> None:
     fit = linear_fit(columns, values, basis=True)
     assert fit.rank == 5
     scale = np.linalg.norm(columns, axis=0)
-    wanted = np.linalg.lstsq(columns / scale, values, rcond=None)[0] / scale
-    np.testing.assert_allclose(fit.solution * scale, wanted * scale, rtol=1e-10)
+    expected = np.linalg.lstsq(columns / scale, values, rcond=None)[0] / scale
+    np.testing.assert_allclose(fit.solution * scale, expected * scale, rtol=1e-10)
     inverse = np.linalg.inv((columns / scale).T @ (columns / scale))
     np.testing.assert_allclose(fit.cofactor * np.outer(scale, scale), inverse, atol=1e-10)
     np.testing.assert_allclose(fit.basis.T @ fit.basis, np.eye(5), atol=1e-12)

@@ -118,7 +118,7 @@ def test_plots_share_a_scale() -> None:
     plt.close("all")
     with pytest.raises(tn.InputError, match="plane: got 'zz'"):
         plot_volumetric(before, plane="zz")
-    with pytest.raises(tn.InputError, match="wanted two"):
+    with pytest.raises(tn.InputError, match="expected two"):
         plot_over_poses(before)
     with pytest.raises(tn.InputError, match="scale_um: got"):
         plot_volumetric(before, scale_um=(1.0, 0.5))

@@ -115,7 +115,7 @@ BAD_FILES = {
     "no resolution": (HEAD.split("\n", 1)[1] + ROWS, ":1:1: resolution_um: got no such comment"),
     "bad resolution": (
         HEAD.replace("0.1", "fine") + ROWS,
-        ":1:39: resolution_um: got 'fine', wanted a finite number",
+        ":1:39: resolution_um: got 'fine', expected a finite number",
     ),
     "no multiple": (
         HEAD + ROWS + "0,0,20,0,0,1.15,2,3\n",
@@ -141,7 +141,7 @@ def test_a_bad_file_is_refused_with_its_place(case: str, tmp_path: Path) -> None
 
 
 def test_a_map_is_not_extrapolated(table: tn.ErrorMap) -> None:
-    with pytest.raises(tn.InputError, match=r"a_deg = 91 \(row 1\), wanted -90 to 90"):
+    with pytest.raises(tn.InputError, match=r"a_deg = 91 \(row 1\), expected -90 to 90"):
         table.correction_um([[0, 0, 0], [0, 0, 0]], {"A": [0, 91], "C": 0})
     with pytest.raises(tn.InputError, match=r"x_mm = 500 .* not extrapolated"):
         table.correction_um([[500, 0, 0]], {"A": 0, "C": 0})
@@ -151,7 +151,7 @@ def test_a_map_is_not_extrapolated(table: tn.ErrorMap) -> None:
 
 def test_a_map_of_another_machine_is_refused(table: tn.ErrorMap) -> None:
     other = tn.Setup(artefact=tn.Artefact("cross"), machine=tn.Machine(preset="trt-bc"))
-    with pytest.raises(tn.InputError, match="got one for axes A, C, wanted B, C"):
+    with pytest.raises(tn.InputError, match="got one for axes A, C, expected B, C"):
         tn.volumetric_error(other, {}, compensation=table)
 
 

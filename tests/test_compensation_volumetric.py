@@ -165,7 +165,7 @@ def test_a_users_own_motion_enters() -> None:
     ("arguments", "message"),
     [
         ({"errors": {"EX0A": 1.0}}, "EX0A"),
-        ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, wanted a finite number"),
+        ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, expected a finite number"),
         ({"errors": 3}, "errors: got int"),
         ({"effects": {"nonsense": {}}}, "effect: got 'nonsense'"),
         ({"effects": {"scale_x": {"um": 1.0}}}, "parameter of effect 'scale_x': got 'um'"),

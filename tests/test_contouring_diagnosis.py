@@ -204,7 +204,7 @@ def test_a_model_and_its_diagnosis_can_be_sent_to_another_process() -> None:
     twin_model = pickle.loads(pickle.dumps(model))
     for effect, copied in zip(model.effects, twin_model.effects, strict=True):
         values = {p.name: p.grid[0] if p.grid else 0.5 for p in effect.parameters}
-        np.testing.assert_array_equal(copied.change(log, values), effect.change(log, values))
+        np.testing.assert_array_equal(copied.change(values), effect.change(values))
     d = diagnose(log, setup)
     assert pickle.loads(pickle.dumps(d)).to_dict() == d.to_dict()
 
@@ -228,7 +228,7 @@ def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() 
         channel = model.axes.index(changed[0])
         moved = model_readings(log, setup, before, channel)
         moved = moved - model_readings(log, setup, servo, channel)
-        change = np.asarray(model.effect(name).change(log, values)).reshape(-1, len(log))
+        change = np.asarray(model.effect(name).change(values)).reshape(-1, len(log))
         # Columns are chords at other values: they differ where a run starts.
         assert np.linalg.norm(change[channel] - moved) < 0.1 * np.linalg.norm(moved)
 

@@ -197,13 +197,13 @@ def test_held_parameters_stay() -> None:
 
 def test_bad_input_is_told() -> None:
     data = taken(random_truth(1))
-    with pytest.raises(UnknownNameError, match="effect: got 'drift_w', wanted one of probe_radius"):
+    with pytest.raises(UnknownNameError, match="effect: got 'drift_w', expected one of"):
         identify(data, SETUP, effects=("drift_w",))
     with pytest.raises(InputError, match="drift_x: got touches without time_s"):
         identify(data.with_columns(time_s=None), SETUP, effects=("drift_x",))
     with pytest.raises(InputError, match="solver: got 'magic'"):
         identify(data, SETUP, solver="magic")
-    with pytest.raises(DataError, match="got 10 rows, wanted at least the 14"):
+    with pytest.raises(DataError, match="got 10 rows, expected at least the 14"):
         identify(data[:10], SETUP)
     off = data.with_columns(x_mm=data.x_mm + 8.0)
     with pytest.raises(DataError, match=r"not on the modelled surface \(8\.\d+ mm from it\)"):

@@ -50,7 +50,7 @@ def test_columns_are_the_twins(plan: str) -> None:
         values = random_effect(rng, effect.id, made)
         theirs = effect_change_um(made, setup, {effect.id: values})
         size = max(float(np.abs(theirs).max()), 1e-3)
-        ours = np.asarray(effect.change(data, values))
+        ours = np.asarray(effect.change(values))
         assert np.abs(ours - theirs).max() < COLUMN_ERR_TOL * size, effect.id
         linear = [p.name for p in effect.parameters if p.linear]
         columns = model.effect_jacobian(model.start, effect, values)[:, : len(linear)]
@@ -161,7 +161,7 @@ def test_next_touches_part_the_aliases_of_a() -> None:
     assert np.min(np.asarray(more.time_s)) > np.max(m.columns["time_s"])
     said = tn.prospect(d, 8)
     assert said.chance > 0.8
-    assert "touches part the" in said.summary()
+    assert "touches distinguish the" in said.summary()
 
 
 def test_next_touches_say_when_none_can() -> None:
@@ -221,3 +221,43 @@ def test_touches_without_any_noise_are_put_into_words(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["diagnose", touches, setup])
     assert said.exit_code == 0, said.output
     assert said.output.startswith("Ambiguous: ")
+
+
+def _cross_at(a_deg: tuple[float, ...]) -> tuple[tn.Touches, tn.Setup]:
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    return touches[np.isin(touches.rotary_deg["a"], a_deg)], setup
+
+
+@pytest.mark.parametrize("a_deg", [(0.0,), (0.0, 90.0), (0.0, -90.0, 90.0)])
+def test_diagnosis_and_identification_agree_on_what_is_identifiable(
+    a_deg: tuple[float, ...],
+) -> None:
+    """The same estimates, the same standard errors, the same ones without."""
+    touches, setup = _cross_at(a_deg)
+    fit = tn.identify(touches, setup)
+    d = tn.diagnose(touches, setup)
+    assert d.verdict == "consistent"
+    for name, value in d.errors_after.items():
+        std, expected = d.errors_std[name], fit.std_errors[name]
+        assert np.isinf(std) == np.isinf(expected), name
+        if np.isinf(std):
+            assert value == pytest.approx(fit.errors[name], abs=1e-3)
+        else:
+            assert std == pytest.approx(expected, rel=1e-4)
+            assert abs(value - fit.errors[name]) < 1e-3 * std
+
+
+def test_an_effect_that_shares_with_an_error_leaves_neither_identified() -> None:
+    """A sag of the A axis lifts the table at A = 90 deg as an offset of the axis does."""
+    data = tn.Touches(measured({"a_sag": {"ky_um": 2.0, "kz_um": 3.0}}).columns)
+    setup = ground("rich")[3]
+    d = tn.diagnose(data, setup)
+    assert [c.id for c in d.causes] == ["a_sag"]
+    fit = tn.identify(data, setup, effects=("a_sag",))
+    for name, value in d.errors_after.items():
+        std = d.errors_std[name]
+        assert np.isinf(std) == np.isinf(fit.std_errors[name]), name
+        assert value == pytest.approx(fit.errors[name], abs=1e-3)
+    assert np.isinf(d.errors_std["EZ0A"])
+    assert np.isinf(d.causes[0].std_errors["kz_um"])

@@ -19,7 +19,7 @@ import trunnion as tn
 from trunnion.contouring import LinearAxis, Servo
 from trunnion.hybrid import Mechanism
 from trunnion.models.ballbar import BallbarSettings
-from trunnion.models.diameters import Conditions, conditions
+from trunnion.models.diameters import Conditions, conditions_of
 from trunnion.setup.fields import keys_of
 from trunnion.setup.parts import PARTS
 
@@ -283,9 +283,9 @@ def test_every_key_says_what_it_means(part: type) -> None:
 @pytest.mark.parametrize(
     ("text", "read", "message"),
     [
-        ("[turning]\noverhang_mm = 80\nfeed_mm_rew = 1\n", conditions, ":3:1: turning.feed_mm_rew: unknown key, .*did you mean feed_mm_rev"),
-        ("[turning]\nfeed_mm_rev = 1\n", conditions, ":1:1: turning.overhang_mm: missing"),
-        ("[turning]\noverhang_mm = 80\nspindle_rpm = 0\n", conditions, ":3:15: turning.spindle_rpm: got 0, expected a finite number above 0"),
+        ("[turning]\noverhang_mm = 80\nfeed_mm_rew = 1\n", conditions_of, ":3:1: turning.feed_mm_rew: unknown key, .*did you mean feed_mm_rev"),
+        ("[turning]\nfeed_mm_rev = 1\n", conditions_of, ":1:1: turning.overhang_mm: missing"),
+        ("[turning]\noverhang_mm = 80\nspindle_rpm = 0\n", conditions_of, ":3:15: turning.spindle_rpm: got 0, expected a finite number above 0"),
         ("[ballbar]\ncalibrated = 1\n", BallbarSettings.from_setup, ":2:14: ballbar.calibrated: got 1, expected true or false"),
         ("[ballbar]\nwrist = 2\n", BallbarSettings.from_setup, ":2:9: ballbar.wrist: got 2, expected 1 or -1"),
         ("[hybrid]\ne8 = 2\n", Mechanism.from_setup, ":2:1: hybrid.e8: unknown key, .*did you mean e8_mm"),

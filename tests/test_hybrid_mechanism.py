@@ -63,7 +63,7 @@ def test_what_cannot_be_reached_says_why() -> None:
         machine.forward([-5, 1150, 1100, 0, 0])
     with pytest.raises(tn.InputError, match="finite"):
         machine.forward([np.nan, 1150, 1100, 0, 0])
-    with pytest.raises(tn.InputError, match=r"wanted \(n, 5\)"):
+    with pytest.raises(tn.InputError, match=r"expected \(n, 5\)"):
         machine.forward([[1, 2, 3]])
     with pytest.raises(tn.KinematicsError, match="below the base"):
         machine.inverse([0, 0, 100.0])
@@ -131,7 +131,7 @@ def test_setup_table_and_its_errors(tmp_path: Path) -> None:
 def test_the_table_of_the_notes_for_the_transformed_cube() -> None:
     # Centre |dr| and largest edge change, µm; 10 µm or 10", cube of 200 mm, tool vertical. The
     # table is of first order, ours exact: 1e-3 µm apart.
-    wanted = {
+    expected = {
         "e1": (26.079, 0.936),
         "e2": (46.458, 3.182),
         "e3": (26.079, 0.936),
@@ -151,7 +151,7 @@ def test_the_table_of_the_notes_for_the_transformed_cube() -> None:
         "e17": (12.120, 8.602),
     }
     study = cube_study(Mechanism())
-    for name, (centre, edge) in wanted.items():
+    for name, (centre, edge) in expected.items():
         assert study[name].shift_um == pytest.approx(centre, abs=1.1e-3), name
         assert study[name].largest_edge_um == pytest.approx(edge, abs=1.1e-3), name
     # The paper's conclusion, and its limit: 13 of 17 below one fifth at this size.

@@ -51,16 +51,16 @@ def per_mm_rad(names: tuple[str, ...]) -> np.ndarray:
 
 @pytest.mark.parametrize("pose", ["A", "B"])
 def test_solution_and_sensitivities_are_the_reference_ones(pose: str) -> None:
-    wanted = REFERENCE[pose]
+    expected = REFERENCE[pose]
     s = hybrid.Mechanism().sensitivity(joints(pose))
-    assert np.abs(s.forward.tip_mm[0] - wanted["r"]).max() < 1e-9
-    assert np.abs(s.forward.direction[0] - wanted["tool"]).max() < 1e-12
-    assert np.abs(np.radians(s.forward.passive_deg[0]) - wanted["Y"]).max() < 1e-12
+    assert np.abs(s.forward.tip_mm[0] - expected["r"]).max() < 1e-9
+    assert np.abs(s.forward.direction[0] - expected["tool"]).max() < 1e-12
+    assert np.abs(np.radians(s.forward.passive_deg[0]) - expected["Y"]).max() < 1e-12
     unit = per_mm_rad(s.parameters)
-    assert np.abs(s.tip[0] * unit - wanted["S"]).max() < 1e-9
-    assert np.abs(s.serial_tip[0] * unit - wanted["rE_serial"]).max() < 1e-9
+    assert np.abs(s.tip[0] * unit - expected["S"]).max() < 1e-9
+    assert np.abs(s.serial_tip[0] * unit - expected["rE_serial"]).max() < 1e-9
     rate = np.where([name.endswith("_um") for name in s.parameters], ARCSEC * 1e3, 1.0)
-    assert np.abs(s.passive[0] * rate - wanted["dYdE"]).max() < 1e-12
+    assert np.abs(s.passive[0] * rate - expected["dYdE"]).max() < 1e-12
 
 
 @pytest.mark.parametrize("pose", ["A", "B"])
@@ -70,9 +70,9 @@ def test_errors_outside_the_17_under_two_closures(
 ) -> None:
     names = [name for name, _ in OUTSIDE.values()]
     s = hybrid.Mechanism(closure_mm=closure).sensitivity(joints(pose), names)
-    wanted = np.array(REFERENCE[pose][key])[:, list(OUTSIDE)]
+    expected = np.array(REFERENCE[pose][key])[:, list(OUTSIDE)]
     signs = np.array([sign for _, sign in OUTSIDE.values()])
-    assert np.abs(s.tip[0] * per_mm_rad(s.parameters) * signs - wanted).max() < 1e-9
+    assert np.abs(s.tip[0] * per_mm_rad(s.parameters) * signs - expected).max() < 1e-9
 
 
 def test_the_only_printed_column_of_the_paper() -> None:

@@ -29,7 +29,7 @@ def diagnoses(plates: dict[int, tn.Points]) -> dict[int, tn.Diagnosis]:
     [("j1", 5.2, 5.1), ("j2", 2.0, 21.2), ("j5", 5.1, 4.3), ("j6", 2.5, 0.9)],
 )
 def test_circles_leave_what_was_stated(joint: str, radial: float, axial: float) -> None:
-    (circle,) = tn.circles(tn.read_sweep(FOLDER / f"meca500_{joint}.csv")).values()
+    (circle,) = tn.fit_circles(tn.read_sweep(FOLDER / f"meca500_{joint}.csv")).values()
     assert circle.radial_rms_um == pytest.approx(radial, abs=0.05)
     assert circle.axial_rms_um == pytest.approx(axial, abs=0.05)
 

@@ -42,7 +42,6 @@ def test_package_has_a_version() -> None:
 
 
 @pytest.mark.parametrize("use", ["", "; [getattr(tn, name) for name in dir(tn)]"])
-@pytest.mark.xfail(strict=False, reason="the search for outliers still uses scipy.stats")
 def test_importing_does_not_import_pyplot_or_statistics(use: str) -> None:
     heavy = "{'matplotlib.pyplot', 'scipy.stats', 'pandas', 'casadi', 'pinocchio'}"
     code = f"import sys, trunnion as tn{use}; print(sorted({heavy} & set(sys.modules)))"

@@ -9,7 +9,7 @@ import pytest
 
 import trunnion as tn
 from trunnion.base.smooth import Modes, SmoothField
-from trunnion.models.points import ExtendedPoints, PointsModel
+from trunnion.models.points import ExtendedPoints
 
 RNG = np.random.default_rng(7)
 Q = np.round(RNG.uniform(-200, 200, (120, 3)), 3)
@@ -72,33 +72,6 @@ def test_a_slip_of_the_part_is_found_and_its_moment() -> None:
     assert cause.id == "setup_shift"
     assert cause.parameters["dx_um"] == pytest.approx(1.5, abs=0.2)
     assert abs(cause.parameters["row"] - 44.5) < 3
-
-
-@pytest.mark.parametrize("dimension", [2, 3])
-def test_derivatives_are_exact(dimension: int) -> None:
-    error = 3.0 * RNG.normal(size=(120, dimension))
-    model = PointsModel(points(error, group=np.arange(120) % 2))
-    at = RNG.normal(size=len(model.nuisance)) * 50.0
-    effects = {"scale_x": {"ppm": 100.0}}
-    exact = model.jacobian(at, effects)
-    for i in range(len(at)):
-        step = np.zeros(len(at))
-        step[i] = 1.0
-        difference = (model.predict(at + step, effects) - model.predict(at - step, effects)) / 2
-        assert np.max(np.abs(difference - exact[:, i])) < 1e-6 * np.max(np.abs(difference)) + 1e-7
-    for e in model.effects:
-        if e.id == "setup_shift":
-            continue  # the moment has no derivative
-        values = e.values([0.7 if p.linear else p.grid[len(p.grid) // 2] for p in e.parameters])
-        exact = model.effect_jacobian(at, e, values)
-        for j, p in enumerate(e.parameters[:6]):
-            up, down = dict(values), dict(values)
-            h = 1.0 if p.linear else 1e-5
-            up[p.name] += h
-            down[p.name] -= h
-            difference = (model.predict(at, {e.id: up}) - model.predict(at, {e.id: down})) / (2 * h)
-            close = 1e-6 * np.max(np.abs(difference)) + 1e-6
-            assert np.max(np.abs(difference - exact[:, j])) < close, (e.id, p.name)
 
 
 def test_far_off_and_too_few_points_are_refused() -> None:

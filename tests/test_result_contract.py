@@ -30,10 +30,6 @@ OWED = {
     "compensation.PrintedZeros": "estimate",
     "compensation.Removable": "estimate",
     "compensation.ResidualInterval": "estimate",
-    "Circle": "models",
-    "NextPass": "models",
-    "Prospect": "models",
-    "RepeatablePart": "models",
 }
 
 NOT_RESULTS = {

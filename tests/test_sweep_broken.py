@@ -184,7 +184,7 @@ def interrupted(path: Path, study: Callable[..., Any] = quick) -> None:
         ({"samples": SAMPLES + 1}, "holds another sweep: samples is 400 there, 401 here"),
         ({"seed": 8}, "holds another sweep: seed is 7 there, 8 here"),
         ({"study": slow}, "holds another sweep: the code of slow was another"),
-        ({"study": "calibration", "grid": {}}, "holds another sweep: .* wanted the same sweep"),
+        ({"study": "calibration", "grid": {}}, "holds another sweep: .* expected the same sweep"),
     ],
 )
 @pytest.mark.parametrize("finished", [False, True])
@@ -363,16 +363,16 @@ def test_a_netcdf_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_places_that_cannot_be_written_to(tmp_path: Path) -> None:
-    with pytest.raises(tn.InputError, match="a folder, wanted a file"):
+    with pytest.raises(tn.InputError, match="a folder, expected a file"):
         run(tmp_path)
-    with pytest.raises(tn.InputError, match="wanted a file in a folder that is there"):
+    with pytest.raises(tn.InputError, match="expected a file in a folder that is there"):
         run(tmp_path / "no" / "s.nc")
     (tmp_path / "s.nc.lock").mkdir()
-    with pytest.raises(tn.DataError, match="wanted a folder that can be written to"):
+    with pytest.raises(tn.DataError, match="expected a folder that can be written to"):
         run(tmp_path / "s.nc")
     if os.geteuid() != 0:
         tmp_path.chmod(0o500)
-        with pytest.raises(tn.DataError, match="wanted a folder that can be written to"):
+        with pytest.raises(tn.DataError, match="expected a folder that can be written to"):
             run(tmp_path / "t.nc")
 
 

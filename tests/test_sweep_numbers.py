@@ -140,49 +140,49 @@ def test_failing_samples_are_recorded_and_a_limit_ends_it() -> None:
     assert failed == int(np.isnan(found["study"]).sum()) > 3
     assert found["failure_parameters"].values[0] == '{"limit": 0.3}'
     assert "is too small" in str(found["failure_error"].values[0])
-    with pytest.raises(tn.DataError, match="samples failed, wanted at most 10%"):
+    with pytest.raises(tn.DataError, match="samples failed, expected at most 10%"):
         tn.sweep(study, {"limit": [0.9]}, 100, 4, most_failures=0.1, progress=False)
 
 
 @pytest.mark.parametrize(
     ("study", "grid", "how", "message"),
     [
-        ("calibration", {"nois_um": [1.0]}, {}, "got 'nois_um', wanted one of length_mm"),
+        ("calibration", {"nois_um": [1.0]}, {}, "got 'nois_um', expected one of length_mm"),
         ("calibration", {"noise_um": []}, {}, "axis noise_um: got no values"),
-        ("calibration", {"noise_um": ["0.1"]}, {}, "noise_um: got '0.1', wanted a number"),
-        ("calibration", {"noise_um": "0.1"}, {}, "wanted a list"),
-        ("calibration", {"noise_um": [float("nan")]}, {}, "wanted a number"),
-        ("calibration", {"noise_um": [-1.0]}, {}, "wanted 0 or more"),
+        ("calibration", {"noise_um": ["0.1"]}, {}, "noise_um: got '0.1', expected a number"),
+        ("calibration", {"noise_um": "0.1"}, {}, "expected a list"),
+        ("calibration", {"noise_um": [float("nan")]}, {}, "expected a number"),
+        ("calibration", {"noise_um": [-1.0]}, {}, "expected 0 or more"),
         ("calibration", {"noise_um": [1.0, 1.0]}, {}, "a value twice"),
-        ("calibration", {"repeats": [1.5]}, {}, "wanted a whole number"),
-        ("calibration", {"layout": ["under"]}, {}, "wanted one of side, top"),
+        ("calibration", {"repeats": [1.5]}, {}, "expected a whole number"),
+        ("calibration", {"layout": ["under"]}, {}, "expected one of side, top"),
         ("calibration", {"noise_um": [1.0]}, {"fixed": {"noise_um": 1.0}}, "in one"),
-        ("calibration", {}, {"samples": 10**9}, "wanted at most"),
+        ("calibration", {}, {"samples": 10**9}, "expected at most"),
         ("calibration", {}, {"samples": 0}, "samples: got 0"),
         ("calibration", {}, {"seed": -1}, "seed: got -1"),
-        ("calibraton", {}, {}, "got 'calibraton', wanted one of calibration"),
-        ("calibration", {"noise_um": range(10**12)}, {}, "got 1e.12 nodes, wanted at most"),
-        ("calibration", {"noise_um": range(10**30)}, {}, "nodes, wanted at most"),
-        ("calibration", {"noise_um": [10**400]}, {}, "wanted a smaller one"),
-        ("calibration", {"repeats": [10**9]}, {}, "wanted 1000 or less"),
-        ("calibration", {"identify": [True, False]}, {}, "wanted it in fixed"),
-        ("calibration", {"length_mm": [1.0, 2.0]}, {}, "wanted less than artefact.length_mm"),
+        ("calibraton", {}, {}, "got 'calibraton', expected one of calibration"),
+        ("calibration", {"noise_um": range(10**12)}, {}, "got 1e.12 nodes, expected at most"),
+        ("calibration", {"noise_um": range(10**30)}, {}, "nodes, expected at most"),
+        ("calibration", {"noise_um": [10**400]}, {}, "expected a smaller one"),
+        ("calibration", {"repeats": [10**9]}, {}, "expected 1000 or less"),
+        ("calibration", {"identify": [True, False]}, {}, "expected it in fixed"),
+        ("calibration", {"length_mm": [1.0, 2.0]}, {}, "expected less than artefact.length_mm"),
         ("calibration", {}, {"threads": 0}, "threads: got 0"),
         ("calibration", {}, {"threads": 10**6}, "threads: got 1000000"),
         ("calibration", {}, {"threads": "2"}, "threads: got '2'"),
-        ("calibration", {}, {"executor": 3}, "executor: got 3, wanted an object with submit"),
+        ("calibration", {}, {"executor": 3}, "executor: got 3, expected an object with submit"),
         ("calibration", {}, {"path": 3}, "path: got 3"),
         ("calibration", {}, {"most_failures": "a"}, "most_failures: got 'a'"),
         ("calibration", {}, {"units": {"a": "mm"}}, "units: got some"),
-        ("diagnosis-power", {"effect": ["drfit_z"]}, {}, "effect: got 'drfit_z', wanted one of"),
+        ("diagnosis-power", {"effect": ["drfit_z"]}, {}, "effect: got 'drfit_z', expected one of"),
         (noisy, {}, {}, "scale: got nothing"),
         (noisy, {"scale": [1.0, "a"]}, {}, "values of several kinds"),
-        (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', wanted some of value"),
+        (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', expected some of value"),
         (lambda _, value: {"value": value}, {"value": [1.0]}, {}, "output named 'value'"),
         (lambda _: {"sample": 1.0}, {}, {}, "output named 'sample'"),
         (lambda _: {1: 1.0}, {}, {}, "name of an output: got 1"),
         (lambda _: {}, {}, {}, "no outputs"),
-        (lambda _: 1j, {}, {}, "got 1j, wanted a number"),
+        (lambda _: 1j, {}, {}, "got 1j, expected a number"),
     ],
 )
 def test_bad_grids_are_refused_at_once(
@@ -204,7 +204,7 @@ def test_outputs_go_by_name() -> None:
     assert set(found["one"].values[good]) == {1.0}
     assert set(found["two"].values[good]) == {2.0}
     assert found.attrs["samples_failed"] == (~good).sum()
-    assert "outputs: got one, three, wanted" in str(found["failure_error"].values[0])
+    assert "outputs: got one, three, expected" in str(found["failure_error"].values[0])
 
 
 def test_the_first_node_may_fail() -> None:

@@ -90,13 +90,13 @@ def test_compensation_is_that_of_single_calls(method: str) -> None:
         control = tn.ModelCompensation.of(setup, believed)
         before = tn.volumetric_error(setup, true, **pose)
         left = tn.volumetric_error(setup, true, **pose, compensation=control)
-        for name, wanted in (
+        for name, expected in (
             ("before_max_um", before.max_um),
             ("before_rms_um", before.rms_um),
             ("left_max_um", left.max_um),
             ("left_rms_um", left.rms_um),
         ):
-            assert found[name].values[sample] == pytest.approx(wanted, abs=1e-9), (name, sample)
+            assert found[name].values[sample] == pytest.approx(expected, abs=1e-9), (name, sample)
 
 
 def test_compensation_is_the_same_in_any_pieces_and_threads() -> None:
@@ -172,10 +172,14 @@ def test_power_counts_what_single_diagnoses_say() -> None:
     for node, (effect, size) in enumerate(product(EFFECTS, sizes)):
         at = found.sel(effect=effect, rms_um=size)
         for sample in range(samples):
-            wanted = by_hand(effect, size, Seeds(seed, node).generator(sample))
-            told = {name: at[name].values[sample] for name in COUNTS}
-            assert told == {name: float(name == wanted) for name in COUNTS}, (effect, size, sample)
-            seen.add(wanted)
+            expected = by_hand(effect, size, Seeds(seed, node).generator(sample))
+            got = {name: at[name].values[sample] for name in COUNTS}
+            assert got == {name: float(name == expected) for name in COUNTS}, (
+                effect,
+                size,
+                sample,
+            )
+            seen.add(expected)
     assert seen >= {"found", "among_alternatives", "missed"}
 
 

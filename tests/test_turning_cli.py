@@ -97,7 +97,7 @@ def test_diameters_for_errors_are_refused(files: Path) -> None:
     z = np.arange(60.0, 20.0, -1.0)
     Diameters(z_mm=z, error_um=70e3 + z).to_csv(files / "slip.csv")
     setup = files / "setup.toml"
-    assert "error_um (row 0)" in run("diagnose", files / "slip.csv", setup, code=2)
+    assert "error_um (line 2 of slip.csv)" in run("diagnose", files / "slip.csv", setup, code=2)
     assert "reading 0" in run("correct", files / "part.ngc", files / "slip.csv", code=2)
 
 

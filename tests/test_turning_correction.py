@@ -213,7 +213,7 @@ def test_what_cannot_be_corrected_is_refused() -> None:
         correct(plain, (z + 200, z))
     with pytest.raises(InputError, match="reading 3"):
         correct(plain, (z, np.where(np.arange(80) == 3, np.nan, z)))
-    with pytest.raises(InputError, match="reading 0, mm: got 60, wanted at most 5 mm"):
+    with pytest.raises(InputError, match="reading 0, mm: got 60, expected at most 5 mm"):
         correct(plain, (z, z + 59_910.0))
     with pytest.raises(InputError, match="radius of the nose"):
         correct(plain, (z, z), nose_mm=-0.8)

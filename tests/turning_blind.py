@@ -154,7 +154,7 @@ rounded to 1 µm of the diameter, a tool setting of its own for each pass. Sizes
 with a time constant of 15 to 60 s, wear 3 to 12 µm over a pass of usual speed, taper 4 to 15",
 bending 5 to 30 µm and tilt of the chuck 5 to 20 µm at the free end, a bent slide 3 to 10 µm,
 chatter 1.5 to 4 µm. The second pass has reversed feed, the third twice the depth; "+ warm" is one
-more like the first, right behind four of its kind. Wanted: named or among the alternatives in at
+more like the first, right behind four of its kind. Expected: named or among the alternatives in at
 least 95 %, a verdict without an effect in at most 5 %.
 
 *found*: named without a doubt. *among*: one of several alternatives. *in doubt*: several

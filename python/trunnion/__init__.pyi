@@ -65,6 +65,7 @@ from .models.ballbar import BallbarModel as BallbarModel
 from .models.diameters import DiameterLaw as DiameterLaw
 
 # --- diagnosis of any kind of data
+from .models.kinds import catalogue as catalogue
 from .models.kinds import diagnose as diagnose
 from .models.next_passes import NextPass as NextPass
 from .models.next_passes import next_passes as next_passes
@@ -77,13 +78,13 @@ from .models.points import repeatable_part as repeatable_part
 from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
+from .models.rotary import fit_circles as fit_circles
 
 # --- probing an artefact: plan, simulate, identify
 from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
 from .probing.length import smallest_length_mm as smallest_length_mm
-from .probing.model import catalogue as catalogue
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability
 from .probing.plan import plan as plan

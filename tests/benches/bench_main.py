@@ -43,10 +43,10 @@ def seconds(work: Callable[[], Any], rounds: int = 5, *, wall: bool = False) -> 
     return statistics.median(times)
 
 
-def line(what: str, value: str, ratio: float | None = None, wanted: float | None = None) -> None:
+def line(what: str, value: str, ratio: float | None = None, expected: float | None = None) -> None:
     """One line of the table."""
     compared = "" if ratio is None else f"{ratio:10.1f} x"
-    goal = "" if wanted is None else f"   (wanted {wanted:g} x)"
+    goal = "" if expected is None else f"   (expected {expected:g} x)"
     print(f"{what:58} {value:>16} {compared}{goal}", flush=True)
 
 
@@ -190,9 +190,9 @@ def sweeps() -> None:
         ("100,000 with identification", "calibration", 100_000, {}, "20 s"),
         ("100,000 compensations", "compensation", 100_000, {}, ""),
     )
-    for name, study, count, kept, wanted in runs:
+    for name, study, count, kept, expected in runs:
         took, cores, peak = in_full(study, count, kept)
-        goal = f"   (wanted {wanted})" if wanted else ""
+        goal = f"   (expected {expected})" if expected else ""
         print(
             f"  {name + ', two cores':56} {took:.1f} s ({cores:.1f} s of processors), "
             f"peak {peak:.2f} GiB{goal}",

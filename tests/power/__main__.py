@@ -14,7 +14,7 @@ from pathlib import Path
 from power.study import Case, Tally, part, run, visible
 
 Measure = Callable[[Tally], float]
-Wanted = tuple[str, Measure, Callable[[float], bool], str]
+Expected = tuple[str, Measure, Callable[[float], bool], str]
 
 
 def at_least(limit: float) -> tuple[Callable[[float], bool], str]:
@@ -25,17 +25,17 @@ def at_most(limit: float) -> tuple[Callable[[float], bool], str]:
     return (lambda x: x <= limit), f"≤ {100 * limit:g} %"
 
 
-ALARM: Wanted = ("not consistent", lambda t: 1 - t.verdicts("consistent"), *at_most(0.05))
-WRONG: Wanted = ("wrong without a doubt", lambda t: t.rate("wrong"), *at_most(0.03))
+ALARM: Expected = ("not consistent", lambda t: 1 - t.verdicts("consistent"), *at_most(0.05))
+WRONG: Expected = ("wrong without a doubt", lambda t: t.rate("wrong"), *at_most(0.03))
 
 
-def among(limit: float) -> Wanted:
+def among(limit: float) -> Expected:
     return ("named or among the alternatives", lambda t: t.rate("among"), *at_least(limit))
 
 
-FOUND: Wanted = ("all found", lambda t: t.rate("outliers_found"), *at_least(0.95))
-UNNAMED: Wanted = ("no cause named", lambda t: 1 - t.named, *at_least(0.97))
-QUANTITY: Wanted = ("right quantity", lambda t: t.rate("quantity_named"), *at_least(0.90))
+FOUND: Expected = ("all found", lambda t: t.rate("outliers_found"), *at_least(0.95))
+UNNAMED: Expected = ("no cause named", lambda t: 1 - t.named, *at_least(0.97))
+QUANTITY: Expected = ("right quantity", lambda t: t.rate("quantity_named"), *at_least(0.90))
 ANY_NOISE = (0.1, 2.0)
 HEADING = [
     "# How often a diagnosis of touches is right",
@@ -43,14 +43,14 @@ HEADING = [
     "Made by `make power` on measurements of the independent generator in `tests/twin`: random "
     "errors and placement, noise (0.3 µm, 0.1 to 2 µm where nothing is hidden) unknown to the "
     "code, ticks of 0.1 µm. Sizes are the rms that an effect leaves in the residuals of the plain "
-    "model; effects drawn together correlate by less than 0.7. In brackets what is wanted. The "
+    "model; effects drawn together correlate by less than 0.7. In brackets what is expected. The "
     "spread of the errors with bad touches is that of the errors that are still determined, in "
     "runs where all bad touches were found.",
     "",
 ]
 
-TABLE: list[tuple[Case, float, list[Wanted]]] = [
-    # case, share of the runs (rates near 0 need more), what is wanted
+TABLE: list[tuple[Case, float, list[Expected]]] = [
+    # case, share of the runs (rates near 0 need more), what is expected
     (Case("no effect", "paper", noise_um=ANY_NOISE), 3.0, [ALARM]),
     (Case("no effect", "rich", noise_um=ANY_NOISE), 3.0, [ALARM]),
     (Case("no effect, heavy tails", "paper", noise_um=ANY_NOISE, noise="heavy"), 2.0, [ALARM]),
@@ -84,12 +84,12 @@ def main() -> int:
     ]
     missed = 0
     clean: dict[str, dict[str, float]] = {}
-    for case, share, wanted in TABLE:
+    for case, share, expected in TABLE:
         if options.only and not any(o in f"{case.plan} {case.name}" for o in options.only):
             continue
         tally = run(case, max(1, int(options.runs * share)), options.seed)
         said = []
-        for name, measure, good, text in wanted:
+        for name, measure, good, text in expected:
             value = measure(tally)
             missed += not good(value)
             mark = "" if good(value) else " **missed**"

@@ -43,9 +43,9 @@ drawn at random, of a size drawn from 0.5 to 3 % of gain, 5 to 20 % of time cons
 of delay in the loop, 0.2 to 2 ms in the log, 1 to 5 µm of friction, 1 to 8 µm of backlash, 0.5 to
 3 µm of cyclic error (rotary axes: twice the number in arcsec), a resonance at 25 to 60 Hz.
 
-Right: verdict "consistent" where nothing is hidden (wanted of white noise: at least 95 %), else the
-effect named or in the alias group of a cause (wanted of all: at least 97 %). Nothing else: no
-further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something else.
+Right: verdict "consistent" where nothing is hidden (promised for white noise: at least 95 %), else
+the effect named or in the alias group of a cause (promised for all: at least 97 %). Nothing else:
+no further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something else.
 Memory: correlation of the noise from one sample (1 ms) to the next.
 
 """

@@ -512,7 +512,7 @@ class Unknown:
 
 
 def unknown_effect(rng: np.random.Generator, plan: Plan, kind: str) -> Unknown:
-    """A random effect of the kind, of about 1 µm; ``Sizing.unknown`` gives one of a wanted size."""
+    """A random effect of the kind, of about 1 µm; ``Sizing.unknown`` gives one of a given size."""
     k = plan.conditions
     component = str(rng.choice(["x", "y", "z", "n"]))
     axis = {"x": 0, "y": 1, "z": 2}.get(component)
@@ -705,9 +705,9 @@ def random_touches(rng: np.random.Generator, setup: Setup, n: int, reach_mm: flo
     """
     artefact, r = setup.artefact, setup.ball_radius_mm
     found: list[Floats] = []
-    wanted = n
-    while wanted > 0:
-        m = 2 * wanted + 16
+    expected = n
+    while expected > 0:
+        m = 2 * expected + 16
         if artefact.kind == "sphere":
             normal = rng.normal(size=(m, 3))
             normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -735,8 +735,8 @@ def random_touches(rng: np.random.Generator, setup: Setup, n: int, reach_mm: flo
         last = distance(start + way * 2 * reach_mm, artefact)
         # Past the nearest point a ball may have gone through: such rows are simply left out.
         good = (before > r + 0.2 * reach_mm) & (last < r - 0.2 * reach_mm)
-        found.append(np.hstack([start, way])[good][:wanted])
-        wanted -= len(found[-1])
+        found.append(np.hstack([start, way])[good][:expected])
+        expected -= len(found[-1])
     start, way = np.split(np.concatenate(found), 2, axis=1)
     a, c = rng.uniform(-100, 100, n), rng.uniform(0, 360, n)
     pose = table_pose(a, c, setup, Truth())

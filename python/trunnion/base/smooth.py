@@ -15,8 +15,8 @@ from trunnion.base.units import Floats as Array
 
 __all__ = ["Modes", "SmoothField"]
 
-MOST_PLACES = 700  # a dense matrix of places: 700 take a second
-MOST_SHARE = 0.2  # modes to places: beyond it modes describe single places
+MAX_PLACES = 700  # a dense matrix of places: 700 take a second
+MAX_SHARE = 0.2  # modes to places: beyond it modes describe single places
 FEWEST = 6
 SMOOTHINGS = 81
 
@@ -99,10 +99,10 @@ class Modes:
         As many as the smoothing spline that predicts the readings best is worth in parameters.
         """
         m, d = places.shape
-        if m > MOST_PLACES:  # evenly thinned: a mode is smooth, and needs no more
-            some = np.linspace(0, m - 1, MOST_PLACES).astype(int)
-            places, readings, m = places[some], readings[some], MOST_PLACES
-        most = int(MOST_SHARE * m)
+        if m > MAX_PLACES:  # evenly thinned: a mode is smooth, and needs no more
+            some = np.linspace(0, m - 1, MAX_PLACES).astype(int)
+            places, readings, m = places[some], readings[some], MAX_PLACES
+        most = int(MAX_SHARE * m)
         if most < FEWEST or np.linalg.matrix_rank(np.column_stack([np.ones(m), places])) < d + 1:
             return None
         spectrum = _Spectrum.of(places)

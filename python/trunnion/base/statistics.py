@@ -94,7 +94,7 @@ def linear_fit(
         Another share than :data:`RANK_TOLERANCE`, for a design that is exact: linear models have
         no leftovers of second order.
     basis
-        Whether the orthonormal basis is wanted.
+        Whether the orthonormal basis is expected.
 
     Raises
     ------

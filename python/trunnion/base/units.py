@@ -17,8 +17,8 @@ ARCSEC = float(np.pi / 648_000)
 
 # Longest first: "rate_um_h" ends in both.
 _SUFFIXES = {
-    "um_h": "µm/h",
     "um_min": "µm/min",
+    "um_h": "µm/h",
     "mm_min": "mm/min",
     "deg_min": "deg/min",
     "mm_rev": "mm/rev",

@@ -82,7 +82,13 @@ def diagnose_as(kind: str) -> Any:
 def _diagnosis(files: list[Path], kind: str) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = _kind(data[0], kind).read(data[0])
-    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
+        raise tn.InputError(
+            f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
+            "no set-up for a three-axis machine and a calibrated bar"
+        )
+    return tn.diagnose(read, setup)
 
 
 def _kind(path: Path, name: str) -> Kind:

@@ -104,11 +104,11 @@ class InverseCompensation:
     ) -> InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
         if not (np.isfinite(largest_turn_deg) and largest_turn_deg > 0):
-            raise InputError(f"largest_turn_deg: got {largest_turn_deg!r}, wanted above 0")
+            raise InputError(f"largest_turn_deg: got {largest_turn_deg!r}, expected above 0")
         known = MachineErrors.of(setup, errors, effects)
         if known.own:
             raise InputError(
-                f"effect {known.own[0].id!r}: got a user's own effect, wanted effects of the "
+                f"effect {known.own[0].id!r}: got a user's own effect, expected effects of the "
                 "catalogue: its motion says nothing of the tool direction; use "
                 "ModelCompensation or error_map"
             )
@@ -208,7 +208,7 @@ def control_commands(
         commands = compensation.commands(setup, points_mm, rotary_deg)
     else:
         raise InputError(
-            f"compensation: got {type(compensation).__name__}, wanted a compensation or None"
+            f"compensation: got {type(compensation).__name__}, expected a compensation or None"
         )
     return rounded_commands(setup, commands) if rounded else commands
 
@@ -252,7 +252,7 @@ def inverse_compensation(
     """
     points = np.atleast_2d(np.asarray(points_mm, dtype=float))
     if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
-        raise InputError(f"points_mm: got shape {points.shape}, wanted finite (n, 3)")
+        raise InputError(f"points_mm: got shape {points.shape}, expected finite (n, 3)")
     chain = Chain(setup)
     rotary = chain.to_machine(rotary_deg, len(points))
     left: Floats | None = None
@@ -263,7 +263,7 @@ def inverse_compensation(
     elif axes == "linear":
         commands = ModelCompensation.of(setup, errors, effects).commands(setup, points, rotary)
     else:
-        raise InputError(f'axes: got {axes!r}, wanted "all" or "linear"')
+        raise InputError(f'axes: got {axes!r}, expected "all" or "linear"')
     if rounded:
         commands = rounded_commands(setup, commands)
     return AxisCommands(commands[:, :3], chain.to_control(commands[:, 3:]), left, singular)

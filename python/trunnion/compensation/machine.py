@@ -95,7 +95,9 @@ class MachineErrors:
         chain = Chain(setup)
         if isinstance(errors, MachineErrors):
             if effects or placement:
-                raise InputError("effects, placement: got both them and MachineErrors, wanted one")
+                raise InputError(
+                    "effects, placement: got both them and MachineErrors, expected one"
+                )
             return errors
         effects = effects or (errors if isinstance(errors, Estimate) else None)
         estimates = [given for given in (errors, effects) if isinstance(given, Estimate)]
@@ -112,7 +114,7 @@ class MachineErrors:
         for name in placement or {}:
             if name not in PLACEMENT:
                 raise UnknownNameError(
-                    f"placement: got {name!r}, wanted one of {', '.join(PLACEMENT)}"
+                    f"placement: got {name!r}, expected one of {', '.join(PLACEMENT)}"
                 )
         machine, own, ignored = _sorted_effects(setup, effects or {}, estimates)
         _refuse_unseen(std_errors, {*named, *machine, *(moving.id for moving in own)})
@@ -152,7 +154,7 @@ class MachineErrors:
             if change.shape != moved.shape or not np.all(np.isfinite(change)):
                 raise InputError(
                     f"motion of effect {effect.id!r}: got shape {change.shape} or values that are "
-                    f"not finite, wanted finite µm of shape {moved.shape}"
+                    f"not finite, expected finite µm of shape {moved.shape}"
                 )
             moved += 1e-3 * change
         return moved
@@ -167,7 +169,7 @@ def _refuse_unseen(std_errors: Mapping[str, float], used: set[str]) -> None:
     ]
     if unseen:
         raise DataError(
-            f"{', '.join(unseen)}: got no estimate (the data cannot see it), wanted one: nothing "
+            f"{', '.join(unseen)}: got no estimate (the data cannot see it), expected one: nothing "
             "bounds what compensation leaves; give the errors as names and values if theirs are "
             "known otherwise"
         )
@@ -183,7 +185,7 @@ def _finite(name: str, value: object) -> float:
     except (TypeError, ValueError):
         number = np.nan
     if not np.isfinite(number) or isinstance(value, bool):
-        raise InputError(f"{name}: got {value!r}, wanted a finite number")
+        raise InputError(f"{name}: got {value!r}, expected a finite number")
     return number
 
 
@@ -194,12 +196,13 @@ def _sorted_effects(
     split_effects(effects)
     motions = {k: v for estimate in estimates for k, v in estimate.motions.items()}
     idle = {name for estimate in estimates for name in estimate.not_compensable}
-    known = Chain(setup).effects
+    chain = Chain(setup)
+    known = chain.effects
     machine: dict[str, dict[str, float]] = {}
     own: list[OwnMotion] = []
     ignored: list[str] = []
     for effect, values in effects.items():
-        name = effect_id(effect)
+        name = chain.effect_id(effect) if isinstance(effect, str) else effect_id(effect)
         numbers = {k: _finite(f"{name}.{k}", v) for k, v in values.items()}
         motion = effect.motion if isinstance(effect, Moving) else motions.get(name)
         if motion is not None:
@@ -211,7 +214,7 @@ def _sorted_effects(
             for parameter in values:
                 if parameter not in parameters:
                     raise UnknownNameError(
-                        f"parameter of effect {name!r}: got {parameter!r}, wanted one of "
+                        f"parameter of effect {name!r}: got {parameter!r}, expected one of "
                         f"{', '.join(parameters)}"
                     )
             if known[name].owner is Owner.MACHINE:
@@ -219,5 +222,5 @@ def _sorted_effects(
             else:
                 ignored.append(name)
         else:
-            raise UnknownNameError(f"effect: got {name!r}, wanted one of {', '.join(known)}")
+            raise UnknownNameError(f"effect: got {name!r}, expected one of {', '.join(known)}")
     return machine, tuple(own), tuple(ignored)

@@ -101,7 +101,7 @@ class ErrorMap:
         linear = np.atleast_2d(np.asarray(position_mm, dtype=float))
         missing = [letter for letter in self.rotary_deg if letter not in rotary_deg]
         if missing:
-            raise InputError(f"rotary_deg: got no axis {missing[0]}, wanted its position")
+            raise InputError(f"rotary_deg: got no axis {missing[0]}, expected its position")
         columns = [np.broadcast_to(np.asarray(rotary_deg[letter], float), len(linear))
                    for letter in self.rotary_deg]  # fmt: skip
         queries = np.column_stack([*columns, linear])
@@ -119,7 +119,7 @@ class ErrorMap:
             if outside.any():
                 row = int(np.argmax(outside))
                 raise InputError(
-                    f"error map: got {name} = {values[row]:g} (row {row}), wanted "
+                    f"error map: got {name} = {values[row]:g} (row {row}), expected "
                     f"{nodes[0]:g} to {nodes[-1]:g}: the map is not extrapolated"
                 )
             queries[:, i] = np.clip(values, nodes[0], nodes[-1])
@@ -137,7 +137,7 @@ class ErrorMap:
         chain = Chain(setup)
         if set(chain.letters) != set(self.rotary_deg):
             raise InputError(
-                f"error map: got one for axes {', '.join(self.rotary_deg)}, wanted "
+                f"error map: got one for axes {', '.join(self.rotary_deg)}, expected "
                 f"{', '.join(chain.letters)} (machine {setup.machine.preset})"
             )
         commands = nominal_commands(setup, points_mm, rotary_deg)
@@ -267,10 +267,10 @@ def error_map(
     """
     for what, step in (("linear_step_mm", linear_step_mm), ("rotary_step_deg", rotary_step_deg)):
         if not (np.isfinite(step) and step > 0):
-            raise InputError(f"{what}: got {step!r}, wanted a number above 0")
+            raise InputError(f"{what}: got {step!r}, expected a number above 0")
     least = setup.resolution.linear_um if resolution_um is None else float(resolution_um)
     if not (np.isfinite(least) and least >= 0):
-        raise InputError(f"resolution_um: got {resolution_um!r}, wanted 0 or above")
+        raise InputError(f"resolution_um: got {resolution_um!r}, expected 0 or above")
     known = MachineErrors.of(setup, errors, effects)
     letters = Chain(setup).letters
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
@@ -289,7 +289,7 @@ def error_map(
     count = np.prod([len(nodes) for nodes in (*rotary.values(), *linear)])
     if count > LARGEST_MAP:
         raise InputError(
-            f"error map: got {int(count):,} nodes, wanted at most {LARGEST_MAP:,}: take larger "
+            f"error map: got {int(count):,} nodes, expected at most {LARGEST_MAP:,}: take larger "
             "steps"
         )
     exact = _corrections(setup, known, rotary, linear)
@@ -306,7 +306,7 @@ def error_map(
 def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
     nodes = np.atleast_1d(np.asarray(given, dtype=float))
     if nodes.ndim != 1 or not np.all(np.isfinite(nodes)) or np.any(np.diff(nodes) <= 0):
-        raise InputError(f"{name}: got {given!r}, wanted (low, high), rising nodes or a number")
+        raise InputError(f"{name}: got {given!r}, expected (low, high), rising nodes or a number")
     if len(nodes) != 2:
         return nodes
     return np.linspace(nodes[0], nodes[1], max(2, int(np.ceil((nodes[1] - nodes[0]) / step)) + 1))
@@ -341,8 +341,8 @@ def _corrections(
     turned = np.ascontiguousarray(grid[:, : chain.count] * chain.senses)
     position = grid[:, chain.count :]
     point = NOMINAL.core(setup).reached(np.hstack([position, turned]), None)[:, :3]
-    wanted = ModelCompensation(known).commands(setup, np.ascontiguousarray(point), turned)[:, :3]
-    corrections: Floats = ((wanted - position) * 1e3).reshape(*shape, 3)
+    expected = ModelCompensation(known).commands(setup, np.ascontiguousarray(point), turned)[:, :3]
+    corrections: Floats = ((expected - position) * 1e3).reshape(*shape, 3)
     return corrections
 
 
@@ -453,12 +453,12 @@ def read_error_map(path: str | PathLike[str]) -> ErrorMap:
             if not (np.isfinite(resolution) and resolution >= 0):
                 raise FileFormatError(
                     f"{name}:{number}:{match.start(1) + 1}: resolution_um: got {match[1]!r}, "
-                    "wanted a finite number, 0 or above"
+                    "expected a finite number, 0 or above"
                 )
             break
     if resolution is None:
         raise FileFormatError(
-            f"{name}:1:1: resolution_um: got no such comment above the header, wanted a line "
+            f"{name}:1:1: resolution_um: got no such comment above the header, expected a line "
             '"# ... resolution_um = 0.1"'
         )
 

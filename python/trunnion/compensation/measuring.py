@@ -99,7 +99,7 @@ def remeasure(
         errors, they give what the compensation has left (and the placement of the artefact).
     """
     if not isinstance(plan, Touches):
-        raise InputError(f"plan: got {type(plan).__name__}, wanted trunnion.Touches")
+        raise InputError(f"plan: got {type(plan).__name__}, expected trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)
     truth: dict[str, Any] = {
         "errors": state.errors,

@@ -94,7 +94,7 @@ class CncParameters:
         chain = Chain(setup)
         for letter in self.zeros_arcsec:
             if letter not in chain.letters:
-                raise InputError(f"zeros_arcsec: got axis {letter}, wanted among {chain.name}")
+                raise InputError(f"zeros_arcsec: got axis {letter}, expected among {chain.name}")
         zeros = chain.to_machine({k: self.zeros_arcsec.get(k, 0.0) for k in chain.letters})[0]
         return core, zeros.tolist()
 
@@ -212,17 +212,17 @@ def cnc_parameters(
     """
     for group in groups:
         if group not in GROUPS:
-            raise UnknownNameError(f"groups: got {group!r}, wanted among {', '.join(GROUPS)}")
+            raise UnknownNameError(f"groups: got {group!r}, expected among {', '.join(GROUPS)}")
     known = MachineErrors.of(setup, errors, effects, placement)
     if known.own:
         raise InputError(
-            f"effect {known.own[0].id!r}: got a user's own effect, wanted effects of the "
+            f"effect {known.own[0].id!r}: got a user's own effect, expected effects of the "
             "catalogue: parameters of a control cannot follow it"
         )
     if method == "direct":
         return _direct(setup, known, groups)
     if method != "least-squares":
-        raise InputError(f'method: got {method!r}, wanted "least-squares" or "direct"')
+        raise InputError(f'method: got {method!r}, expected "least-squares" or "direct"')
     return _Fit(setup, known, Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg), groups).solve()
 
 

@@ -135,9 +135,9 @@ def residual_interval(
         A covariance of another shape than `names`, not finite or not symmetric.
     """
     if not 0 < level < 1:
-        raise InputError(f"level: got {level!r}, wanted a number between 0 and 1")
+        raise InputError(f"level: got {level!r}, expected a number between 0 and 1")
     if isinstance(draws, bool) or not isinstance(draws, int) or draws < 100:
-        raise InputError(f"draws: got {draws!r}, wanted a whole number from 100")
+        raise InputError(f"draws: got {draws!r}, expected a whole number from 100")
     known = MachineErrors.of(setup, estimate)
     matrix, listed = _covariance(estimate, covariance, names)
     freedom = degrees_of_freedom
@@ -147,7 +147,7 @@ def residual_interval(
         if from_residuals and isinstance(estimate, Estimate):
             freedom = estimate.degrees_of_freedom
     if not freedom > 0:
-        raise InputError(f"degrees_of_freedom: got {freedom!r}, wanted above 0")
+        raise InputError(f"degrees_of_freedom: got {freedom!r}, expected above 0")
     core = known.core(setup)
     parameters = [name for name, _ in core.parameters]
     used = [name for name in listed if name in parameters]
@@ -200,14 +200,14 @@ def _covariance(
         given = estimate.covariance if given is None and estimate.names else given
         listed = estimate.names if listed is None and estimate.names else listed
     if given is None or listed is None:
-        raise InputError("covariance: got none, wanted a result that has one, or it and names")
+        raise InputError("covariance: got none, expected a result that has one, or it and names")
     matrix = np.asarray(given, dtype=float)
     if matrix.shape != (len(listed), len(listed)) or not np.all(np.isfinite(matrix)):
         raise InputError(
-            f"covariance: got shape {matrix.shape}, wanted finite ({len(listed)}, {len(listed)})"
+            f"covariance: got shape {matrix.shape}, expected finite ({len(listed)}, {len(listed)})"
         )
     if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-12):
-        raise InputError("covariance: got a matrix that is not symmetric, wanted a symmetric one")
+        raise InputError("covariance: got a matrix that is not symmetric, expected a symmetric one")
     return matrix, list(listed)
 
 

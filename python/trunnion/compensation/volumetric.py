@@ -112,7 +112,7 @@ class VolumetricError:
             return self._sampled.reshape(shape)
         if self._fields is None or np.prod(shape) > LARGEST_FIELD:
             raise InputError(
-                f"field_um: got {' x '.join(map(str, shape))} numbers, wanted at most "
+                f"field_um: got {' x '.join(map(str, shape))} numbers, expected at most "
                 f"{LARGEST_FIELD:,}: take the poses one by one with error_fields"
             )
         grid = [self.x_mm.tolist(), self.y_mm.tolist(), self.z_mm.tolist()]
@@ -133,10 +133,10 @@ class VolumetricError:
             If the field was sampled (rounding, tables, all axes): it is known at its nodes only.
         """
         if self._fields is None:
-            raise InputError("at: got a sampled field, wanted one without rounding and tables")
+            raise InputError("at: got a sampled field, expected one without rounding and tables")
         points = np.asarray(points_mm, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
-            raise InputError(f"points_mm: got shape {points.shape}, wanted finite (n, 3)")
+            raise InputError(f"points_mm: got shape {points.shape}, expected finite (n, 3)")
         if len(self._fields) == 1:
             values = _core.field_at(self._fields[0], points, threads)
             return values.reshape(*self.max_by_pose_um.shape, *values.shape)
@@ -387,7 +387,7 @@ class _Task:
         positions, shape = where.rotary(setup)
         if compensation is not None and not isinstance(compensation, Compensation):
             raise InputError(
-                f"compensation: got {type(compensation).__name__}, wanted a compensation or None"
+                f"compensation: got {type(compensation).__name__}, expected a compensation or None"
             )
         return cls(
             setup=setup,
@@ -440,9 +440,9 @@ class _Task:
                 self.setup, self.compensation, grid, rotary, rounded=self.rounded
             )
             reached = self.truth.reached(commands, None)
-            wanted = nominal.reached(np.concatenate([np.zeros(3), pose])[None], None)[0, 3:]
-            sine = np.linalg.norm(np.cross(reached[:, 3:], wanted), axis=1)
-            angle = np.arctan2(sine, reached[:, 3:] @ wanted)
+            expected = nominal.reached(np.concatenate([np.zeros(3), pose])[None], None)[0, 3:]
+            sine = np.linalg.norm(np.cross(reached[:, 3:], expected), axis=1)
+            angle = np.arctan2(sine, reached[:, 3:] @ expected)
             field = (reached[:, :3] - grid) * 1e3
             if self.state.own:
                 moved = self.state.motion_mm(self.setup, commands[:, :3], commands[:, 3:])

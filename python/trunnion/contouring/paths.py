@@ -62,7 +62,7 @@ class Path:
         if self.coefficients.ndim != 3 or self.coefficients.shape[2] != 6:
             raise InputError(
                 f"path coefficients: got shape {self.coefficients.shape}, "
-                "wanted (pieces, degree + 1, 6)"
+                "expected (pieces, degree + 1, 6)"
             )
         _ = self.core
 
@@ -115,9 +115,9 @@ class Path:
         """
         p, w = _points(points_mm, tools)
         if not 1 <= degree <= 9 or degree % 2 == 0:
-            raise InputError(f"spline degree: got {degree}, wanted an odd number from 1 to 9")
+            raise InputError(f"spline degree: got {degree}, expected an odd number from 1 to 9")
         if len(p) <= degree:
-            raise InputError(f"spline: got {len(p)} points, wanted more than the degree {degree}")
+            raise InputError(f"spline: got {len(p)} points, expected more than the degree {degree}")
         u = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))]
         u /= u[-1]
         spline = make_interp_spline(u, np.c_[p, w], k=degree)
@@ -151,7 +151,7 @@ class Path:
         turns C alone. u is the angle in rad.
         """
         if not radius_mm > 0:
-            raise InputError(f"radius: got {radius_mm:g} mm, wanted above 0")
+            raise InputError(f"radius: got {radius_mm:g} mm, expected above 0")
         tilt = np.deg2rad(tilt_deg)
         constant = np.array([*centre_mm, 0.0, 0.0, np.cos(tilt)], dtype=np.float64)
         cosine = np.array([radius_mm, 0.0, 0.0, np.sin(tilt), 0.0, 0.0])
@@ -185,7 +185,7 @@ class Path:
         if gap:
             raise ProgramError(
                 f"line {gap[0]}: the path has a gap here (a rapid move, or a turn on the spot); "
-                "wanted feed moves that follow each other"
+                "expected feed moves that follow each other"
             )
         coefficients, omega, cosine, sine = (np.array(x) for x in zip(*pieces, strict=True))
         breaks = np.arange(len(feed) + 1, dtype=np.float64)
@@ -235,7 +235,7 @@ class Path:
 def _row(what: str, values: ArrayLike) -> Array:
     row = np.atleast_1d(floats(what, values))
     if row.ndim != 1:
-        raise InputError(f"{what}: got shape {row.shape}, wanted (n,)")
+        raise InputError(f"{what}: got shape {row.shape}, expected (n,)")
     return row
 
 
@@ -243,10 +243,10 @@ def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Array, Array]:
     p = np.asarray(points_mm, dtype=np.float64)
     w = np.asarray(tools, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3 or len(p) < 2:
-        raise InputError(f"path points: got shape {p.shape}, wanted (n, 3) with n >= 2")
+        raise InputError(f"path points: got shape {p.shape}, expected (n, 3) with n >= 2")
     w = np.broadcast_to(w, p.shape) if w.shape == (3,) else w
     if w.shape != p.shape:
-        raise InputError(f"tool directions: got shape {w.shape}, wanted {p.shape} or (3,)")
+        raise InputError(f"tool directions: got shape {w.shape}, expected {p.shape} or (3,)")
     length = np.linalg.norm(w, axis=1, keepdims=True)
     if not (np.isfinite(p).all() and np.isfinite(w).all() and (length > 0).all()):
         raise InputError("path: points and tool directions have to be finite, directions not zero")

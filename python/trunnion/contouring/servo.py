@@ -7,8 +7,8 @@
     feedback = "motor"         # "motor" | "load": which position the loops are closed on
 
     [servo.X]                  # one table an axis: X, Y, Z (linear), A, B, C (rotary)
-    gain_per_s = 81.28         # loop gain K_v, wanted
-    time_constant_ms = 5.76    # of the drive, wanted
+    gain_per_s = 81.28         # loop gain K_v, expected
+    time_constant_ms = 5.76    # of the drive, expected
     coulomb_um = 0.0           # and any other field of LinearAxis; of RotaryAxis for A, B, C
 
 The gain is that of the whole loop (open-loop gain times axial controller gain): an axis at constant
@@ -127,7 +127,7 @@ class Servo:
             kind = LinearAxis if letter in LINEAR else RotaryAxis
             if not isinstance(axis, kind):
                 got = type(axis).__name__
-                raise InputError(f"servo axis {letter}: got {got}, wanted {kind.__name__}")
+                raise InputError(f"servo axis {letter}: got {got}, expected {kind.__name__}")
         choose("servo feedback", self.feedback, ("motor", "load"))
         object.__setattr__(self, "axes", FrozenMapping(self.axes))
 
@@ -203,7 +203,7 @@ class Servo:
         """Return the numbers of an axis in the order of its fields, shape (13,)."""
         if letter not in self.axes:
             known = ", ".join(self.axes) or "none"
-            raise InputError(f"servo axis {letter}: not there (there are: {known}); it is wanted")
+            raise InputError(f"servo axis {letter}: not there (there are: {known}); it is expected")
         axis = self.axes[letter]
         named = [f.name for f in fields(axis)]
         return np.array([number(f"servo.{letter}.{n}", getattr(axis, n)) for n in named])
@@ -274,7 +274,7 @@ class Coupling:
         """Check the gains."""
         gains = np.array(self.gains, dtype=np.float64)
         if gains.shape != (5, 3) or not np.isfinite(gains).all():
-            raise InputError(f"coupling gains: got {gains.shape}, wanted (5, 3) finite numbers")
+            raise InputError(f"coupling gains: got {gains.shape}, expected (5, 3) finite numbers")
         gains.setflags(write=False)
         object.__setattr__(self, "gains", gains)
 
@@ -306,7 +306,7 @@ def number(what: str, value: Any) -> float:
             raise TypeError
         return float(value)
     except (TypeError, ValueError):
-        raise InputError(f"{what}: got {value!r}, wanted a number") from None
+        raise InputError(f"{what}: got {value!r}, expected a number") from None
 
 
 def coupling_of(controller: Controller) -> Coupling | None:
@@ -319,6 +319,8 @@ def coupling_of(controller: Controller) -> Coupling | None:
         "proposed": Coupling(),
     }
     if controller not in known:
-        wanted = ", ".join(known)
-        raise UnknownNameError(f"controller {controller!r}; wanted one of {wanted} or a Coupling")
+        expected = ", ".join(known)
+        raise UnknownNameError(
+            f"controller {controller!r}; expected one of {expected} or a Coupling"
+        )
     return known[controller]

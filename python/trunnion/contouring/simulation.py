@@ -78,10 +78,10 @@ class Feed:
     def __post_init__(self) -> None:
         """Check the feed, in its own unit, and that a dwell follows a stop."""
         if self.dwell_s and not self.decelerate:
-            raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, wanted it too")
+            raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, expected it too")
         if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
             raise InputError(
-                f"feed: got {self.feed_mm_min:g} mm/min, wanted a finite number above 0"
+                f"feed: got {self.feed_mm_min:g} mm/min, expected a finite number above 0"
             )
 
     @property
@@ -210,9 +210,9 @@ class ContourRun(Result):
             ("seed", seed),
         ):
             if not (isfinite(number(name, value)) and value >= 0):
-                raise InputError(f"{name}: got {value:g}, wanted a finite number, 0 or more")
+                raise InputError(f"{name}: got {value:g}, expected a finite number, 0 or more")
         if seed != int(seed):
-            raise InputError(f"seed: got {seed:g}, wanted a whole number")
+            raise InputError(f"seed: got {seed:g}, expected a whole number")
         rng = np.random.default_rng(int(seed))
         actual: Array = self.actual
         if log_delay_ms != 0.0:
@@ -287,7 +287,7 @@ def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
 def location_errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
     """Return names and sizes (µm, arcsec) as the core takes them."""
     if not isinstance(errors, Mapping | None):
-        raise InputError(f"location errors: got {errors!r}, wanted a mapping of name to number")
+        raise InputError(f"location errors: got {errors!r}, expected a mapping of name to number")
     return [
         (canonical_error_name(k), number(f"location error {k}", v))
         for k, v in (errors or {}).items()
@@ -300,17 +300,17 @@ def _feed(feed: "Feed | float") -> Feed:
 
 def _path(path: Path) -> Path:
     if not isinstance(path, Path):
-        raise InputError(f"path: got {type(path).__name__}, wanted a Path")
+        raise InputError(f"path: got {type(path).__name__}, expected a Path")
     return path
 
 
 def period_ms(servo: Servo) -> float:
     """Return the control period; 1 ms where the servo has none."""
     if not isinstance(servo, Servo):
-        raise InputError(f"servo: got {type(servo).__name__}, wanted a Servo")
+        raise InputError(f"servo: got {type(servo).__name__}, expected a Servo")
     period = 1.0 if servo.period_ms is None else servo.period_ms
     if not (isfinite(period) and period > 0):
-        raise InputError(f"control period: got {period} ms, wanted a finite number above 0")
+        raise InputError(f"control period: got {period} ms, expected a finite number above 0")
     return period
 
 
@@ -455,7 +455,7 @@ def sweep(
     parameters as in `simulate`. The interpreter lock is released.
     """
     if isinstance(paths, Path):
-        raise InputError("paths: got one Path, wanted a sequence of them")
+        raise InputError("paths: got one Path, expected a sequence of them")
     servo = Servo.paper() if servo is None else servo
     common = feed or Feed(1.0)
     shape = (len(paths), len(feeds_mm_min), len(controllers))

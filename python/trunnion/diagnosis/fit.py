@@ -1,4 +1,9 @@
-"""Least squares of a model with its nuisance parameters and a set of effects."""
+"""Least squares of a model with its nuisance parameters and a set of effects.
+
+What the readings do not identify of the nuisance parameters is decided at the model's start, where
+dependencies are exact, and held there (:mod:`trunnion.base.statistics`): at the end of a fit
+leftovers of second order look like information.
+"""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -9,23 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.diagnosis.protocol import Array, Effect, IntArray, Model, Values, lengths
+from trunnion.base.statistics import LinearFit, linear_fit
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.model import Model
 
 Flags: TypeAlias = NDArray[np.bool_]
+Whiten: TypeAlias = Callable[[Array], Array]
 
-__all__ = ["Fit", "fit", "orthonormal", "variants"]
+__all__ = ["Fit", "Whiten", "fit", "grid_values", "variant_columns"]
 
-STEPS = 12
-VISIBLE = 3e-3
-# Share of a parameter, squared, in directions that are not seen, from which it counts as not
-# determined. Set-up errors of 100 µm leak 2e-6 of one nuisance parameter into another.
-LEAK_NUISANCE = 1e-5
-LEAK = 1e-4
+MAX_STEPS = 12
+MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """A fitted model.
 
@@ -42,11 +48,13 @@ class Fit:
     names:
         (effect id, parameter name) of each column after the nuisance's.
     covariance:
-        Of nuisance and effect parameters per unit of noise, in the directions that are seen.
-    blind:
-        Parameters that take part in a direction that is not seen: not determined.
+        Of nuisance and effect parameters per unit of noise; 0 for those that are held.
+    held:
+        Parameters that stayed at their start, one for each combination that is not identifiable.
+    not_identifiable:
+        Parameters that take part in such a combination.
     basis:
-        Orthonormal basis of the whitened jacobian, rows used.
+        Orthonormal basis of the whitened jacobian, rows used, columns that are held left out.
     """
 
     nuisance: Array
@@ -56,12 +64,13 @@ class Fit:
     jacobian: Array
     names: tuple[tuple[str, str], ...]
     covariance: Array
-    blind: Flags
+    held: Flags
+    not_identifiable: Flags
     basis: Array
 
     def std(self) -> Array:
-        """Return standard errors per unit of noise; inf where a parameter is not determined."""
-        return np.where(self.blind, np.inf, np.sqrt(np.diag(self.covariance)))
+        """Return standard errors per unit of noise; inf where a parameter is not identifiable."""
+        return np.where(self.not_identifiable, np.inf, np.sqrt(np.diag(self.covariance)))
 
     @property
     def rss(self) -> float:
@@ -75,24 +84,18 @@ class Fit:
         return int(rows - columns)
 
 
-def orthonormal(columns: Array, visible: float = 1e-9) -> tuple[Array, Array, Array, Array]:
-    """SVD of columns scaled to unit length, directions that vanish left out: u, s, vt, scale."""
-    scale = lengths(columns)
-    u, s, vt = np.linalg.svd(columns / scale, full_matrices=False)
-    seen = s > visible
-    return u[:, seen], s[seen], vt[seen], scale
-
-
-def variants(model: Model, effect: Effect, nuisance: Array) -> tuple[list[Values], Array]:
-    """Columns of an effect's linear parameters at each grid value of its nonlinear ones.
-
-    Returns the values (linear parameters 0) and the columns, shape (v, n, k).
-    """
-    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+def grid_values(effect: Effect) -> list[Values]:
+    """Values at each point of the grid of an effect's nonlinear parameters, linear ones 0."""
     grids = [p.grid if p.grid else (0.0,) for p in effect.parameters]
-    values = [effect.values(map(float, row)) for row in itertools.product(*grids)]
-    columns = [model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values]
-    return values, np.stack(columns)
+    return [effect.values(map(float, row)) for row in itertools.product(*grids)]
+
+
+def variant_columns(
+    model: Model, effect: Effect, nuisance: Array, values: Sequence[Values]
+) -> Array:
+    """Columns of an effect's linear parameters at each of these values, shape (v, n, k)."""
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    return np.stack([model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values])
 
 
 def fit(
@@ -101,169 +104,168 @@ def fit(
     effects: Sequence[Effect],
     start: Array,
     values: dict[str, Values],
-    whiten: Callable[[Array], Array],
+    whiten: Whiten,
 ) -> Fit:
     """Gauss-Newton from ``start``; nonlinear parameters are first zoomed in on, one at a time.
 
     ``rows``: readings used. ``whiten`` maps all readings.
     """
-    y = model.readings.values
-    nuisance = start.copy()
-    values = {k: Values(v) for k, v in values.items()}
-    index = [(e, p) for e in effects for p in e.parameters]
-    p_n = len(nuisance)
-
-    def derivative() -> Array:
-        parts = [model.jacobian(nuisance, values)]
-        parts += [model.effect_jacobian(nuisance, e, values[e.id]) for e in effects]
-        return np.concatenate(parts, axis=1)
-
-    def solve(jac: Array, r: Array) -> _Step:
-        return _solve(whiten(jac)[rows], whiten(r)[rows], p_n, model.visible)
-
-    def apply(step: Array) -> tuple[Array, dict[str, Values]]:
-        new = {k: Values(v) for k, v in values.items()}
-        for (e, p), d in zip(index, step[p_n:], strict=True):
-            low, high = p.bounds
-            new[e.id][p.name] = float(np.clip(new[e.id][p.name] + d, low, high))
-        return nuisance + step[:p_n], new
-
-    def rest(at: Array, v: dict[str, Values]) -> Array:
-        return np.asarray(y - model.predict(at, v))
-
+    problem = _Problem(model, rows, effects, whiten)
+    at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
     if not all(e.linear for e in effects):
-        _zoom(model, rows, effects, nuisance, values, whiten)
-    r = rest(nuisance, values)
-    w = whiten(r)[rows]
+        _zoom(problem, at)
+    r = problem.residuals(at)
+    w = problem.used(r)
     rss = float(w @ w)
-    for _ in range(STEPS):
-        jac = derivative()
-        solved = solve(jac, r)
-        step = solved.step
+    jac = problem.derivative(at)
+    solved = problem.solve(jac, w)
+    for _ in range(MAX_STEPS):
         promised = float(np.sum((solved.basis.T @ w) ** 2))
         if promised <= 1e-10 * rss or rss <= 0:
             break
-        for _half in range(6):
-            nuisance_new, values_new = apply(step)
-            try:
-                r_new = rest(nuisance_new, values_new)
-            except (DataError, KinematicsError):  # a step out of what the model can be
-                step = step / 8
-                continue
-            w_new = whiten(r_new)[rows]
-            rss_new = float(w_new @ w_new)
-            if rss_new <= rss * (1 + 1e-12):
-                break
-            step = step / 2
-        else:
+        taken = _downhill(problem, at, solved.solution, rss)
+        if taken is None:
             break
-        nuisance, values, r, w = nuisance_new, values_new, r_new, w_new
+        at, r, w, rss_new = taken
         gained, rss = rss - rss_new, rss_new
+        jac = problem.derivative(at)
+        solved = problem.solve(jac, w)
         if gained <= 1e-9 * rss:
             break
-    jac = derivative()
-    last = solve(jac, r)
     return Fit(
-        nuisance,
-        values,
+        at.nuisance,
+        at.values,
         r,
-        w - last.basis @ (last.basis.T @ w),
+        w - solved.basis @ (solved.basis.T @ w),
         jac,
-        tuple((e.id, p.name) for e, p in index),
-        last.covariance,
-        last.blind,
-        last.basis,
+        tuple((e.id, p.name) for e, p in problem.index),
+        solved.cofactor,
+        solved.held,
+        solved.not_identifiable | problem.not_identifiable,
+        solved.basis,
     )
 
 
-@dataclass(frozen=True)
-class _Step:
-    """Solution of one linear least-squares problem."""
+@dataclass
+class _Point:
+    """Values of all parameters."""
 
-    step: Array
-    covariance: Array
-    blind: Flags
-    basis: Array
+    nuisance: Array
+    values: dict[str, Values]
 
 
-def _solve(a: Array, r: Array, p: int, visible: float) -> _Step:
-    """Least squares by the columns of ``a``, the first p of them nuisance.
+class _Problem:
+    """What stays the same during a fit."""
 
-    The nuisance takes what it can. Of what effects still change, directions that keep less than
-    ``VISIBLE`` of their size count as not seen: they stay where they are.
-    """
-    x = a[:, p:]
-    u_n, s_n, vt_n, scale_n = orthonormal(a[:, :p], visible)
-    back_n = (vt_n.T / s_n) / scale_n[:, None]
-    blind_n = 1.0 - np.einsum("ij,ij->j", vt_n, vt_n) > LEAK_NUISANCE
-    scale = lengths(x)
-    own = u_n.T @ x
-    u, s, vt = np.linalg.svd((x - u_n @ own) / scale, full_matrices=False)
-    seen = s > VISIBLE
-    u, s, vt = u[:, seen], s[seen], vt[seen]
-    back = (vt.T / s) / scale[:, None]
-    step_x = back @ (u.T @ r)
-    step_n = back_n @ (u_n.T @ r - own @ step_x)
-    leak = back_n @ own
-    cov_x = back @ back.T
-    cross = -leak @ cov_x
-    covariance = np.block([[back_n @ back_n.T + leak @ cov_x @ leak.T, cross], [cross.T, cov_x]])
-    blind_x = 1.0 - np.einsum("ij,ij->j", vt, vt) > LEAK
-    return _Step(
-        np.concatenate([step_n, step_x]),
-        covariance,
-        np.concatenate([blind_n, blind_x]),
-        np.concatenate([u_n, u], axis=1),
-    )
+    def __init__(
+        self, model: Model, rows: IntArray, effects: Sequence[Effect], whiten: Whiten
+    ) -> None:
+        self.model, self.rows, self.effects, self.whiten = model, rows, effects, whiten
+        self.index = [(e, p) for e in effects for p in e.parameters]
+        self.all_used = len(rows) == len(model.readings)
+        columns = self.used(model.jacobian(model.start, {}))
+        judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        none = np.zeros(len(self.index), dtype=bool)
+        self.hold = np.concatenate([judged.held, none])
+        self.not_identifiable = np.concatenate([judged.not_identifiable, none])
+
+    def used(self, a: Array) -> Array:
+        """Whiten an array of all readings and take those that are used."""
+        white = np.asarray(self.whiten(a))
+        return white if self.all_used else white[self.rows]
+
+    def residuals(self, at: _Point) -> Array:
+        """Reading minus prediction, all readings."""
+        return np.asarray(self.model.readings.values - self.model.predict(at.nuisance, at.values))
+
+    def derivative(self, at: _Point) -> Array:
+        """Derivative of the prediction by all parameters, all readings."""
+        parts = [self.model.jacobian(at.nuisance, at.values)]
+        parts += [self.model.effect_jacobian(at.nuisance, e, at.values[e.id]) for e in self.effects]
+        return np.concatenate(parts, axis=1)
+
+    def solve(self, jac: Array, w: Array) -> LinearFit:
+        """Solve for a step to whitened residuals ``w``."""
+        tolerance = self.model.rank_tolerance
+        return linear_fit(self.used(jac), w, hold=self.hold, tolerance=tolerance, basis=True)
+
+    def moved(self, at: _Point, step: Array) -> _Point:
+        """Return the point after a step, effects within their bounds."""
+        count = len(at.nuisance)
+        new = {k: Values(v) for k, v in at.values.items()}
+        for (e, p), d in zip(self.index, step[count:], strict=True):
+            new[e.id][p.name] = float(np.clip(new[e.id][p.name] + d, *p.bounds))
+        return _Point(at.nuisance + step[:count], new)
 
 
-def _zoom(
-    model: Model,
-    rows: IntArray,
-    effects: Sequence[Effect],
-    nuisance: Array,
-    values: dict[str, Values],
-    whiten: Callable[[Array], Array],
-) -> None:
+def _downhill(
+    problem: _Problem, at: _Point, step: Array, rss: float
+) -> tuple[_Point, Array, Array, float] | None:
+    """Take a step, shortened until it leads down: point, residuals, white ones, their squares."""
+    for _ in range(MAX_HALVINGS):
+        new = problem.moved(at, step)
+        try:
+            r = problem.residuals(new)
+        except (DataError, KinematicsError):  # a step out of what the model can be
+            step = step / 8
+            continue
+        w = problem.used(r)
+        rss_new = float(w @ w)
+        if rss_new <= rss * (1 + 1e-12):
+            return new, r, w, rss_new
+        step = step / 2
+    return None
+
+
+def _zoom(problem: _Problem, at: _Point) -> None:
     """Refine nonlinear parameters between the neighbours of their grid values, in place.
 
     The linear parameters of all effects are solved for at each trial; they are left at zero.
     """
-    y = whiten(model.readings.values - model.predict(nuisance, {}))[rows]
+    model, effects, values = problem.model, problem.effects, at.values
+    y = problem.used(model.readings.values - model.predict(at.nuisance, {}))
     linear = {e.id: [i for i, p in enumerate(e.parameters) if p.linear] for e in effects}
 
     def columns(e: Effect) -> Array:
-        at = Values({p.name: 0.0 if p.linear else values[e.id][p.name] for p in e.parameters})
-        return whiten(model.effect_jacobian(nuisance, e, at)[:, linear[e.id]])[rows]
+        trial = Values({p.name: 0.0 if p.linear else values[e.id][p.name] for p in e.parameters})
+        return problem.used(model.effect_jacobian(at.nuisance, e, trial)[:, linear[e.id]])
 
-    base = whiten(model.jacobian(nuisance, {}))[rows]
+    base = problem.used(model.jacobian(at.nuisance, {}))[:, ~problem.hold[: len(at.nuisance)]]
     for e in effects:
-        others = [columns(o) for o in effects if o is not e]
-        q = orthonormal(np.concatenate([base, *others], axis=1))[0]
-        left = y - q @ (q.T @ y)
+        if e.linear:
+            continue
+        others = np.concatenate([base, *(columns(o) for o in effects if o is not e)], axis=1)
+        q = linear_fit(others, y, basis=True).basis
+        residual = y - q @ (q.T @ y)
+
+        def gain(e: Effect = e, q: Array = q, residual: Array = residual) -> float:
+            x = columns(e)
+            x = linear_fit(x - q @ (q.T @ x), residual, basis=True).basis
+            return float(np.sum((x.T @ residual) ** 2))
+
         for p in e.parameters:
-            if p.linear:
-                continue
-            grid = np.asarray(p.grid)
-            at = int(np.argmin(np.abs(grid - values[e.id][p.name])))
-            low = float(grid[max(at - 1, 0)])
-            high = float(grid[min(at + 1, len(grid) - 1)])
-            for _ in range(GRID_ZOOMS):
-                trials = np.linspace(low, high, ZOOM_POINTS)
-                gains = []
-                for t in trials:
-                    values[e.id][p.name] = float(t)
-                    x = columns(e)
-                    x = orthonormal(x - q @ (q.T @ x))[0]
-                    gains.append(float(np.sum((x.T @ left) ** 2)))
-                best = int(np.argmax(gains))
-                # the middle of equally good values: between two touches a slip's time is free
-                top = np.flatnonzero(np.asarray(gains) >= gains[best] * (1 - 1e-12))
-                best = int(top[len(top) // 2])
-                values[e.id][p.name] = float(trials[best])
-                low = float(trials[max(best - 1, 0)])
-                high = float(trials[min(best + 1, ZOOM_POINTS - 1)])
+            if not p.linear:
+                _zoom_one(p.name, np.asarray(p.grid), values[e.id], gain)
     for e in effects:
         for p in e.parameters:
             if p.linear:
                 values[e.id][p.name] = 0.0
+
+
+def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:
+    """Refine one nonlinear parameter for the largest gain, in place."""
+    at = int(np.argmin(np.abs(grid - values[name])))
+    low = float(grid[max(at - 1, 0)])
+    high = float(grid[min(at + 1, len(grid) - 1)])
+    for _ in range(GRID_ZOOMS):
+        trials = np.linspace(low, high, ZOOM_POINTS)
+        gains = np.zeros(ZOOM_POINTS)
+        for i, trial in enumerate(trials):
+            values[name] = float(trial)
+            gains[i] = gain()
+        # the middle of equally good values: between two touches a slip's time is free
+        top = np.flatnonzero(gains >= gains.max() * (1 - 1e-12))
+        best = int(top[len(top) // 2])
+        values[name] = float(trials[best])
+        low = float(trials[max(best - 1, 0)])
+        high = float(trials[min(best + 1, ZOOM_POINTS - 1)])

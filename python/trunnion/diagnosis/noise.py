@@ -14,9 +14,10 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
-from trunnion.diagnosis.engine import NAMELESS
-from trunnion.diagnosis.protocol import Array, IntArray, Model
-from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 
 __all__ = [
     "Autoregression",
@@ -227,7 +228,8 @@ def fit_noise_beside_structure(
         tried = []
         for i in np.argsort(gain)[::-1][:MAX_TRIED]:
             wider = np.concatenate([q, own[i]], axis=1)
-            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms))) + NAMELESS
+            price = float(chdtri(max(own[i].shape[1], 1), SCAN_LEVEL / len(terms)))
+            price += UNNAMED_TERM_PENALTY
             tried.append((*score(wider), price, wider))
         value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
         if value + price >= best:

@@ -7,9 +7,10 @@ such noise gives.
 """
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 
 __all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
 
@@ -18,11 +19,12 @@ GAP_LEVEL = 0.02
 ALONE = 0.1  # readings as far out as this one that the others' noise may make, of all n
 FAR = 4.0  # times the noise that the others show
 CHECKED = 1e-6  # share of a reading that the others can check
-MOST_SHARE = 0.2  # more than a fifth of the readings are no outliers
+MAX_SHARE = 0.2  # more than a fifth of the readings are no outliers
+MAX_ASIDE = 200  # readings that are set aside one by one: each is a pass through all
 
 # Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails as heavy as ν = 2.5.
 _NU = 1.0 / np.linspace(1e-3, 0.4, 12)
-_MAD = stats.t.ppf(0.75, _NU)  # median absolute deviation of each, per unit scale
+_MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit scale
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
@@ -74,7 +76,7 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
     dof = n - float(leverage.sum())
     size = np.abs(r) / np.sqrt(np.maximum(1.0 - leverage, 0.05))
     order = np.argsort(-size)
-    most = min(int(MOST_SHARE * n), n - 5)
+    most = min(int(MAX_SHARE * n), n - 5)
     tried = max(most, 1)
     for k in range(most, 0, -1):
         x = size[order[k - 1]]
@@ -83,7 +85,7 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
         if x <= 0 or (size[order[k]] / x) ** (3.0 * k) > GAP_LEVEL:
             continue
         rest = size[order[k:]]
-        mad = np.median(rest)
+        mad = 0.5 * (rest[(len(rest) - 1) // 2] + rest[len(rest) // 2])  # they are in order
         if mad <= 0 or x < 3.5 * mad / 0.6745:
             continue
         scale = mad / _MAD
@@ -94,17 +96,19 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
         ) * (dof / n)
         # For the group: without outliers k readings of the same noise lie beyond the rest, which
         # speaks for heavy tails. For each alone: the noise that the rest shows.
-        beyond = k * np.log(np.maximum(2 * stats.t.sf(rest[0] / scale, _NU), 1e-300)) * (dof / n)
-        tail = 2 * stats.t.sf(x / scale, _NU)
-        chance = _weights(bulk + beyond) @ stats.binom.sf(k - 1, n, tail)
+        beyond = (
+            k * np.log(np.maximum(2 * special.stdtr(_NU, -rest[0] / scale), 1e-300)) * (dof / n)
+        )
+        tail = 2 * special.stdtr(_NU, -x / scale)
+        chance = _weights(bulk + beyond) @ special.bdtrc(k - 1, n, tail)
         if chance < level / tried:
-            alone = 2 * stats.t.sf(size[order[:k], None] / scale, _NU) @ _weights(bulk)
+            alone = 2 * special.stdtr(_NU, -size[order[:k], None] / scale) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
 
 
 def one_by_one(design: Array, values: Array) -> IntArray:
-    """Set aside, each time, the reading that the others miss most (indices).
+    """Set aside, each time, the reading that the others miss most (indices, MAX_ASIDE at most).
 
     Baarda's data snooping, then back: a reading stays aside only if those set aside with it do not
     make it ordinary. Residuals are taken per leverage, so that a reading which the fit follows is
@@ -112,25 +116,30 @@ def one_by_one(design: Array, values: Array) -> IntArray:
     orthonormal, shape (n, p), and ``values`` orthogonal to it.
     """
     n = len(values)
-    basis, r = design, values
-    free = 1.0 - np.einsum("ij,ij->i", basis, basis)
+    shifts = np.zeros((n, 0))  # orthonormal, what the readings set aside may change
+    r = values
+    free = 1.0 - np.einsum("ij,ij->i", design, design)
+    left = np.ones(n, dtype=bool)
     aside: list[int] = []
-    for _ in range(min(int(MOST_SHARE * n), n - design.shape[1] - 5)):
+    for _ in range(min(int(MAX_SHARE * n), n - design.shape[1] - 5, MAX_ASIDE)):
         size = np.abs(r) / np.sqrt(np.maximum(free, CHECKED))
         size[free < CHECKED] = 0.0
         i = int(np.argmax(size))
-        if size[i] < FAR * np.median(np.delete(size, aside)) / 0.6745:
+        if size[i] < FAR * np.median(size[left]) / 0.6745:
             break
         aside.append(i)
-        column = -basis @ basis[i]
+        left[i] = False
+        column = -design @ design[i] - shifts @ shifts[i]
         column[i] += 1.0
         unit = column / np.sqrt(column[i])
-        basis = np.column_stack([basis, unit])
+        shifts = np.column_stack([shifts, unit])
         r = r - unit * (unit @ r)
         free = free - unit * unit
-    sigma = np.sqrt(r @ r / max(n - basis.shape[1], 1))
+    sigma = np.sqrt(r @ r / max(n - design.shape[1] - len(aside), 1))
     while aside:
-        shifts, moments = np.linalg.qr(-design @ design[aside].T + np.eye(n)[:, aside])
+        bent = -design @ design[aside].T
+        bent[aside, np.arange(len(aside))] += 1.0
+        shifts, moments = np.linalg.qr(bent)
         inverse = np.linalg.inv(moments)
         found = np.abs(inverse @ (shifts.T @ values)) / np.linalg.norm(inverse, axis=1)
         least = int(np.argmin(found))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.report import Result, Table, measured, number, significant
 from trunnion.base.units import Floats, Integers, unit_of
-from trunnion.diagnosis.protocol import Covariate, Model, Readings
+from trunnion.diagnosis.model import Covariate, Model, Readings
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,7 +23,7 @@ from trunnion.base.report import (
     structured,
 )
 from trunnion.base.units import unit_of
-from trunnion.diagnosis.protocol import Model
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
     MAX_PARAMETERS,
     Alternative,

@@ -7,14 +7,23 @@ enter the readings. A term is no cause. It says that something is there, and wha
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from trunnion.diagnosis.protocol import Array, Covariate, IntArray, Model, lengths
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.fit import Fit, Whiten
+from trunnion.diagnosis.model import Covariate, Model, identity
+from trunnion.diagnosis.selection import ROUNDING, storage
 
-__all__ = ["SCAN_LEVEL", "Dictionary", "Term"]
+__all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
 
 SCAN_LEVEL = 0.01
+UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
+DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave
+MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
 WAVES = 10
@@ -61,57 +70,50 @@ def ordinal(n: int) -> str:
 
 
 class Dictionary:
-    """All terms of a model's covariates and components.
+    """All terms of a model's covariates and components, for some of its readings.
+
+    Time and memory are linear in readings: a covariate of classes has at most
+    ``MAX_CLASSES`` terms.
+
+    Parameters
+    ----------
+    model, rows:
+        Whose covariates, and which readings.
+    whiten:
+        Applied to the columns, which have unit length afterwards.
 
     Attributes
     ----------
     terms:
         What each block of columns stands for.
-    columns:
-        Shape (n, M).
-    start, width:
-        Where the columns of each term start and how many there are.
     """
 
-    def __init__(self, model: Model, rows: IntArray) -> None:
-        components = {"": np.ones(len(rows))}
-        for name, c in model.components.items():
-            c = np.asarray(c, dtype=np.float64)[rows]
-            if not any(np.array_equal(c, d) for d in components.values()) and np.any(c):
-                components[name] = c
-        names = list(components)
-        enter = np.stack(list(components.values()))  # (c, n)
-        terms: list[Term] = []
-        width: list[int] = []
-        columns: list[Array] = []  # each (m, n)
-        seen: list[tuple[bool, bool, IntArray]] = []
-        for v in model.covariates:
-            values = np.asarray(v.values)[rows]
-            said = False
-            if not v.classes:
-                values = values.astype(np.float64)
-                ranks = np.unique(values, return_inverse=True)[1]
-                periodic = v.period is not None
-                same = [q for k, q, s in seen if k == periodic and np.array_equal(ranks, s)]
-                if ranks.max(initial=0) < 1 or (same and (any(same) or not v.sequence)):
-                    continue  # constant, or says what another covariate says
-                said = bool(same)
-                seen.append((periodic, v.sequence, ranks))
+    def __init__(self, model: Model, rows: IntArray, whiten: Whiten = identity) -> None:
+        self.terms: list[Term] = []
+        self._parts: list[_Part] = []
+        for v, said, values, enter in _covariates(model, rows):
             for kind, numbers, f in _functions(v, values):
-                if said and kind != "jump":
+                if not len(f) or (said and kind != "jump"):
                     continue
-                ways = names[:1] if kind == "class" else names
-                k = f.shape[1]
-                terms += [Term(v.name, kind, number, w, v.unit) for number in numbers for w in ways]
-                width += [k] * (len(numbers) * len(ways))
-                # number, component, column, reading
-                block = f[:, None] * enter[None, : len(ways), None]
-                columns.append(block.reshape(-1, len(rows)))
-        self.terms = terms
-        self.width = np.array(width, dtype=np.intp)
-        self.start = np.concatenate([[0], np.cumsum(self.width)[:-1]]).astype(np.intp)
-        raw = np.concatenate(columns).T if columns else np.zeros((len(rows), 0))
-        self.columns = raw / lengths(raw)
+                ways = list(enter)[:1] if kind == "class" else list(enter)
+                first = len(self.terms)
+                self.terms += [
+                    Term(v.name, kind, number, way, v.unit) for number in numbers for way in ways
+                ]
+                part = _Part(first, f, np.stack([enter[way] for way in ways]))
+                self._parts.append(part.whitened(rows, len(model.readings), whiten))
+        numbers_kept = sum(part.functions.size for part in self._parts)
+        longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
+        for part in self._parts:
+            part.normalise(ROUNDING * longest, storage(numbers_kept))
+        self._known: dict[int, tuple[Fit, Array, IntArray]] = {}
+
+    def of_fit(self, f: Fit) -> tuple[Array, IntArray]:
+        """Gains and ranks of all terms for the residuals of a fit (kept), shapes (t,)."""
+        known = self._known.get(id(f))
+        if known is None:
+            known = self._known[id(f)] = (f, *self.gains(f.white, f.basis))
+        return known[1], known[2]
 
     def gains(self, r: Array, basis: Array) -> tuple[Array, IntArray]:
         """Gain in RSS of every term alone, and how many columns it adds.
@@ -119,49 +121,150 @@ class Dictionary:
         ``r``: residuals (n,), or many of them (n, s), orthogonal to ``basis`` (n, q), which holds
         all that is fitted. Shapes (t,) or (t, s), and (t,).
         """
-        t: Array = basis.T @ self.columns
-        z = (self.columns.T @ r).reshape(self.columns.shape[1], -1)
-        gain = np.zeros((len(self.terms), z.shape[1]))
+        several = r.reshape(len(r), -1)
+        gain = np.zeros((len(self.terms), several.shape[1]))
         rank = np.zeros(len(self.terms), dtype=np.intp)
-        for k in np.unique(self.width):
-            b = np.flatnonzero(self.width == k)
-            index = self.start[b][:, None] + np.arange(k)
-            zk = [z[index[:, i]] for i in range(k)]
-            a = [
-                [_dots(self.columns, t, index[:, i], index[:, j], i == j) for j in range(i + 1)]
-                for i in range(k)
-            ]
-            for i in range(k):
-                seen = a[i][i] > 1e-4
-                inverse = np.where(seen, 1.0 / np.where(seen, a[i][i], 1.0), 0.0)
-                gain[b] += zk[i] ** 2 * inverse[:, None]
-                rank[b] += seen
-                for row in range(i + 1, k):
-                    factor = a[row][i] * inverse
-                    zk[row] = zk[row] - factor[:, None] * zk[i]
-                    for col in range(i + 1, row + 1):
-                        a[row][col] = a[row][col] - factor * a[col][i]
-        return gain.reshape((-1, *r.shape[1:])).astype(np.float64), rank
+        by_width: dict[int, list[_Part]] = {}
+        for part in self._parts:
+            by_width.setdefault(part.functions.shape[1], []).append(part)
+        both = np.concatenate([basis, several], axis=1)
+        for parts in by_width.values():
+            at = np.concatenate([np.arange(x.first, x.first + len(x)) for x in parts])
+            products = np.concatenate([part.products(both) for part in parts])
+            t, z = products[:, :, : basis.shape[1]], products[:, :, basis.shape[1] :]
+            a = np.concatenate([part.gram for part in parts]) - t @ t.transpose(0, 2, 1)
+            gain[at], rank[at] = _eliminated(a, z)
+        return gain.reshape((-1, *r.shape[1:])), rank
 
     def block(self, term: int) -> Array:
         """Columns of a term, shape (n, k)."""
-        return self.columns[:, self.start[term] : self.start[term] + self.width[term]]
+        part = next(x for x in self._parts if x.first <= term < x.first + len(x))
+        return part.block(term - part.first)
 
 
-def _dots(columns: Array, t: Array, i: IntArray, j: IntArray, same: bool) -> Array:
-    """Inner products of columns i and j after the basis took its part."""
-    left = np.ones(len(i)) if same else np.einsum("nm,nm->m", columns[:, i], columns[:, j])
-    out: Array = left - np.einsum("qm,qm->m", t[:, i], t[:, j])
-    return out
+class _Part:
+    """Terms of one covariate and kind: each function times each component.
+
+    The products are never formed: inner products with them are those of the functions with what the
+    components leave of the other side.
+
+    ``functions``: (m, k, n); ``components``: (c, n). Terms are numbered from ``first`` by function,
+    then component.
+    """
+
+    def __init__(self, first: int, functions: Array, components: Array) -> None:
+        self.first, self.functions, self.components = first, functions, components
+        self.size = np.sqrt(self._weighted(functions**2, components**2))  # (m, c, k)
+        self.scale = self.size
+        self.gram = self.size
+
+    def __len__(self) -> int:
+        return len(self.functions) * len(self.components)
+
+    def whitened(self, rows: IntArray, n: int, whiten: Whiten) -> "_Part":
+        """Return the part with its columns, given for some of n readings, whitened."""
+        if whiten is identity:
+            return self
+        k = self.functions.shape[1]
+        products = self.functions[:, None] * self.components[None, :, None]
+        full = np.zeros((n, len(self) * k))
+        full[rows] = products.reshape(len(self) * k, -1).T
+        white = np.asarray(whiten(full))[rows].T.reshape(len(self), k, -1)
+        return _Part(self.first, white, np.ones((1, len(rows))))
+
+    def normalise(self, least: float, kind: type[np.float32 | np.float64]) -> None:
+        """Give the columns unit length, and zeros to those that are no longer than ``least``."""
+        m, k, _ = self.functions.shape
+        self.scale = 1.0 / np.where(self.size > least, self.size, np.inf)
+        self.gram = np.ones((m, len(self.components), k, k))
+        squares = self.components**2
+        for i in range(k):
+            for j in range(i):
+                g = self._weighted(self.functions[:, i] * self.functions[:, j], squares)
+                g = g * self.scale[:, :, i] * self.scale[:, :, j]
+                self.gram[:, :, i, j] = self.gram[:, :, j, i] = g
+        self.gram = self.gram.reshape(-1, k, k)
+        self.functions = self.functions.astype(kind, copy=False)
+
+    @staticmethod
+    def _weighted(x: Array, weights: Array) -> Array:
+        """Sum over readings of x (m, ..., n) times each weight (c, n): (m, c, ...)."""
+        flat = x.reshape(-1, x.shape[-1]) @ weights.T
+        return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
+
+    def products(self, r: Array) -> Array:
+        """Inner products of the columns with r (n, s), shape (terms, k, s)."""
+        m, k, n = self.functions.shape
+        flat = self.functions.reshape(m * k, n)
+        out = np.empty((m, len(self.components), k, r.shape[1]))
+        for i, c in enumerate(self.components):
+            weighted = (c[:, None] * r).astype(flat.dtype, copy=False)
+            out[:, i] = (flat @ weighted).reshape(m, k, -1) * self.scale[:, i, :, None]
+        return out.reshape(-1, k, r.shape[1])
+
+    def block(self, number: int) -> Array:
+        """Columns of one term, shape (n, k)."""
+        f, c = divmod(number, len(self.components))
+        columns = self.functions[f].astype(np.float64) * self.components[c]
+        return np.asarray((columns * self.scale[f, c][:, None]).T)
+
+
+def _eliminated(a: Array, z: Array) -> tuple[Array, IntArray]:
+    """Gain and rank of blocks from what the basis leaves of their Gram matrices and products.
+
+    ``a``: (b, k, k); ``z``: (b, k, s). Pivots that depend on earlier ones are left out.
+    """
+    gain = np.zeros((len(z), z.shape[2]))
+    rank = np.zeros(len(z), dtype=np.intp)
+    for i in range(a.shape[1]):
+        pivot = a[:, i, i]
+        seen = pivot > DEPENDENT
+        inverse = np.where(seen, 1.0 / np.where(seen, pivot, 1.0), 0.0)
+        gain += z[:, i] ** 2 * inverse[:, None]
+        rank += seen
+        if i + 1 < a.shape[1]:
+            factor = a[:, i + 1 :, i] * inverse[:, None]
+            z[:, i + 1 :] -= factor[:, :, None] * z[:, None, i]
+            a[:, i + 1 :, i + 1 :] -= factor[:, :, None] * a[:, None, i, i + 1 :]
+    return gain, rank
+
+
+def _covariates(
+    model: Model, rows: IntArray
+) -> Iterator[tuple[Covariate, bool, NDArray[Any], dict[str, Array]]]:
+    """Covariates that say something new, whether all but the jumps is said, values, components."""
+    enter = {"": np.ones(len(rows))}
+    for name, c in model.components.items():
+        c = np.asarray(c, dtype=np.float64)[rows]
+        if not any(np.array_equal(c, d) for d in enter.values()) and np.any(c):
+            enter[name] = c
+    seen: list[tuple[bool, bool, IntArray]] = []
+    for v in model.covariates:
+        values = np.asarray(v.values)[rows]
+        said = False
+        if not v.classes:
+            values = values.astype(np.float64)
+            ranks = np.unique(values, return_inverse=True)[1]
+            periodic = v.period is not None
+            same = [q for k, q, s in seen if k == periodic and np.array_equal(ranks, s)]
+            if ranks.max(initial=0) < 1 or (same and (any(same) or not v.sequence)):
+                continue  # constant, or says what another covariate says
+            said = bool(same)
+            seen.append((periodic, v.sequence, ranks))
+        yield v, said, values, enter
 
 
 def _functions(v: Covariate, values: Array) -> Iterator[tuple[str, list[object], Array]]:
     """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n)."""
-    distinct = np.unique(values)
     if v.classes:
+        distinct, index, count = np.unique(values, return_inverse=True, return_counts=True)
         if len(distinct) > 1:
-            yield "class", list(distinct), (values == distinct[:, None]).astype(float)[:, None]
+            # those with the most readings, in their order
+            shown = np.sort(np.argsort(-count, kind="stable")[:MAX_CLASSES])
+            columns = (index.reshape(-1) == shown[:, None]).astype(float)
+            yield "class", list(distinct[shown]), columns[:, None]
         return
+    distinct = np.unique(values)
     if v.period is not None:
         turn = 2 * np.pi * values / v.period
         different = len(np.unique(np.round(np.mod(values, v.period), 9)))

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
 from trunnion.diagnosis import outliers
-from trunnion.diagnosis.fit import orthonormal
-from trunnion.diagnosis.protocol import Array, EffectValues, Model, Values
+from trunnion.diagnosis.effect import EffectValues, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Gain, units_of
 
 __all__ = ["score"]
@@ -34,7 +36,7 @@ def score(
     """
     before = _anew(model, nuisance_before, {})
     after = _anew(model, nuisance_after, effects)
-    p = sum(x.scope == "setup" for x in model.nuisance)
+    p = sum(x.owner.of_setup for x in model.nuisance)
     leverage = np.full(len(after), min(p / max(len(after), 1), 0.9))
     keep = np.ones(len(after), dtype=bool)
     if len(after) - p > 5:
@@ -46,7 +48,7 @@ def score(
 
 def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Array:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
-    free = np.array([x.scope == "setup" for x in model.nuisance], dtype=bool)
+    free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
     for i, x in enumerate(model.nuisance):
         if not free[i]:
@@ -64,12 +66,13 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
             f"score: got data whose model lacks {', '.join(sorted(missing))}, expected every cause "
             "of the diagnosis among its effects"
         )
-    loose = [e for e in kept if e.scope == "workpiece"]
+    loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
     r: Array = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
+    hold = None
     for step in range(STEPS):
         parts = [model.jacobian(at, values)[:, free]]
         for e in loose:
@@ -79,8 +82,14 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
         if jac.shape[1] == 0:
             break
         root = np.sqrt(weight)
-        u, s, vt, scale = orthonormal(np.asarray(whiten(jac)) * root[:, None])
-        move = (vt.T / s / scale[:, None]) @ (u.T @ (np.asarray(whiten(r)) * root))
+        solved = linear_fit(
+            np.asarray(whiten(jac)) * root[:, None],
+            np.asarray(whiten(r)) * root,
+            hold=hold,
+            tolerance=model.rank_tolerance,
+        )
+        hold = solved.held  # what is not identifiable where the fit starts stays there
+        move = solved.solution
         at[free] += move[: int(free.sum())]
         for (e, i), m in zip(index, move[int(free.sum()) :], strict=True):
             values[e.id][e.parameters[i].name] += float(m)

@@ -19,16 +19,24 @@ then every cause of the best sets is tried against every other.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
-from trunnion.diagnosis.protocol import Array, IntArray, lengths
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
 
-__all__ = ["Candidates", "Found", "project", "search"]
+Flags: TypeAlias = NDArray[np.bool_]
+Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
+
+__all__ = ["Candidates", "Found", "search", "storage"]
+
+NONE = np.zeros(0, dtype=np.intp)
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
@@ -40,14 +48,12 @@ WITHIN = 6.0
 
 NAMING_LEVEL = 0.01
 BEAM = 20
-MOST_CAUSES = 12
+ROUNDING = 1e-10  # of the longest column: sin 180°
+MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
+BATCH_NUMBERS = 1 << 21  # numbers that are worked on at once
+SCORE_DIGITS = 6
+MAX_CAUSES = 12
 WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
-
-
-def project(columns: Array, basis: Array) -> Array:
-    """Return the part of columns that is orthogonal to an orthonormal basis."""
-    out: Array = columns - basis @ (basis.T @ columns)
-    return out
 
 
 @dataclass(frozen=True)
@@ -87,32 +93,88 @@ class Candidates:
         own_level: Array | None = None,
         own_price: Array | None = None,
     ) -> None:
-        self.count = len(variants)
+        numbers = sum(v.size for v in variants)
+        self._build(enumerate(variants), len(variants), numbers, basis)
+        self._complete(basis, level, own_level, own_price)
+
+    @classmethod
+    def of_pieces(
+        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Array
+    ) -> "Candidates":
+        """Candidates of which not all columns are there at a time.
+
+        ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
+        candidates; ``numbers``: of all pieces together.
+        """
+        new = object.__new__(cls)
+        new._build(pieces, count, numbers, basis)
+        new._complete(basis, NAMING_LEVEL, None, None)
+        return new
+
+    def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Array) -> None:
+        """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
+        self.count = count
         n, p = basis.shape
         self.dof = n - p
-        owner: list[int] = []
-        variant: list[int] = []
-        width: list[int] = []
-        for j, v in enumerate(variants):
-            owner += [j] * v.shape[0]
-            variant += list(range(v.shape[0]))
-            width += [v.shape[2]] * v.shape[0]
-        self.owner = np.array(owner, dtype=np.intp)
-        self.variant = np.array(variant, dtype=np.intp)
-        raw = np.concatenate([v.transpose(1, 0, 2).reshape(n, -1) for v in variants], axis=1)
-        raw = raw / lengths(raw)
-        self.columns, self.rank, self.start = _orthonormal_blocks(
-            project(raw, basis), np.array(width, dtype=np.intp)
+        kind = storage(numbers)
+        parts: list[Any] = []  # of single precision where there are very many numbers
+        owner, rank, start = [NONE], [NONE], [NONE]
+        filled = 0
+        for batch in _batches(pieces):
+            longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for _, v in batch))
+            some = _orthonormal_blocks([v for _, v in batch], basis, ROUNDING * longest)
+            parts.append(np.asarray(some[0], dtype=kind))
+            owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
+            rank.append(some[1])
+            start.append(some[2] + filled)
+            filled += len(some[0])
+        self._parts: tuple[Array, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
+        self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
+        self._keep(self.rank > 0)
+
+    def beside(
+        self, variants: Sequence[Array], own_level: Array, own_price: Array | None = None
+    ) -> "Candidates":
+        """Return these candidates and further ones, numbered after them.
+
+        ``own_level``, ``own_price``: of the further ones only.
+        """
+        new = object.__new__(Candidates)
+        new._build(enumerate(variants), len(variants), 0, self._basis)
+        new.owner = np.concatenate([self.owner, new.owner + self.count])
+        new.variant = np.concatenate([self.variant, new.variant])
+        new.rank = np.concatenate([self.rank, new.rank])
+        new.start = np.concatenate([self.start, new.start + self.width])
+        new._parts = (*self._parts, *new._parts)
+        new.count += self.count
+        none = np.zeros(self.count)
+        price = np.zeros(len(variants)) if own_price is None else own_price
+        new._complete(
+            self._basis,
+            self._shared_level,
+            np.concatenate([none, own_level]),
+            np.concatenate([none, price]),
+            self.multiplicity,
         )
-        kept = self.rank > 0
-        self.owner, self.variant = self.owner[kept], self.variant[kept]
-        self.rank, self.start = self.rank[kept], self.start[kept]
+        return new
+
+    def _complete(
+        self,
+        basis: Array,
+        level: float,
+        own_level: Array | None,
+        own_price: Array | None,
+        multiplicity: float | None = None,
+    ) -> None:
+        """Group the blocks and price them."""
+        self._basis, self._shared_level = basis, level
         self.visible = np.unique(self.owner)
         self.invisible = np.setdiff1d(np.arange(self.count), self.visible)
-        self.gram = self.columns.T @ self.columns
+        self._gram_rows: dict[int, Array] = {}
         self._group()
         own = np.zeros(self.count) if own_level is None else own_level
-        shared = int(np.sum(own[self.visible] == 0))
+        shared = np.sum(own[self.visible] == 0) if multiplicity is None else multiplicity
         self.level = np.where(own > 0, own, level / max(shared, 1))
         self.multiplicity = float(shared)
         self.places = self._places()
@@ -120,28 +182,61 @@ class Candidates:
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 
+    def _keep(self, kept: Flags) -> None:
+        """Drop blocks."""
+        self.owner, self.variant = self.owner[kept], self.variant[kept]
+        self.rank, self.start = self.rank[kept], self.start[kept]
+
+    @property
+    def width(self) -> int:
+        """Count of columns."""
+        return sum(len(part) for part in self._parts)
+
+    def columns(self, block: int) -> Array:
+        """Columns of a block, one a row, shape (k, n)."""
+        first = int(self.start[block])
+        for part in self._parts:
+            if first < len(part):
+                return part[first : first + int(self.rank[block])]
+            first -= len(part)
+        return np.zeros((0, 0))
+
+    def gram_rows(self, block: int) -> Array:
+        """Inner products of a block's columns with all columns, shape (k, M)."""
+        self.prepare([block])
+        return self._gram_rows[block]
+
+    def prepare(self, blocks: Iterable[int]) -> None:
+        """Calculate :meth:`gram_rows` of several blocks at once."""
+        missing = [b for b in dict.fromkeys(blocks) if b not in self._gram_rows]
+        if missing:
+            some = [self.columns(b) for b in missing]
+            rows = self.products(np.concatenate(some).T).T
+            ends = np.cumsum([len(x) for x in some])
+            self._gram_rows |= dict(zip(missing, np.split(rows, ends[:-1]), strict=True))
+
     def _group(self) -> None:
         """Find candidates whose columns span the same: one stands for all of them."""
         self.alike: dict[int, list[int]] = {}
         single = np.bincount(self.owner, minlength=self.count) == 1
-        first = np.searchsorted(self.owner, np.arange(self.count))
+        alone = self.visible[single[self.visible]]
+        at = np.searchsorted(self.owner, alone)
+        rank = self.rank[at]
+        if len(alone):
+            some = np.concatenate([self.columns(int(b)) for b in at])
+            squares = np.asarray(some @ some.T, dtype=np.float64) ** 2
+            first = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+            overlap = np.add.reduceat(np.add.reduceat(squares, first, axis=0), first, axis=1)
+            same = (np.abs(overlap - rank) < DEPENDENT) & (rank == rank[:, None])
+        place = {int(j): i for i, j in enumerate(alone)}
         for j in map(int, self.visible):
             home = j
             if single[j]:
-                b = first[j]
-                for i in self.alike:
-                    a = first[i]
-                    if not single[i] or self.rank[a] != self.rank[b]:
-                        continue
-                    g = self.gram[self.span(a), self.span(b)]
-                    if abs(np.sum(g * g) - self.rank[a]) < DEPENDENT:
-                        home = i
-                        break
+                homes = (i for i in self.alike if single[i] and same[place[i], place[j]])
+                home = next(homes, j)
             self.alike.setdefault(home, []).append(j)
         self.leaders = np.array(sorted(self.alike), dtype=np.intp)
-        kept = np.isin(self.owner, self.leaders)
-        self.owner, self.variant = self.owner[kept], self.variant[kept]
-        self.rank, self.start = self.rank[kept], self.start[kept]
+        self._keep(np.isin(self.owner, self.leaders))
 
     def span(self, block: int) -> slice:
         """Columns of a block."""
@@ -161,16 +256,21 @@ class Candidates:
                 continue
             length = 0.0
             for a, b in itertools.pairwise(map(int, blocks)):
-                g = self.gram[self.span(a), self.span(b)]
+                g = self.columns(a) @ self.columns(b).T
                 overlap = np.sqrt(np.sum(g * g) / max(g.shape))
                 length += float(np.arccos(min(overlap, 1.0)))
             u = special.chdtri(1, self.level[j])
             out[blocks] = min(float(len(blocks)), 1.0 + length / np.pi * np.sqrt(np.pi * u / 2))
         return out
 
+    def products(self, r: Array) -> Array:
+        """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
+        parts = [part @ r.astype(part.dtype, copy=False) for part in self._parts]
+        return np.concatenate(parts).astype(np.float64, copy=False)
+
     def gains(self, r: Array) -> Array:
         """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
-        z2 = (self.columns.T @ r) ** 2
+        z2 = self.products(r) ** 2
         total = np.concatenate([np.zeros((1, *z2.shape[1:])), np.cumsum(z2, axis=0)])
         return np.asarray(total[self.start + self.rank] - total[self.start])
 
@@ -189,37 +289,69 @@ class Candidates:
         return np.searchsorted(self.owner, self.leaders)
 
 
-def _orthonormal_blocks(columns: Array, width: IntArray) -> tuple[Array, IntArray, IntArray]:
-    """Orthonormalise each block of neighbouring columns; drop what is dependent or vanishes.
+def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
+    """Pieces, so many at a time as have not too many numbers together."""
+    batch: list[Piece] = []
+    for piece in pieces:
+        batch.append(piece)
+        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
 
-    Returns the columns, the rank of each block and where it starts.
+
+def _orthonormal_blocks(
+    variants: Sequence[Array], basis: Array, least: float
+) -> tuple[Array, IntArray, IntArray]:
+    """Orthonormalise the columns of each block beside the basis; drop what is dependent.
+
+    Columns no longer than ``least`` count as zero. Returns the columns, one a row, shape (M, n),
+    the rank of each block and where it starts.
     """
-    start = np.concatenate([[0], np.cumsum(width)[:-1]]).astype(np.intp)
-    out = np.zeros_like(columns)
+    width = np.array([v.shape[2] for v in variants for _ in v], dtype=np.intp)
     rank = np.zeros(len(width), dtype=np.intp)
+    start = np.zeros(len(width), dtype=np.intp)
+    out: list[Array] = []
+    filled = 0
     for k in np.unique(width):
-        blocks = np.flatnonzero(width == k)
-        index = start[blocks][:, None] + np.arange(k)
-        if k == 1:
-            v = columns[:, index[:, 0]]
-            s2 = np.einsum("ij,ij->j", v, v)
-            seen = s2 > DEPENDENT
-            out[:, index[:, 0]] = np.where(seen, v / np.sqrt(np.where(seen, s2, 1.0)), 0.0)
-            rank[blocks] = seen
-            continue
-        x = columns[:, index].transpose(1, 0, 2)  # b, n, k
-        w, u = np.linalg.eigh(x.transpose(0, 2, 1) @ x)
-        w, u = w[:, ::-1], u[:, :, ::-1]
-        seen2 = w > DEPENDENT
-        scale = np.where(seen2, 1.0 / np.sqrt(np.where(seen2, w, 1.0)), 0.0)
-        out[:, index] = (x @ (u * scale[:, None, :])).transpose(1, 0, 2)
-        rank[blocks] = seen2.sum(axis=1)
-    keep = np.zeros(columns.shape[1], dtype=bool)
-    for k in range(int(width.max(initial=0))):
-        has = rank > k
-        keep[start[has] + k] = True
-    new = np.cumsum(keep) - 1
-    return out[:, keep], rank, np.asarray(np.where(rank > 0, new[start], 0), dtype=np.intp)
+        x = np.concatenate([v.transpose(0, 2, 1) for v in variants if v.shape[2] == k])
+        size = np.sqrt(np.einsum("bkn,bkn->bk", x, x))
+        x /= np.where(size > least, size, np.inf)[:, :, None]
+        x -= (x @ basis) @ basis.T
+        x, some = _orthonormal(x)
+        rank[width == k] = some
+        start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
+        out.append(x[np.arange(k) < some[:, None]])
+        filled += len(out[-1])
+    return np.concatenate(out) if out else np.zeros((0, len(basis))), rank, start
+
+
+def _orthonormal(x: Array) -> tuple[Array, IntArray]:
+    """Orthonormalise blocks of rows, shape (b, k, n), largest first; the rest after the rank."""
+    if x.shape[1] == 1:
+        s2 = np.einsum("bkn,bkn->bk", x, x)
+        seen = s2 > DEPENDENT
+        x /= np.sqrt(np.where(seen, s2, 1.0))[:, :, None]
+        return x, seen.sum(axis=1)
+    w, u = np.linalg.eigh(x @ x.transpose(0, 2, 1))
+    w, u = w[:, ::-1], u[:, :, ::-1]
+    seen = w > DEPENDENT
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
+    return np.asarray((u * scale[:, None, :]).transpose(0, 2, 1) @ x), seen.sum(axis=1)
+
+
+def _squares(v: Array) -> Array:
+    """Squared length of every column of variants (v, n, k)."""
+    return np.asarray(np.einsum("vnk,vnk->vk", v, v))
+
+
+def storage(numbers: int) -> type[np.float32 | np.float64]:
+    """Precision in which so many numbers of unit columns are kept.
+
+    Single where there are many: its rounding, 6e-8 of a column, is far below any size that decides.
+    """
+    return np.float64 if numbers <= MAX_DOUBLES else np.float32
 
 
 class _State:
@@ -247,10 +379,14 @@ class _State:
 def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
     """Add a block to a set."""
     span = c.span(block)
-    g = c.gram[span] - s.taken[:, span].T @ s.taken
-    w, u = np.linalg.eigh(g[:, span])
-    seen = w > DEPENDENT
-    back = (u[:, seen] / np.sqrt(w[seen])).T
+    g = c.gram_rows(block) - s.taken[:, span].T @ s.taken
+    own = g[:, span]
+    if len(own) == 1:
+        back = np.full((int(own[0, 0] > DEPENDENT), 1), max(own[0, 0], DEPENDENT) ** -0.5)
+    else:
+        w, u = np.linalg.eigh(own)
+        seen = w > DEPENDENT
+        back = (u[:, seen] / np.sqrt(w[seen])).T
     new = back @ g
     a = back @ s.rest[span]
     return _State(
@@ -266,8 +402,7 @@ def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
 def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Array, IntArray]:
     """Drop of RSS and count of new columns for every state and every block, shape (s, b)."""
     k_max = max(s.taken.shape[0] for s in states)
-    m = c.gram.shape[0]
-    taken = np.zeros((len(states), k_max, m))
+    taken = np.zeros((len(states), k_max, c.width))
     for i, s in enumerate(states):
         taken[i, : s.taken.shape[0]] = s.taken
     rest = np.stack([s.rest for s in states])
@@ -327,7 +462,8 @@ class _Scorer:
         with np.errstate(divide="ignore"):
             score = self.dof * np.log(np.maximum(rss, self.floor))
         score = score + penalty * self.dof / np.maximum(room, 1.0)
-        return np.where(room < 1.0, np.inf, score)
+        # Sets that explain the same are ordered by the catalogue, not by rounding.
+        return np.where(room < 1.0, np.inf, np.round(score, SCORE_DIGITS))
 
 
 def search(
@@ -336,7 +472,7 @@ def search(
     *,
     within: float = WITHIN,
     beam: int = BEAM,
-    most: int = MOST_CAUSES,
+    most: int = MAX_CAUSES,
 ) -> list[Found]:
     """Find the sets of causes whose score lies within ``within`` of the best, best first.
 
@@ -345,7 +481,7 @@ def search(
     """
     rss0 = float(r @ r)
     score = _Scorer(c.dof, 1e-14 * rss0)
-    empty = _State(0, (), np.zeros((0, c.gram.shape[0])), c.columns.T @ r, rss0, 0.0)
+    empty = _State(0, (), np.zeros((0, c.width)), c.products(r), rss0, 0.0)
     nothing = Found(frozenset(), float(score(rss0, 0, 0.0)), rss0, 0, ())
     if len(c.leaders) == 0:
         return [nothing]
@@ -367,13 +503,13 @@ def search(
         for i, s in enumerate(states):  # once in a set is enough
             low[i, [bool(s.mask >> int(j) & 1) for j in c.leaders]] = np.inf
         order = np.argsort(low, axis=None, kind="stable")
-        kept: list[_State] = []
+        chosen: list[tuple[_State, int, int]] = []
         seen: set[int] = set()
         best = min(best, float(low.flat[order[0]]))
         for flat in order:
             i, q = divmod(int(flat), len(c.leaders))
             value = float(low[i, q])
-            if not np.isfinite(value) or (len(kept) >= keep and value > best + within):
+            if not np.isfinite(value) or (len(chosen) >= keep and value > best + within):
                 break
             bit = bits[int(c.leaders[q])]
             mask = states[i].mask | bit
@@ -393,9 +529,10 @@ def search(
                     int(size[i] + rank[i, block]),
                     blocks,
                 )
-            if len(kept) < keep:
-                kept.append(_extend(c, states[i], block, bit))
-        return kept
+            if len(chosen) < keep:
+                chosen.append((states[i], block, bit))
+        c.prepare(block for _, block, _ in chosen)
+        return [_extend(c, *one) for one in chosen]
 
     def build(blocks: Sequence[int]) -> _State:
         state = empty

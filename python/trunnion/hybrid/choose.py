@@ -57,10 +57,10 @@ def choose_poses(
     names = tuple(error_name(p) for p in parameters)
     label = np.arange(len(candidates)) if blocks is None else np.asarray(blocks)
     if label.shape != (len(candidates),):
-        raise InputError(f"blocks: got shape {label.shape}, wanted ({len(candidates)},)")
+        raise InputError(f"blocks: got shape {label.shape}, expected ({len(candidates)},)")
     kinds, block = np.unique(label, return_inverse=True)
     if not 1 <= count <= len(kinds):
-        raise InputError(f"count: got {count}, wanted 1 to {len(kinds)}")
+        raise InputError(f"count: got {count}, expected 1 to {len(kinds)}")
     matrix, labels = design(candidates, mechanism, names, threads)
     rows = matrix / sigma_um
     # A centre is known to a millimetre before it is measured: next to nothing.

@@ -132,7 +132,7 @@ class CubeStudy(Result):
         for change in self.changes:
             if change.error == name:
                 return change
-        raise InputError(f"error {error!r}: wanted one of {[c.error for c in self.changes]}")
+        raise InputError(f"error {error!r}: expected one of {[c.error for c in self.changes]}")
 
     def below(self, ratio: float = 0.2) -> int:
         """Count the errors whose edges change by less than this fraction of the rigid motion."""
@@ -171,7 +171,7 @@ class CubeStudy(Result):
 def _point(what: str, value: ArrayLike) -> tuple[float, float, float]:
     array = np.asarray(value, dtype=np.float64)
     if array.shape != (3,) or not np.isfinite(array).all():
-        raise InputError(f"{what}: got {value!r}, wanted three finite numbers")
+        raise InputError(f"{what}: got {value!r}, expected three finite numbers")
     return (float(array[0]), float(array[1]), float(array[2]))
 
 
@@ -214,9 +214,9 @@ def cube_study(
     """
     centre, way = _point("centre_mm", centre_mm), _point("direction", direction)
     if not (np.isfinite(side_mm) and side_mm > 0):
-        raise InputError(f"side_mm: got {side_mm!r}, wanted more than 0")
+        raise InputError(f"side_mm: got {side_mm!r}, expected more than 0")
     if not (np.isfinite(amount) and amount != 0):
-        raise InputError(f"amount: got {amount!r}, wanted a number that is not 0")
+        raise InputError(f"amount: got {amount!r}, expected a number that is not 0")
     sizes = (
         {error_name(n): float(v) for n, v in errors.items()}
         if isinstance(errors, Mapping)

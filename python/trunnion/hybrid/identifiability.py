@@ -133,7 +133,7 @@ def identifiability(
     """
     names = tuple(error_name(p) for p in parameters)
     if not (np.isfinite(sigma_um) and sigma_um > 0):
-        raise InputError(f"sigma_um: got {sigma_um!r}, wanted more than 0")
+        raise InputError(f"sigma_um: got {sigma_um!r}, expected more than 0")
     matrix, labels = design(plan, mechanism, names, threads)
     spectrum = Spectrum.of(matrix, len(names))
     return Identifiability(

@@ -128,10 +128,10 @@ def identify_ballbar(
         `tolerance` without `sigma_um`, or values not above 0.
     """
     if tolerance is not None and sigma_um is None:
-        raise InputError("tolerance: got no sigma_um with it, wanted the noise of a reading")
+        raise InputError("tolerance: got no sigma_um with it, expected the noise of a reading")
     for what, value in (("tolerance", tolerance), ("sigma_um", sigma_um)):
         if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, wanted more than 0")
+            raise InputError(f"{what}: got {value!r}, expected more than 0")
     weight = 0.0 if tolerance is None or sigma_um is None else sigma_um / tolerance
     problem = _Problem.of(data, mechanism, parameters, weight, threads)
     start = Spectrum.of(problem.jacobian(problem.start), problem.count).down_to(
@@ -176,7 +176,7 @@ class _Problem:
         unknowns = len(names) + 3 * len(labels)
         if weight == 0.0 and len(data) <= unknowns:
             raise DataError(
-                f"ball-bar: got {len(data)} readings, wanted more than {unknowns} unknowns"
+                f"ball-bar: got {len(data)} readings, expected more than {unknowns} unknowns"
             )
         tips = mechanism.forward(joints, threads=threads).tip_mm
         centres = start_centres(tips, data.length_mm, index)

@@ -72,7 +72,7 @@ def joints_array(joints: ArrayLike) -> Floats:
     array = np.atleast_2d(floats("joints", joints))
     if array.ndim != 2 or array.shape[1] != 5:
         raise InputError(
-            f"joints: got shape {np.shape(joints)}, wanted (n, 5): {', '.join(JOINTS)}"
+            f"joints: got shape {np.shape(joints)}, expected (n, 5): {', '.join(JOINTS)}"
         )
     return np.ascontiguousarray(array)
 
@@ -80,17 +80,17 @@ def joints_array(joints: ArrayLike) -> Floats:
 def _one_pose(joints: ArrayLike) -> Floats:
     array = joints_array(joints)
     if len(array) != 1:
-        raise InputError(f"joints: got {len(array)} poses, wanted one")
+        raise InputError(f"joints: got {len(array)} poses, expected one")
     return np.asarray(array[0])
 
 
 Weights: TypeAlias = tuple[float, float, float, float]
-LEAST_SQUARES: Weights = (1000.0, 1000.0, 1000.0, 1000.0)
+MIN_SQUARES: Weights = (1000.0, 1000.0, 1000.0, 1000.0)
 
 #: Closures that :meth:`Mechanism.closure_dependence` compares, by weights in mm.
 CLOSURES: Mapping[str, Weights] = MappingProxyType(
     {
-        "least squares": LEAST_SQUARES,
+        "least squares": MIN_SQUARES,
         "paper's eight: about legs 1, 3 dropped": (1000.0, 0.0, 1000.0, 0.0),
         "about leg 1, against leg 3 dropped": (1000.0, 0.0, 0.0, 1000.0),
         "against leg 1, about leg 3 dropped": (0.0, 1000.0, 1000.0, 0.0),
@@ -126,7 +126,7 @@ class Mechanism:
     dimensions: Mapping[str, float] = field(default_factory=dict)
     errors: Mapping[str, float] = field(default_factory=dict)
     home_mm: tuple[float, float, float] = (0.0, -350.0, -1400.0)
-    closure_mm: Weights = LEAST_SQUARES
+    closure_mm: Weights = MIN_SQUARES
 
     def __post_init__(self) -> None:
         """Check by building the core's object."""
@@ -134,7 +134,7 @@ class Mechanism:
         for name in self.dimensions:
             if name not in keys:
                 known = ", ".join(keys)
-                raise UnknownNameError(f"unknown dimension {name!r}; wanted one of: {known}")
+                raise UnknownNameError(f"unknown dimension {name!r}; expected one of: {known}")
         named = {error_name(name): float(value) for name, value in self.errors.items()}
         object.__setattr__(self, "errors", MappingProxyType(named))
         object.__setattr__(self, "dimensions", MappingProxyType(dict(self.dimensions)))
@@ -283,13 +283,13 @@ class Mechanism:
             L1, L2, L3 (mm), q4, q5 (deg).
         """
         if wrist not in (1, -1):
-            raise InputError(f"wrist branch: got {wrist!r}, wanted 1 or -1")
+            raise InputError(f"wrist branch: got {wrist!r}, expected 1 or -1")
         tips = np.atleast_2d(floats("tip_mm", tip_mm))
         ways = floats("direction", direction)
         if tips.ndim != 2 or tips.shape[1] != 3:
-            raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, wanted (n, 3) or (3,)")
+            raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, expected (n, 3) or (3,)")
         if ways.shape not in ((3,), (1, 3), tips.shape):
-            raise InputError(f"direction: got shape {ways.shape}, wanted (3,) or {tips.shape}")
+            raise InputError(f"direction: got shape {ways.shape}, expected (3,) or {tips.shape}")
         directions = np.broadcast_to(ways, tips.shape)
         offsets = any(self.dimensions.get(f"e{i}_mm", 0.0) for i in (1, 2, 3, 14))
         exact = bool(self.errors) or offsets
@@ -396,7 +396,7 @@ class Mechanism:
         array = joints_array(joints)
         centres = floats("centres_mm", centres_mm)
         if centres.shape not in ((3,), (1, 3), (len(array), 3)):
-            raise InputError(f"centres_mm: got shape {centres.shape}, wanted (3,) or (n, 3)")
+            raise InputError(f"centres_mm: got shape {centres.shape}, expected (3,) or (n, 3)")
         centres = np.broadcast_to(centres, (len(array), 3))
         names = [error_name(p) for p in parameters]
         rows = self._core.ballbar(array, np.ascontiguousarray(centres), names, threads)

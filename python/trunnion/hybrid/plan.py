@@ -80,10 +80,10 @@ def ballbar_plan(
     """
     centre = np.asarray(centre_mm, dtype=np.float64)
     if centre.shape != (3,):
-        raise InputError(f"centre_mm: got shape {centre.shape}, wanted (3,)")
+        raise InputError(f"centre_mm: got shape {centre.shape}, expected (3,)")
     for what, value in (("radius_mm", radius_mm), ("step_deg", step_deg), ("feed", feed_mm_min)):
         if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, wanted more than 0")
+            raise InputError(f"{what}: got {value!r}, expected more than 0")
     runs = _runs(circles, step_deg, both_senses=both_senses, repeat_first=repeat_first)
     points = np.vstack([run.points_mm(centre, radius_mm) for run in runs])
     joints = mechanism.nominal.inverse(points, direction, wrist=wrist)
@@ -123,7 +123,7 @@ def _runs(
     runs = []
     for plane, first, last in circles:
         if plane not in PLANES:
-            raise InputError(f"plane of a circle: got {plane!r}, wanted one of {list(PLANES)}")
+            raise InputError(f"plane of a circle: got {plane!r}, expected one of {list(PLANES)}")
         angles = np.linspace(first, last, round(abs(last - first) / step_deg) + 1)
         runs.append(_Run(plane, angles, 1))
         if both_senses:

@@ -53,7 +53,7 @@ def joints_of(data: Ballbar) -> Floats:
     joints = data.joints
     if joints is None:
         raise DataError(
-            "ball-bar data: got no joints, wanted columns l1_mm, l2_mm, l3_mm, q4_deg, q5_deg"
+            "ball-bar data: got no joints, expected columns l1_mm, l2_mm, l3_mm, q4_deg, q5_deg"
         )
     return joints
 
@@ -89,7 +89,7 @@ def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
     worst = int(np.argmax(deviation))
     if deviation[worst] > MAX_DEVIATION_MM:
         raise DataError(
-            f"length_mm (row {worst}): got {lengths_mm[worst]:.4f}, wanted within "
+            f"length_mm (row {worst}): got {lengths_mm[worst]:.4f}, expected within "
             f"{MAX_DEVIATION_MM:g} mm of {reference_mm[worst]:.4f}, the distance of the "
             "commanded point from the best centre"
         )
@@ -108,7 +108,7 @@ def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
         if count < MIN_READINGS:
             raise DataError(
                 f"ball-bar: got {count} reading{'' if count == 1 else 's'} in set-up {label}, "
-                f"wanted at least {MIN_READINGS} to place the ball"
+                f"expected at least {MIN_READINGS} to place the ball"
             )
 
 

@@ -19,7 +19,7 @@ from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
-from trunnion.setup.names import canonical_error_name
+from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
 
 __all__ = ["Chain", "artefact_dimensions"]
 
@@ -225,15 +225,34 @@ class Chain:
         kinds = [self._effects(kind, numbers) for kind, numbers in _ANY_ARTEFACT.items()]
         return {effect.id: effect for effects in kinds for effect in effects}
 
+    def effect_id(self, name: str) -> str:
+        """Id of an effect on touches that is given by its id or its code of ISO 230-1 (EC0Y).
+
+        A name that is neither is returned as it is.
+
+        Raises
+        ------
+        InputError
+            A code of several effects (ECC: once a turn, twice a turn).
+        """
+        if not is_code(name):
+            return name
+        ids = effect_ids(name, list(self.effects))
+        if len(ids) > 1:
+            raise InputError(f"effect: got {name!r}, expected one of {', '.join(ids)}")
+        return ids[0] if ids else name
+
     def _effects(self, kind: str, dimensions: Sequence[float]) -> tuple[EffectInfo, ...]:
         entries = _core.catalogue(self.setup.machine.preset, kind, dimensions)
         return tuple(
             EffectInfo(
                 id=name,
-                title=title,
-                owner=Owner(owner),
+                label=title,
+                # what happens at a moment is of one set-up: the artefact slips on the table
+                owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
                 parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
                 needs=tuple(needs),
+                codes=iso_codes(name),
             )
             for name, title, owner, parameters, needs in entries
         )

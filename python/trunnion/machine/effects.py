@@ -48,13 +48,19 @@ class Owner(StrEnum):
         """A touch probe is an instrument."""
         return cls.INSTRUMENT if value == "probe" else None
 
+    @property
+    def of_setup(self) -> bool:
+        """Whether it belongs to one set-up: estimated anew on other data, where others are kept."""
+        return self in (Owner.WORKPIECE, Owner.PLACEMENT)
+
 
 @runtime_checkable
 class UserEffect(Protocol):
     """An effect of the user's own, accepted wherever the id of a built-in effect is.
 
     Optional members: ``jacobian(data, values)``, the derivative of ``change``, shape (n, k);
-    ``motion(pose, values)``, without which it is estimated but not compensated.
+    ``motion(pose, values)``, without which it is estimated but not compensated; ``owner``, of
+    :class:`Owner`; ``label``, what people call it.
     """
 
     @property
@@ -63,17 +69,56 @@ class UserEffect(Protocol):
         ...
 
     @property
-    def parameters(self) -> Sequence[str]:
-        """Names with their units."""
+    def parameters(self) -> Sequence[Any]:
+        """Names with their units; a diagnosis takes a ``Parameter`` where one is not linear."""
         ...
 
     # Any: a user's class may name narrower types than Touches and Mapping[str, float].
     def change(self, data: Any, values: Any) -> Any:
-        """Change of each reading of `data` in µm along its approach, shape (n,)."""
+        """Change of each reading of `data` in the unit of the reading, shape (n,)."""
         ...
 
 
 Effect: TypeAlias = str | UserEffect
+
+
+@dataclass(frozen=True)
+class ParameterInfo:
+    """A parameter of an effect: name with unit, unit, and how it is found.
+
+    `kind` is "linear" (least squares) or "searched" (on a grid, then refined); in the model of
+    touches "moment" (searched between touches) or "duration" (searched over decades).
+    """
+
+    name: str
+    unit: str
+    kind: str
+
+
+@dataclass(frozen=True)
+class EffectInfo:
+    """An entry of a catalogue of effects.
+
+    Attributes
+    ----------
+    id, label
+        Name for programs and for people.
+    owner
+        What it belongs to; those of the machine can be compensated.
+    parameters
+        Its parameters in order.
+    needs
+        Columns of the data without which the effect is not looked for.
+    codes
+        Codes of ISO 230-1 of the errors that it is part of; accepted in the place of the id.
+    """
+
+    id: str
+    label: str
+    owner: Owner
+    parameters: tuple[ParameterInfo, ...]
+    needs: tuple[str, ...]
+    codes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,33 +151,6 @@ class Moving(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class ParameterInfo:
-    """A parameter of an effect: name with unit, unit, and how it is found.
-
-    `kind` is "linear" (least squares), "moment" (a time that is searched between touches) or
-    "duration" (searched over decades, then refined).
-    """
-
-    name: str
-    unit: str
-    kind: str
-
-
-@dataclass(frozen=True)
-class EffectInfo:
-    """An entry of the catalogue of effects on touches.
-
-    `needs` are columns of the touches without which the effect cannot be identified.
-    """
-
-    id: str
-    title: str
-    owner: Owner
-    parameters: tuple[ParameterInfo, ...]
-    needs: tuple[str, ...]
-
-
 def effect_id(effect: Effect) -> str:
     """Id of an effect that is given by its id or as an object."""
     return effect if isinstance(effect, str) else effect.id
@@ -147,7 +165,9 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
         If something is neither an id nor an effect, or an id stands twice.
     """
     if isinstance(effects, str):
-        raise InputError(f"effects: got the text {effects!r}, wanted a sequence of ids or effects")
+        raise InputError(
+            f"effects: got the text {effects!r}, expected a sequence of ids or effects"
+        )
     ids: list[str] = []
     own: list[UserEffect] = []
     for effect in effects:
@@ -157,11 +177,11 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
             own.append(effect)
         else:
             raise InputError(
-                f"effect: got {effect!r}, wanted an id of the catalogue or an object with id, "
+                f"effect: got {effect!r}, expected an id of the catalogue or an object with id, "
                 "parameters and change(data, values)"
             )
     names = [*ids, *(effect.id for effect in own)]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"effects: got {name!r} twice, wanted each once")
+            raise InputError(f"effects: got {name!r} twice, expected each once")
     return ids, own

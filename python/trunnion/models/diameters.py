@@ -29,7 +29,7 @@ time, the length cut takes its place: ``tau_mm`` and ``rate_um_m``.
 Keys of ``[turning]`` in the set-up file, read here:
 
 ====================  ====================================================================
-overhang_mm           from the chuck face to the free end; always wanted
+overhang_mm           from the chuck face to the free end; always expected
 feed_mm_rev           feed per revolution
 cutting_speed_m_min   constant surface speed, or
 spindle_rpm           constant spindle speed (a column of the data goes before both)
@@ -39,60 +39,58 @@ diameter_mm           nominal diameter, where the data have no such column
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
-from trunnion.base.errors import DataError, UnknownNameError
+from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
-from trunnion.diagnosis.protocol import (
-    Covariate,
+from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
-    LinearModel,
-    Model,
-    Nuisance,
+    EffectValues,
     Parameter,
-    Readings,
-    Uncertainty,
-    as_effect,
+    Values,
+    for_compensation,
+    with_own,
 )
+from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
 from trunnion.machine.estimate import Estimate
-from trunnion.models.candidates import for_compensation
 from trunnion.setup import Setup
 from trunnion.setup.fields import Number, Part, Section, key
 
-__all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions"]
-
-Array = npt.NDArray[np.float64]
+__all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions_of"]
 
 # Grids from which the engine refines, so fine that what a grid point misses of a strong cause
 # (45 µm, noise 0.5 µm) stays below the noise: else it would be named as a cause of its own.
 TIME_CONSTANTS = 60
 WAVE_STEP = 0.125
 
-# More is a slip: a diameter itself, or another unit.
-MOST_ERROR_UM = 5000.0
+# More is likely a typo: a diameter itself, or another unit.
+MAX_ERROR_UM = 5000.0
 
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
-LEAST_WEAR_UM = 2.0
+MIN_WEAR_UM = 2.0
+
+MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
 
 CAUSES = {
-    "tool_heating": "the tool heats up and grows",
-    "tool_wear": "the tool wears",
-    "taper": "the slide is not parallel to the spindle",
-    "bending": "the part bends away from the tool",
-    "chuck_tilt": "chuck and spindle tilt under the cut",
-    "barrel": "the slide is bent",
-    "chatter": "the cut chatters",
+    "tool_heating": "thermal growth of the tool",
+    "tool_wear": "wear of the tool",
+    "taper": "taper (slide not parallel to the spindle)",
+    "bending": "bending of the part away from the tool",
+    "chuck_tilt": "tilt of chuck and spindle under the cut",
+    "barrel": "barrel (bent slide)",
+    "chatter": "chatter of the cut",
 }
+"""Id → label."""
 
 
 POSITIVE = Number(positive=True)
@@ -110,7 +108,7 @@ class Conditions(Part):
     diameter_mm: float | None = key(None, POSITIVE, "nominal diameter")
 
 
-def conditions(setup: Setup | Conditions | None) -> Conditions:
+def conditions_of(setup: Setup | Conditions | None) -> Conditions:
     """Read ``[turning]`` of a set-up.
 
     Raises
@@ -143,47 +141,51 @@ def _in_order(labels: npt.NDArray[np.str_]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(labels.tolist()))
 
 
-def _reference(data: Diameters, told: Conditions) -> _Reference:
+def _reference(data: Diameters, conditions: Conditions) -> _Reference:
     n = len(data)
     depth, diameter = data.depth_mm, data.diameter_mm
     return _Reference(
         depth_mm=float(depth[0]) if depth is not None and depth[0] > 0 else 1.0,
-        diameter_mm=float(diameter[0]) if diameter is not None else told.diameter_mm or 1.0,
+        diameter_mm=float(diameter[0]) if diameter is not None else conditions.diameter_mm or 1.0,
         passes=_in_order(_labels(data.pass_, n)),
         coolants=_in_order(_labels(data.coolant, n)),
-        timed=_seconds(data, told, np.zeros(n)) is not None,
+        timed=_seconds(data, conditions, np.zeros(n)) is not None,
     )
 
 
-def _seconds(data: Diameters, told: Conditions, length_mm: Array) -> Array | None:
+def _seconds(data: Diameters, conditions: Conditions, length_mm: Floats) -> Floats | None:
     """Cutting time within the pass: as recorded, or from feed and speed; None if nothing tells."""
     if data.time_s is not None:
         return np.asarray(data.time_s, dtype=np.float64)
-    if told.feed_mm_rev is None:
+    if conditions.feed_mm_rev is None:
         return None
     if data.spindle_rpm is not None:
         rpm = np.asarray(data.spindle_rpm, dtype=np.float64)
         if not (rpm > 0).all():
             row = int(np.argmin(rpm > 0))
-            raise DataError(f"spindle_rpm (row {row}): got {rpm[row]}, wanted more than zero")
-    elif told.spindle_rpm is not None:
-        rpm = np.full(len(data), told.spindle_rpm)
+            raise DataError(
+                f"spindle_rpm ({data.place(row)}): got {rpm[row]}, expected more than 0"
+            )
+    elif conditions.spindle_rpm is not None:
+        rpm = np.full(len(data), conditions.spindle_rpm)
     else:
-        diameter = data.diameter_mm if data.diameter_mm is not None else told.diameter_mm
-        if told.cutting_speed_m_min is None or diameter is None:
+        diameter = data.diameter_mm if data.diameter_mm is not None else conditions.diameter_mm
+        if conditions.cutting_speed_m_min is None or diameter is None:
             return None
-        rpm = 1e3 * told.cutting_speed_m_min / (np.pi * np.asarray(diameter, dtype=np.float64))
-    seconds: Array = length_mm / (told.feed_mm_rev * rpm / 60.0)
+        rpm = (
+            1e3 * conditions.cutting_speed_m_min / (np.pi * np.asarray(diameter, dtype=np.float64))
+        )
+    seconds: Floats = length_mm / (conditions.feed_mm_rev * rpm / 60.0)
     return seconds
 
 
-def _cuts(data: Diameters, told: Conditions, reference: _Reference) -> Array:
+def _cuts(data: Diameters, conditions: Conditions, reference: _Reference) -> Floats:
     """Rows of ``turning_cause``: z, length cut, time, force, diameter."""
     n = len(data)
     z = np.asarray(data.z_mm, dtype=np.float64)
     sign = np.full(n, -1) if data.feed_sign is None else data.feed_sign
-    length = np.where(sign < 0, told.overhang_mm - z, z)
-    time = _seconds(data, told, length) if reference.timed else length
+    length = np.where(sign < 0, conditions.overhang_mm - z, z)
+    time = _seconds(data, conditions, length) if reference.timed else length
     if time is None:
         raise DataError("these diameters have no time, and the model was made from some that have")
     depth, diameter = data.depth_mm, data.diameter_mm
@@ -192,18 +194,28 @@ def _cuts(data: Diameters, told: Conditions, reference: _Reference) -> Array:
     return np.ascontiguousarray(np.c_[z, length, time, force, size], dtype=np.float64)
 
 
+@dataclass(frozen=True, eq=False)
 class _Cause:
-    """One cause of the core, spread over passes or coolants where it has to be."""
+    """One cause of the core in these passes, spread over passes or coolants where it has to be."""
 
-    def __init__(self, name: str, told: Conditions, reference: _Reference) -> None:
-        self.name, self.told, self.reference = name, told, reference
-        self.classes: tuple[str, ...] = ()
-        if name == "chatter" and len(reference.passes) > 1:
-            self.classes = reference.passes
-        if name == "tool_heating" and len(reference.coolants) > 1:
-            self.classes = reference.coolants
+    name: str
+    data: Diameters
+    conditions: Conditions
+    reference: _Reference
 
-    def parameters(self, data: Diameters) -> tuple[Parameter, ...]:
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Labels of the passes or coolants that have a size of their own; empty: one for all."""
+        labels = {"chatter": self.reference.passes, "tool_heating": self.reference.coolants}
+        own = labels.get(self.name, ())
+        return own if len(own) > 1 else ()
+
+    @property
+    def cuts(self) -> Floats:
+        """Rows of ``turning_cause``."""
+        return _cuts(self.data, self.conditions, self.reference)
+
+    def parameters(self) -> tuple[Parameter, ...]:
         """Names, units and grids."""
         timed = self.reference.timed
         own, shared = {
@@ -217,13 +229,12 @@ class _Cause:
         }[self.name]
         if self.classes:
             own = [p.replace("_um", f"_{label}_um") for label in self.classes for p in own]
-        units = {"rate_um_min": "µm/min", "rate_um_m": "µm/m"}
-        return tuple(Parameter(name, units.get(name, "")) for name in own) + tuple(
-            Parameter(name, grid=self._grid(data), bounds=(1e-3, np.inf)) for name in shared
+        return tuple(map(Parameter, own)) + tuple(
+            Parameter(name, grid=self._grid(), bounds=(1e-3, np.inf)) for name in shared
         )
 
-    def _grid(self, data: Diameters) -> tuple[float, ...]:
-        cuts = _cuts(data, self.told, self.reference)
+    def _grid(self) -> tuple[float, ...]:
+        cuts = self.cuts
         if self.name == "tool_heating":
             longest = max(float(np.ptp(cuts[:, 2])), 1e-6)
             return tuple(np.geomspace(longest / 15, 2 * longest, TIME_CONSTANTS).tolist())
@@ -233,66 +244,74 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
-    def _blocks(self, data: Diameters) -> list[npt.NDArray[np.bool_]]:
-        n = len(data)
+    def _blocks(self) -> list[npt.NDArray[np.bool_]]:
+        n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]
-        labels = _labels(data.pass_ if self.name == "chatter" else data.coolant, n)
-        strange = sorted(set(labels.tolist()) - set(self.classes))
-        if strange and self.name == "tool_heating":
+        column = self.data.pass_ if self.name == "chatter" else self.data.coolant
+        labels = _labels(column, n)
+        unknown = sorted(set(labels.tolist()) - set(self.classes))
+        if unknown and self.name == "tool_heating":
             known = ", ".join(self.classes)
-            raise DataError(f"coolant: got {strange[0]!r}, wanted one that was measured: {known}")
+            raise DataError(f"coolant: got {unknown[0]!r}, expected one that was measured: {known}")
         return [labels == label for label in self.classes]
 
-    def _evaluate(self, data: Diameters, values: Mapping[str, float]) -> tuple[Array, Array]:
-        cuts = _cuts(data, self.told, self.reference)
+    def _evaluate(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
+        cuts = self.cuts
         numbers = [float(value) for value in values.values()]
         # Without a clock 1 mm counts as 1 s: µm/m is then 0.06 µm/min.
         scale = 0.06 if self.name == "tool_wear" and not self.reference.timed else 1.0
         own = 2 if self.name == "chatter" else 1
-        blocks = self._blocks(data)
+        blocks = self._blocks()
         shared = numbers[own * len(blocks) :]
-        change = np.zeros(len(data))
-        slopes = np.zeros((len(data), len(numbers)))
+        change = np.zeros(len(cuts))
+        slopes = np.zeros((len(cuts), len(numbers)))
         for i, rows in enumerate(blocks):
             mine = numbers[own * i : own * (i + 1)]
             error, slope = turning_cause(
-                self.name, cuts[rows], self.told.overhang_mm, [scale * v for v in mine] + shared
+                self.name,
+                cuts[rows],
+                self.conditions.overhang_mm,
+                [scale * v for v in mine] + shared,
             )
             change[rows] = error
             slopes[rows, own * i : own * (i + 1)] = scale * slope[:, :own]
             slopes[rows, own * len(blocks) :] = slope[:, own:]
         return change, slopes
 
-    def change(self, data: Diameters, values: Mapping[str, float]) -> Array:
+    def change(self, values: Mapping[str, float]) -> Floats:
         """Change of each reading, µm on the diameter."""
-        return self._evaluate(data, values)[0]
+        return self._evaluate(values)[0]
 
-    def jacobian(self, data: Diameters, values: Mapping[str, float]) -> Array:
+    def jacobian(self, values: Mapping[str, float]) -> Floats:
         """Derivative of `change` by the parameters, exact."""
-        return self._evaluate(data, values)[1]
+        return self._evaluate(values)[1]
 
-    def effect(self, data: Diameters) -> Effect:
-        """As the engine wants it."""
+    def effect(self) -> Effect:
+        """Return the effect, bound to the passes."""
         return Effect(
             self.name,
-            self.parameters(data),
+            self.parameters(),
             self.change,
             self.jacobian,
-            words=CAUSES[self.name],
-            least=self._least(data),
+            label=CAUSES[self.name],
+            least=self._least(),
         )
 
-    def _least(self, data: Diameters) -> dict[str, float] | None:
+    def _least(self) -> dict[str, float] | None:
         """Wear that matters, over the longest pass; the other causes have to show themselves."""
         if self.name != "tool_wear":
             return None
-        time = _cuts(data, self.told, self.reference)[:, 2]
-        labels = _labels(data.pass_, len(data))
+        time = self.cuts[:, 2]
+        labels = _labels(self.data.pass_, len(time))
         longest = max(float(np.ptp(time[labels == label])) for label in _in_order(labels))
         if self.reference.timed:
-            return {"rate_um_min": 60.0 * LEAST_WEAR_UM / max(longest, 1e-6)}
-        return {"rate_um_m": 1e3 * LEAST_WEAR_UM / max(longest, 1e-6)}
+            return {"rate_um_min": 60.0 * MIN_WEAR_UM / max(longest, 1e-6)}
+        return {"rate_um_m": 1e3 * MIN_WEAR_UM / max(longest, 1e-6)}
+
+
+def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -> list[Effect]:
+    return [_Cause(name, data, conditions, reference).effect() for name in CAUSES]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -306,11 +325,9 @@ class DiameterLaw(Estimate):
     """
 
     offset_um: Mapping[str, float]
-    causes: Mapping[str, Callable[[Any, Mapping[str, float]], npt.ArrayLike]] = field(
-        compare=False, repr=False
-    )
+    source: DiameterModel = field(compare=False, repr=False)
 
-    def error_um(self, planned: Diameters, *, offset_of: object = None) -> Array:
+    def error_um(self, planned: Diameters, *, offset_of: object = None) -> Floats:
         """Predict the error of the diameter along a planned pass.
 
         Parameters
@@ -330,20 +347,89 @@ class DiameterLaw(Estimate):
         if offset_of is not None:
             if str(offset_of) not in self.offset_um:
                 known = ", ".join(self.offset_um)
-                raise UnknownNameError(f"pass {offset_of!r}: wanted one of {known}")
+                raise UnknownNameError(f"pass {offset_of!r}: expected one of {known}")
             error += self.offset_um[str(offset_of)]
-        for name, values in self.effects.items():
-            error += np.asarray(self.causes[name](planned, values), dtype=np.float64)
+        for effect in self.source.effects_on(planned):
+            if effect.id in self.effects:
+                values = Values(self.effects[effect.id])
+                error += np.asarray(effect.change(values), dtype=np.float64)
         return error
 
 
-class _DiameterModel(LinearModel):
-    """Adds the law in the form it is used with."""
+class DiameterModel(LinearModel):
+    """Diameters of passes, as the diagnosis engine asks for them.
+
+    Parameters
+    ----------
+    data
+        One or more passes.
+    conditions
+        Of the cut.
+    effects
+        Further candidates: a user's own effects, or ids.
+    reference
+        The cut to which forces and diameters are compared; None: the first row of these.
+
+    Raises
+    ------
+    DataError
+        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
+    """
+
+    def __init__(
+        self,
+        data: Diameters,
+        conditions: Conditions,
+        effects: Sequence[EffectLike | str] = (),
+        reference: _Reference | None = None,
+    ) -> None:
+        _check(data, conditions)
+        self.conditions = conditions
+        self.reference = reference or _reference(data, conditions)
+        self._given = tuple(effects)
+        z = np.asarray(data.z_mm, dtype=np.float64)
+        labels = _labels(data.pass_, len(data))
+        passes = _in_order(labels)
+        # Blocks of five along each pass, the same places together, are left out as a whole.
+        place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
+        super().__init__(
+            data=data,
+            readings=Readings(np.asarray(data.error_um, dtype=np.float64), np.arange(len(data))),
+            nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
+            design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
+            effects=self.effects_on(data),
+            covariates=self._quantities(data),
+            groups=place,
+        )
+
+    def effects_on(self, data: Diameters) -> tuple[Effect, ...]:
+        """Every candidate, bound to these or other passes."""
+        return with_own(_catalogue(data, self.conditions, self.reference), self._given, data)
+
+    def _quantities(self, data: Diameters) -> list[Covariate]:
+        """Place, time or length cut, pass and order."""
+        along = _cuts(data, self.conditions, self.reference)[:, 2]
+        time = Covariate("cutting time", along, "s")
+        out = [
+            Covariate("position along the part", np.asarray(data.z_mm, dtype=np.float64), "mm"),
+            time if self.reference.timed else replace(time, name="length cut", unit="mm"),
+        ]
+        labels = _labels(data.pass_, len(data))
+        if len(_in_order(labels)) > 1:
+            out.append(Covariate("pass", labels, classes=True))
+        order = np.arange(len(data), dtype=float)
+        return [*out, Covariate("order of measurement", order, sequence=True)]
+
+    def bind(self, data: Any) -> DiameterModel:
+        """Return the same model, with the same reference cut, on other passes."""
+        if not isinstance(data, Diameters):
+            raise InputError(f"other data: got {type(data).__name__}, expected trunnion.Diameters")
+        return DiameterModel(data, self.conditions, self._given, self.reference)
 
     def extended(
         self,
-        nuisance: Array,
-        effects: Mapping[str, Mapping[str, float]],
+        nuisance: Floats,
+        effects: EffectValues,
         uncertainty: Uncertainty | None = None,
     ) -> DiameterLaw:
         """Return offsets and causes."""
@@ -351,91 +437,43 @@ class _DiameterModel(LinearModel):
         return DiameterLaw(
             offset_um=dict(zip(names, map(float, nuisance), strict=True)),
             effects={k: dict(v) for k, v in effects.items()},
-            causes={e.id: e.change for e in self.effects if e.id in effects},
+            source=self,
             **for_compensation(self.effects, effects, (), OF_TURNING),
             **({} if uncertainty is None else uncertainty.fields()),
         )
+
+
+def _check(data: Diameters, conditions: Conditions) -> None:
+    z = np.asarray(data.z_mm, dtype=np.float64)
+    overhang = conditions.overhang_mm
+    if (z > overhang + 1e-6).any():
+        row = int(np.argmax(z))
+        raise DataError(
+            f"z_mm ({data.place(row)}): got {z[row]}, expected at most the overhang, {overhang} mm"
+        )
+    error = np.asarray(data.error_um, dtype=np.float64)
+    if (np.abs(error) > MAX_ERROR_UM).any():
+        row = int(np.argmax(np.abs(error)))
+        raise DataError(
+            f"error_um ({data.place(row)}): got {error[row]}, expected measured minus nominal "
+            f"diameter, µm, within ±{MAX_ERROR_UM:g}"
+        )
+    labels = _labels(data.pass_, len(data))
+    for label, count in zip(*np.unique(labels, return_counts=True), strict=True):
+        if count < MIN_READINGS:
+            raise DataError(f"pass {label}: got {count} readings, expected at least {MIN_READINGS}")
 
 
 def build(
     data: Diameters,
     setup: Setup | Conditions | None,
     effects: Sequence[EffectLike | str] = (),
-    *,
-    reference: _Reference | None = None,
-) -> Model:
-    """Make the model of measured diameters.
-
-    Parameters
-    ----------
-    data
-        One or more passes.
-    setup
-        With a table ``[turning]``.
-    effects
-        A user's own candidates; ids of the catalogue are in it already.
+) -> DiameterModel:
+    """Make the model of measured diameters; the set-up needs a table ``[turning]``.
 
     Raises
     ------
-    DataError
-        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
-    InputError, UnknownNameError
-        As `conditions`, and for an id that is in no catalogue.
+    DataError, InputError, UnknownNameError
+        As :class:`DiameterModel` and `conditions_of`, and for an id that is in no catalogue.
     """
-    told = conditions(setup)
-    z = np.asarray(data.z_mm, dtype=np.float64)
-    if (z > told.overhang_mm + 1e-6).any():
-        row = int(np.argmax(z))
-        raise DataError(
-            f"z_mm (row {row}): got {z[row]}, wanted at most the overhang, {told.overhang_mm} mm"
-        )
-    error = np.asarray(data.error_um, dtype=np.float64)
-    if (np.abs(error) > MOST_ERROR_UM).any():
-        row = int(np.argmax(np.abs(error)))
-        raise DataError(
-            f"error_um (row {row}): got {error[row]}, wanted measured minus nominal diameter, µm, "
-            f"within ±{MOST_ERROR_UM:g}"
-        )
-    reference = reference or _reference(data, told)
-    labels = _labels(data.pass_, len(data))
-    passes = _in_order(labels)
-    for label in passes:
-        if (count := int((labels == label).sum())) < 4:
-            raise DataError(f"pass {label}: got {count} readings, wanted at least 4")
-    own: list[Effect] = []
-    for thing in effects:
-        if not isinstance(thing, str):
-            own.append(as_effect(thing))
-        elif thing not in CAUSES:
-            raise UnknownNameError(f"effect {thing!r}: wanted one of {', '.join(CAUSES)}")
-    along = _cuts(data, told, reference)[:, 2]
-    time = Covariate("cutting time" if reference.timed else "length cut", along, "s")
-    covariates = [
-        Covariate("position along the part", z, "mm"),
-        time if reference.timed else replace(time, unit="mm"),
-    ]
-    if len(passes) > 1:
-        covariates.append(Covariate("pass", labels, classes=True))
-    order = Covariate("order of measurement", np.arange(len(data), dtype=float), sequence=True)
-    # Blocks of five along each pass, the same places together, are left out as a whole.
-    place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
-    return _DiameterModel(
-        data=data,
-        readings=Readings(error, rows=np.arange(len(data)), unit="µm"),
-        nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
-        design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
-        effects=[_Cause(name, told, reference).effect(data) for name in CAUSES] + own,
-        covariates=[*covariates, order],
-        groups=place,
-        binder=partial(_bound, setup=told, effects=tuple(effects), reference=reference),
-    )
-
-
-def _bound(
-    data: Diameters,
-    *,
-    setup: Conditions,
-    effects: Sequence[EffectLike | str],
-    reference: _Reference,
-) -> Model:
-    return build(data, setup, effects, reference=reference)
+    return DiameterModel(data, conditions_of(setup), effects)

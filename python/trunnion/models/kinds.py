@@ -10,12 +10,25 @@ from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
-from trunnion.base.errors import InputError
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
-from trunnion.diagnosis.protocol import EffectLike, Model
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.effects import EffectInfo
+from trunnion.probing.model import catalogue as touch_catalogue
+from trunnion.setup import Setup
 
-__all__ = ["Builder", "Kind", "add_kind", "diagnose", "kind_of_columns", "kinds", "model_of"]
+__all__ = [
+    "Builder",
+    "Kind",
+    "add_kind",
+    "catalogue",
+    "diagnose",
+    "kind_of_columns",
+    "kinds",
+    "model_of",
+]
 
 Builder: TypeAlias = Callable[[Any, Any, Sequence[EffectLike | str]], Model]
 """``build(data, setup, effects)``: the set-up may be None; ``effects`` are further candidates."""
@@ -37,6 +50,9 @@ class Kind:
         Function that binds a model with its whole catalogue to the data, a `Builder`.
     columns
         Columns by which a file is known.
+    examples
+        Functions that return a small measurement of the kind with every column that it may have,
+        and its set-up: :func:`catalogue` lists the kind's effects from these.
     """
 
     name: str
@@ -44,6 +60,7 @@ class Kind:
     reader: str
     build: str
     columns: tuple[str, ...]
+    examples: tuple[str, ...] = ()
 
     def read(self, path: Any) -> Any:
         """Read a file of this kind."""
@@ -53,10 +70,18 @@ class Kind:
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     """Return a kind that comes with the package."""
     files, models = f"trunnion.data.{module}", f"trunnion.models.{model}"
-    return Kind(name, f"{files}:{data}", f"{files}:read_{module}", f"{models}:build", columns)
+    examples = [module] if module != "ballbar" else [module, "hybrid_ballbar"]
+    return Kind(
+        name,
+        f"{files}:{data}",
+        f"{files}:read_{module}",
+        f"{models}:build",
+        columns,
+        tuple(f"trunnion.models.examples:{example}" for example in examples),
+    )
 
 
-_KINDS = [  # a file is looked up in this order
+_KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
     _kind("sweep", "Sweep", "sweep", "rotary", "angle_deg", "target"),
@@ -81,7 +106,7 @@ def add_kind(kind: Kind) -> None:
     """
     if any(kind.name == known.name for known in _KINDS):
         raise InputError(f"kind of data: got {kind.name!r}, expected a name not yet taken")
-    for what in (kind.data, kind.reader, kind.build):
+    for what in (kind.data, kind.reader, kind.build, *kind.examples):
         try:
             resolve_name(what)
         except (ImportError, AttributeError, ValueError) as error:
@@ -92,8 +117,9 @@ def add_kind(kind: Kind) -> None:
 
 
 def kind_of_columns(names: set[str]) -> Kind | None:
-    """Return the kind whose columns a file with these columns has; None if it is of no kind."""
-    return next((kind for kind in _KINDS if names.issuperset(kind.columns)), None)
+    """Return the kind of a file with these columns: of several the one that asks for most."""
+    fitting = [kind for kind in _KINDS if names.issuperset(kind.columns)]
+    return max(fitting, key=lambda kind: len(kind.columns), default=None)
 
 
 def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] = ()) -> Model:
@@ -108,6 +134,40 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
 
 
+def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
+    """List the effects that a measurement is diagnosed for.
+
+    Parameters
+    ----------
+    of
+        Measured data: what is looked for in these. Or the name of a kind of data ("touches",
+        "points", "sweep", "diameters", "ballbar", "axislog", ...): all that may be looked for.
+        Or a set-up: all effects on touches of its artefact.
+    setup
+        The set-up of the data, or with the name "touches" that of the artefact; a cross on a
+        ``trt-ca`` by default.
+
+    Raises
+    ------
+    UnknownNameError
+        No kind of this name.
+    InputError, DataError
+        As :func:`diagnose`.
+    """
+    if isinstance(of, Setup):
+        return touch_catalogue(of)
+    if not isinstance(of, str):
+        return tuple(e.info() for e in model_of(of, setup).effects)
+    kind = next((k for k in _KINDS if k.name == of), None)
+    if kind is None:
+        names = ", ".join(k.name for k in _KINDS)
+        raise UnknownNameError(f"kind of data: got {of!r}, expected one of {names}")
+    if of == "touches" and setup is not None:
+        return touch_catalogue(setup)
+    models = (model_of(*resolve_name(example)()) for example in kind.examples)
+    return tuple({e.id: e.info() for model in models for e in model.effects}.values())
+
+
 def diagnose(
     data: Any, setup: Any = None, *, effects: Sequence[EffectLike | str] = ()
 ) -> Diagnosis:
@@ -117,7 +177,7 @@ def diagnose(
     ----------
     data
         Any kind of data that trunnion reads (touches, points, sweep, diameters, axis log, ball-bar
-        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.protocol`.
+        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.model`.
     setup
         The set-up, where the kind of data needs one.
     effects

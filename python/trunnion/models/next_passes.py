@@ -2,75 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table, plain
+from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
+from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import fit
-from trunnion.diagnosis.protocol import Effect, Model, Values
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
 
 __all__ = ["NextPass", "next_passes"]
 
-Array = npt.NDArray[np.float64]
 Named = Mapping[str, Mapping[str, float]]
 
-# Two laws this many standard deviations apart are told apart in more than 99 of 100 cases.
-APART = 4.0
+# Two laws this many standard deviations apart are distinguished in more than 99 of 100 cases.
+MIN_DISTANCE = 4.0
 ROUNDS = 2
 
 
-@dataclass(frozen=True)
-class NextPass:
-    """A further pass and how far it would part what a diagnosis calls alike.
+@dataclass(frozen=True, eq=False, repr=False)
+class NextPass(Result):
+    """A further pass and what it would distinguish of what is equally consistent with the data.
 
     Attributes
     ----------
-    words : str
+    label : str
         What to turn.
     apart : dict
         For each other explanation (a set of causes) its distance from the named one, in standard
         deviations, once the pass is measured like the first one.
     """
 
-    words: str
+    label: str
     apart: Mapping[frozenset[str], float]
 
     @property
     def parts(self) -> tuple[frozenset[str], ...]:
-        """The explanations that the pass tells from the named one."""
-        return tuple(causes for causes, distance in self.apart.items() if distance >= APART)
+        """The explanations that the pass distinguishes from the named one."""
+        return tuple(causes for causes, distance in self.apart.items() if distance >= MIN_DISTANCE)
 
-    def __str__(self) -> str:
+    def sentences(self) -> Sequence[str]:
         """Say what to turn, and what it would settle."""
-        groups = [("parts them from", self.parts)]
+        groups = [("distinguishes the named causes from", self.parts)]
         groups.append(("not from", tuple(c for c in self.apart if c not in self.parts)))
         said = [
             f"{verb} " + ", ".join(sorted(" + ".join(sorted(c)) for c in causes))
             for verb, causes in groups
             if causes
         ]
-        return f"{self.words} ({'; '.join(said)})"
+        return (f"{self.label} ({'; '.join(said)})" if said else self.label,)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Distance of each other explanation."""
+        rows = [(" + ".join(sorted(causes)), distance) for causes, distance in self.apart.items()]
+        columns = ("other explanation", "distance from the named, σ")
+        return (Table.of("Expected discrimination", columns, rows),)
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.summary()
+
+    def summary(self) -> str:
+        """Return one line."""
+        return self.sentences()[0]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain values."""
-        apart = [{"causes": sorted(c), "distance": d} for c, d in self.apart.items()]
-        return {"words": self.words, "apart": apart}
+        """Plain values; sets of causes as lists."""
+        apart = [{"causes": sorted(c), "distance": plain(d)} for c, d in self.apart.items()]
+        return {"result": type(self).__name__, "label": self.label, "apart": apart}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> NextPass:
+        """Return the pass that `to_dict` described."""
+        try:
+            apart = {frozenset(a["causes"]): float(a["distance"]) for a in values["apart"]}
+            return cls(str(values["label"]), apart)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"NextPass: got values that do not fit its fields: {error}") from error
 
 
 def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
-    """Say which further pass would part the alternatives of a diagnosis of diameters.
+    """Say which further pass distinguishes the alternatives of a diagnosis of diameters.
 
     Tried are the first measured pass again with reversed feed, with twice the depth of cut, with
     both, with half the feed speed, all from a cold tool, and again right behind four more, so that
     the tool is warm; each with a tool setting of its own. The means under the named causes are
-    fitted by every other set of causes; what is left, over the noise, is the distance. A set that
+    fitted by every other set of causes; the residual, over the noise, is the distance. A set that
     holds all the named causes and more can fit whatever they make: there the named causes fit its
     means, the cause that hides behind them at the least size that matters, others as fitted.
 
@@ -95,7 +119,7 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     noise = max(diagnosis.sigma, 1e-9)
     wider_causes = {o: _held(diagnosis, model, o) for o in others if o > diagnosis.named}
     found = []
-    for words, wider in _candidates(_with_clock(model)):
+    for label, wider in _candidates(_with_clock(model)):
         bound = model.bind(wider)
         truth = bound.predict(np.zeros(len(bound.nuisance)), diagnosis.effects)
         apart = {}
@@ -105,7 +129,7 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
                 apart[other] = _distance(bound, means, diagnosis.named, diagnosis.effects) / noise
             else:
                 apart[other] = _distance(bound, truth, other, diagnosis.effects) / noise
-        found.append(NextPass(words, apart))
+        found.append(NextPass(label, apart))
     return tuple(sorted(found, key=lambda n: (-len(n.parts), -min(n.apart.values()))))
 
 
@@ -130,7 +154,7 @@ def _with_clock(model: Model) -> Diameters:
     wear = next(e for e in model.effects if e.id == "tool_wear")
     if data.time_s is not None or wear.parameters[0].name != "rate_um_min":
         return data
-    return data.with_columns(time_s=60.0 * np.asarray(wear.change(data, wear.values([1.0]))))
+    return data.with_columns(time_s=60.0 * np.asarray(wear.change(wear.values([1.0]))))
 
 
 def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
@@ -166,12 +190,12 @@ def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
     if time is not None or data.spindle_rpm is not None:
         yield "turn a pass at half the feed speed", with_pass(slow=True)
     if time is not None:
-        words = "turn a pass right behind four more, the tool still warm, its time counted on"
-        yield words, with_pass(behind=4)
+        label = "turn a pass right behind four more, the tool still warm, its time counted on"
+        yield label, with_pass(behind=4)
 
 
-def _distance(model: Model, truth: Array, causes: frozenset[str], named: Named) -> float:
-    """Least that a set of causes leaves of the truth, root of the sum of squares.
+def _distance(model: Model, truth: Floats, causes: frozenset[str], named: Named) -> float:
+    """Smallest residual of the truth under a set of causes, root of the sum of squares.
 
     Parameters that are not linear are tried on their grids, those of one cause at a time from the
     named values on: the causes that have some (a tool heating up, chatter) hardly resemble.
@@ -181,24 +205,24 @@ def _distance(model: Model, truth: Array, causes: frozenset[str], named: Named) 
     base = model.jacobian(np.zeros(len(model.nuisance)), {})
     chosen = [0] * len(shapes)
 
-    def rest(at: list[int]) -> float:
+    def residual(at: list[int]) -> float:
         columns = [shape[i] for shape, i in zip(shapes, at, strict=True)]
         design = np.column_stack([base, *columns])
-        left = truth - design @ np.linalg.lstsq(design, truth, rcond=1e-10)[0]
-        return float(np.sqrt(left @ left))
+        misfit = truth - design @ np.linalg.lstsq(design, truth, rcond=1e-10)[0]
+        return float(np.sqrt(misfit @ misfit))
 
-    least = rest(chosen)
+    least = residual(chosen)
     for _ in range(ROUNDS):
         for place, shape in enumerate(shapes):
             for i in range(len(shape)):
                 tried = [*chosen[:place], i, *chosen[place + 1 :]]
-                left = rest(tried) if i != chosen[place] else least
-                if left < least:
-                    least, chosen = left, tried
+                found = residual(tried) if i != chosen[place] else least
+                if found < least:
+                    least, chosen = found, tried
     return least
 
 
-def _shapes(model: Model, effect: Effect, named: Mapping[str, float] | None) -> list[Array]:
+def _shapes(model: Model, effect: Effect, named: Mapping[str, float] | None) -> list[Floats]:
     """Columns of an effect's linear parameters, for every value of one that is not linear.
 
     The named values come first, else the middle of the grid.

@@ -1,47 +1,52 @@
-"""What to touch next: the touches that best part what a diagnosis calls alike."""
+"""What to touch next: touches that distinguish what is equally consistent with the data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
+from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
+from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Flags, fit
-from trunnion.diagnosis.parting import Hypothesis, Parting
-from trunnion.diagnosis.protocol import Array, Effect, EffectValues, IntArray, Values
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 __all__ = ["Prospect", "next_touches", "prospect"]
 
-MOST_SETS = 8
-MANY = (16, 32, 64, 128)
+MAX_SETS = 8
+COUNTS = (16, 32, 64, 128)
 PAUSE_S = 60.0
-SURE = 0.9
+MIN_CHANCE = 0.9
 
 
-@dataclass(frozen=True)
-class Prospect:
-    """New touches and what they promise.
+@dataclass(frozen=True, eq=False, repr=False)
+class Prospect(Result):
+    """New touches, and what they are expected to distinguish.
 
     Attributes
     ----------
     plan:
         The touches, in an order that turns the axes little; time runs on from the measurement.
     sets:
-        How many sets of causes are to be parted.
+        How many sets of causes are to be distinguished.
     chance:
         That all sets of causes but one are ruled out; 1 if there is only one set to begin with.
     enough:
         How many such touches would do it with 90 %, or None if none of those tried would.
     alike:
-        Pairs of sets that no reachable touch parts.
+        Pairs of sets that no reachable touch distinguishes.
     std_before, std_after:
         Standard errors of the named causes' parameters ("id.parameter"), now and with the touches.
     """
@@ -54,39 +59,66 @@ class Prospect:
     std_before: dict[str, float]
     std_after: dict[str, float]
 
-    def summary(self) -> str:
-        """Say it in words."""
+    def sentences(self) -> Sequence[str]:
+        """Say what the touches are expected to show."""
         n = len(self.plan)
         if self.sets < 2:
-            lines = [f"There is nothing to part; {n} touches sharpen what is named."]
+            lines = [f"There is one set of causes; {n} touches make its parameters more certain."]
         else:
-            lines = [f"{n} touches part the {self.sets} sets of causes with {self.chance:.0%}."]
-        if self.chance < SURE:
+            lines = [
+                f"{n} touches distinguish the {self.sets} sets of causes with a probability of "
+                f"{self.chance:.0%}."
+            ]
+        if self.chance < MIN_CHANCE:
             if self.enough is not None:
-                lines.append(f"About {self.enough} would do it with {SURE:.0%}.")
+                lines.append(f"About {self.enough} touches are needed for {MIN_CHANCE:.0%}.")
             else:
-                lines.append(f"Not even {MANY[-1]} would do it with {SURE:.0%}.")
+                lines.append(f"Not even {COUNTS[-1]} touches reach {MIN_CHANCE:.0%}.")
         for a, b in self.alike:
-            left, right = " + ".join(sorted(a)), " + ".join(sorted(b))
-            lines.append(f"No reachable touch parts {left} from {right}.")
-        lines += [
-            f"{name}: ± {now:.2g} becomes ± {self.std_after[name]:.2g}."
-            for name, now in self.std_before.items()
-            if np.isfinite(now)
-        ]
-        return "\n".join(lines)
+            one, other = " + ".join(sorted(a)), " + ".join(sorted(b))
+            lines.append(f"No reachable touch distinguishes {one} from {other}.")
+        return lines
 
-    def __str__(self) -> str:
-        """Return the summary."""
-        return self.summary()
+    def tables(self) -> tuple[Table, ...]:
+        """Standard errors now and with the touches."""
+        rows = [
+            (name, now, self.std_after[name], unit_of(name))
+            for name, now in self.std_before.items()
+        ]
+        columns = ("parameter", "std. error now", "with the touches", "unit")
+        return (Table.of("Expected standard errors", columns, rows),) if rows else ()
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return the touches as a pandas DataFrame."""
+        return self.plan.to_dataframe()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain values."""
+        return {**super().to_dict(), "plan": self.plan.described()}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Prospect:
+        """Return the prospect that `to_dict` described."""
+        try:
+            return cls(
+                Touches.from_description(values["plan"]),
+                int(values["sets"]),
+                float(values["chance"]),
+                None if values["enough"] is None else int(values["enough"]),
+                tuple((frozenset(a), frozenset(b)) for a, b in values["alike"]),
+                {name: float(std) for name, std in values["std_before"].items()},
+                {name: float(std) for name, std in values["std_after"].items()},
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"Prospect: got values that do not fit its fields: {error}") from error
 
 
 def next_touches(d: Diagnosis, n: int = 8) -> Touches:
-    """Plan the n touches that best part the alternatives of a diagnosis, or sharpen its cause.
+    """Plan the n touches that best distinguish a diagnosis' alternatives, or sharpen its cause.
 
     Chosen from what the machine can reach: the artefact's faces at C and the tilting axis every
     30 degrees and at combinations, from both senses of turning, at two feeds, after the
-    measurement. What they promise is in :func:`prospect`.
+    measurement. What they are expected to show is in :func:`prospect`.
 
     Raises
     ------
@@ -97,7 +129,7 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
 
 
 def prospect(d: Diagnosis, n: int = 8) -> Prospect:
-    """Plan as :func:`next_touches`, and say what the touches promise.
+    """Plan as :func:`next_touches`, and say what the touches are expected to show.
 
     Raises
     ------
@@ -109,23 +141,25 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
     if not isinstance(n, int) or isinstance(n, bool) or n < 1:
-        raise InputError(f"n: got {n!r}, wanted a whole number from 1")
+        raise InputError(f"n: got {n!r}, expected a whole number from 1")
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]
-    both = TouchDiagnosisModel(_joined(old, pool), model.setup, model.own_effects)
+    both = model.bind(_joined(old, pool))
     is_old = np.arange(len(both.data)) < len(old)
-    sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MOST_SETS]]
+    sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MAX_SETS]]
     if not sets:
         sets = [_hypothesis(model, both, d, used, {}, 0.0)]
     nuisance = both.jacobian(_values(d), {})
     if len(sets) > 1:
-        parting = Parting(nuisance, is_old, sets, d.sigma)
-        many = parting.choose(max(n, MANY[-1]))
+        discrimination = Discrimination(nuisance, is_old, sets, d.sigma)
+        many = discrimination.choose(max(n, COUNTS[-1]))
         chosen = many[:n]
-        chance = parting.chance(chosen)
-        enough = next((k for k in MANY if k > n and parting.chance(many[:k]) >= SURE), None)
-        pairs = parting.unparted(many)
+        chance = discrimination.chance(chosen)
+        enough = next(
+            (k for k in COUNTS if k > n and discrimination.chance(many[:k]) >= MIN_CHANCE), None
+        )
+        pairs = discrimination.alike(many)
         alike = tuple((d.alternatives[i], d.alternatives[j]) for i, j in pairs)
     else:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
@@ -171,7 +205,7 @@ def _hypothesis(
     model: TouchDiagnosisModel,
     both: TouchDiagnosisModel,
     d: Diagnosis,
-    used: IntArray,
+    used: Integers,
     start: EffectValues,
     distance: float,
 ) -> Hypothesis:
@@ -185,7 +219,7 @@ def _hypothesis(
     return Hypothesis(both.predict(f.nuisance, f.effects), columns, distance)
 
 
-def _sharpest(nuisance: Array, columns: Array, old: Flags, n: int) -> IntArray:
+def _sharpest(nuisance: Floats, columns: Floats, old: Flags, n: int) -> Integers:
     """Choose the touches after which the parameters of interest are best known (D-optimal)."""
     new = np.flatnonzero(~old)
     d = np.concatenate([nuisance, columns], axis=1)
@@ -205,7 +239,7 @@ def _sharpest(nuisance: Array, columns: Array, old: Flags, n: int) -> IntArray:
     return np.array(chosen, dtype=np.intp)
 
 
-def _values(d: Diagnosis) -> Array:
+def _values(d: Diagnosis) -> Floats:
     """Return the errors and the placement under the extended model."""
     return np.array(list(d.nuisance_after.values()))
 
@@ -213,10 +247,10 @@ def _values(d: Diagnosis) -> Array:
 def _std(
     d: Diagnosis,
     effects: Sequence[Effect],
-    nuisance: Array,
-    columns: Array,
+    nuisance: Floats,
+    columns: Floats,
     old: Flags,
-    chosen: IntArray,
+    chosen: Integers,
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Standard errors of the named causes' parameters before and after."""
     order = [e for e in effects if e.id in d.named]
@@ -238,7 +272,7 @@ def _std(
     return out[0], out[1]
 
 
-def _ordered(touches: Touches, chosen: IntArray, old: Touches) -> Touches:
+def _ordered(touches: Touches, chosen: Integers, old: Touches) -> Touches:
     """Sort by position of the axes; let time run on."""
     letters = list(touches.rotary_deg)
     keys = [touches.rotary_deg[x][chosen] for x in letters]

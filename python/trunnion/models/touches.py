@@ -8,7 +8,7 @@ and derivatives are the core's, exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,37 +16,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
-from trunnion.diagnosis.protocol import (
-    Array,
-    BaseModel,
-    Covariate,
+from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
-    EffectScope,
     EffectValues,
-    IntArray,
-    Nuisance,
     Parameter,
-    Readings,
-    Uncertainty,
     Values,
+    with_own,
 )
-from trunnion.machine.effects import EffectInfo
+from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.models.candidates import own_effects
 from trunnion.probing.identify import known_sigma_um
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
 __all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
 
-MOST_MOMENTS = 48
+MAX_MOMENTS = 48
 DURATIONS = 10
-FEW = 5
-FAR_OFF_UM = 5000.0
+MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
+MAX_DISTANCE_UM = 5000.0
 UNITS = {"um": "µm", "um/h": "µm/h"}
-SCOPES: dict[str, EffectScope] = {"instrument": "instrument", "artefact": "instrument"}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -72,7 +65,7 @@ class ExtendedTouchModel(Estimate):
 
 
 class TouchDiagnosisModel(BaseModel):
-    """Touches of an artefact, as the diagnosis engine wants them.
+    """Touches of an artefact, as the diagnosis engine asks for them.
 
     Parameters
     ----------
@@ -89,10 +82,9 @@ class TouchDiagnosisModel(BaseModel):
     ) -> None:
         self.data = data
         self.setup = setup
-        infos = [i for i in catalogue(setup) if all(_has(data, need) for need in i.needs)]
+        known = catalogue(setup)
+        infos = [i for i in known if all(getattr(data, n, None) is not None for n in i.needs)]
         self._ids = [i.id for i in infos]
-        self._owners = {i.id: i.owner for i in infos}
-        self._own = own_effects(effects, [i.id for i in catalogue(setup)])
         self._full = TouchModel(setup, self._ids)
         self._moves = self._full.moves(data)
         self._plain = self._full.names.index("rc_arcsec") + 1
@@ -101,11 +93,12 @@ class TouchDiagnosisModel(BaseModel):
         }
         self._durations = [n for n, kind in enumerate(self._full.kinds) if kind == "duration"]
         self.nuisance = tuple(
-            Nuisance(name, UNITS.get(unit, unit), "machine" if n < error_count else "setup")
-            for error_count in [len(self._full.error_names)]
-            for n, (name, unit) in enumerate(
-                zip(self._full.names[: self._plain], self._full.units, strict=False)
+            Nuisance(
+                name,
+                UNITS.get(unit, unit),
+                Owner.MACHINE if name in self._full.error_names else Owner.PLACEMENT,
             )
+            for name, unit in zip(self._full.names[: self._plain], self._full.units, strict=False)
         )
         along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
         self.readings = Readings(
@@ -113,53 +106,49 @@ class TouchDiagnosisModel(BaseModel):
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup)) else None,
-            setup.probe.tick_um,
         )
         self._start = self._full.values()[: self._plain]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
-        self._at: tuple[bytes, Array, Array] | None = None
-        self.effects = (*(self._effect(i) for i in infos), *self._own)
+        self._at: tuple[bytes, Floats, Floats] | None = None
+        self._given = tuple(effects)
+        named = [self._effect(i) for i in infos]
+        self.effects = with_own(named, effects, data, known=[i.id for i in known])
+        self._own = self.effects[len(named) :]
         self._check_on_surface()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what it is made of: the core's model is made anew."""
+        return type(self), (self.data, self.setup, self._given)
 
     # --- the model
 
     @property
-    def own_effects(self) -> tuple[Effect, ...]:
-        """The user's own effects among the candidates."""
-        return self._own
-
-    @property
-    def start(self) -> Array:
+    def start(self) -> Floats:
         """Location errors known beforehand, artefact where it should be."""
         return self._start.copy()
 
-    @property
-    def visible(self) -> float:
-        """Errors and placement of 1e-3 rad break exact dependencies in second order."""
-        return 0.02
-
-    def predict(self, nuisance: Array, effects: EffectValues) -> Array:
+    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return readings, µm; built-in effects act together in the core, a user's own is added."""
         ids, values = self._vector(nuisance, effects)
         residuals = self._model(ids).core.residuals(self._moves, values)
-        out: Array = self.readings.values - residuals
+        out: Floats = self.readings.values - residuals
         for e in self._own:
             if e.id in effects:
-                out = out + np.asarray(e.change(self.data, Values(effects[e.id])), dtype=np.float64)
+                out = out + np.asarray(e.change(Values(effects[e.id])), dtype=np.float64)
         return out
 
-    def jacobian(self, nuisance: Array, effects: EffectValues) -> Array:
+    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Exact derivative by location errors and placement."""
         ids, values = self._vector(nuisance, effects)
         _, jac = self._model(ids).core.linearise(self._moves, values)
         return np.asarray(jac[:, : self._plain])
 
     def effect_jacobian(
-        self, nuisance: Array, effect: Effect, values: Mapping[str, float]
-    ) -> Array:
+        self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
+    ) -> Floats:
         """Exact derivative by an effect's parameters."""
         if effect.id not in self._columns:
-            return effect.columns(self.data, values)
+            return effect.columns(values)
         kinds = [self._full.kinds[c] for c in self._columns[effect.id]]
         if "duration" in kinds:
             ids, at = self._vector(nuisance, {effect.id: values})
@@ -173,13 +162,13 @@ class TouchDiagnosisModel(BaseModel):
             columns = columns * after[:, None]
         return columns
 
-    def _vector(self, nuisance: Array, effects: EffectValues) -> tuple[tuple[str, ...], Array]:
+    def _vector(self, nuisance: Floats, effects: EffectValues) -> tuple[tuple[str, ...], Floats]:
         """Built-in effects among these, and the core's parameter vector for them."""
         ids = tuple(i for i in self._ids if i in effects)
         names = [self._full.names[c].split(".", 1) for i in ids for c in self._columns[i]]
         return ids, np.concatenate([nuisance, [float(effects[i][name]) for i, name in names]])
 
-    def _all_columns(self, nuisance: Array) -> Array:
+    def _all_columns(self, nuisance: Floats) -> Floats:
         """Return the derivative by every parameter of the catalogue, no effect acting (kept)."""
         key = nuisance.tobytes()
         if self._at is None or self._at[0] != key:
@@ -200,20 +189,15 @@ class TouchDiagnosisModel(BaseModel):
 
     def _effect(self, info: EffectInfo) -> Effect:
         """Present an entry of the catalogue to the engine."""
-        start = self._start
-
-        def change(data: Any, values: Mapping[str, float]) -> Array:
-            model = self if data is self.data else TouchDiagnosisModel(data, self.setup)
-            return model.predict(start, {info.id: values}) - model.predict(start, {})
-
+        bound = TouchChange(self, info.id)
         return Effect(
             info.id,
             tuple(self._parameter(p.name, p.unit, p.kind) for p in info.parameters),
-            change,
-            scope="workpiece"
-            if "time_s" in info.needs and info.owner == "artefact"
-            else SCOPES.get(info.owner, "machine"),
-            words=info.title,
+            bound.change,
+            bound.jacobian,
+            label=info.label,
+            owner=info.owner,
+            needs=info.needs,
         )
 
     def _parameter(self, name: str, unit: str, kind: str) -> Parameter:
@@ -224,9 +208,11 @@ class TouchDiagnosisModel(BaseModel):
         length = max(float(times[-1] - times[0]), 1.0)
         if kind == "moment":
             between = (times[1:] + times[:-1]) / 2
-            if len(between) > 4 * FEW:  # among the first or last touches it looks like bad ones
-                between = between[FEW - 1 : -(FEW - 1)]
-            grid = between[:: max(1, len(between) // MOST_MOMENTS)]
+            if (
+                len(between) > 4 * MIN_BESIDE_SLIP
+            ):  # among the first or last touches it looks like bad ones
+                between = between[MIN_BESIDE_SLIP - 1 : -(MIN_BESIDE_SLIP - 1)]
+            grid = between[:: max(1, len(between) // MAX_MOMENTS)]
             return Parameter(name, unit, tuple(map(float, grid)) or (float(times[0]),))
         minutes = length / 60.0
         grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
@@ -262,19 +248,19 @@ class TouchDiagnosisModel(BaseModel):
         return tuple(out)
 
     @property
-    def components(self) -> Mapping[str, Array]:
+    def components(self) -> Mapping[str, Floats]:
         """A displacement along a machine axis enters with the approach's component."""
         d = self.data.direction
         return {"X": d[:, 0], "Y": d[:, 1], "Z": d[:, 2]}
 
     @property
-    def groups(self) -> IntArray:
+    def groups(self) -> Integers:
         """One position of the rotary axes is left out at a time."""
         positions = np.round(np.stack(list(self.data.rotary_deg.values()), axis=1), 3)
         return np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
     @property
-    def replicates(self) -> IntArray | None:
+    def replicates(self) -> Integers | None:
         """Touches of the same place from the same side, at the same feed and sense of turning."""
         data = self.data
         parts = [
@@ -290,7 +276,7 @@ class TouchDiagnosisModel(BaseModel):
         return np.where(several, label, -1).astype(np.intp) if several.any() else None
 
     @property
-    def _nominal(self) -> Array:
+    def _nominal(self) -> Floats:
         """Ball centre at contact, mm, rounded to what a plan may have asked for."""
         return np.asarray(np.round(self.data.position_mm * 2) / 2)
 
@@ -304,41 +290,53 @@ class TouchDiagnosisModel(BaseModel):
     def bind(self, data: Any) -> TouchDiagnosisModel:
         """Return the same model on other touches of the same set-up."""
         if not isinstance(data, Touches):
-            raise InputError(f"other data: got {type(data).__name__}, wanted trunnion.Touches")
-        return TouchDiagnosisModel(data, self.setup, self._own)
+            raise InputError(f"other data: got {type(data).__name__}, expected trunnion.Touches")
+        return TouchDiagnosisModel(data, self.setup, self._given)
 
     def extended(
-        self, nuisance: Array, effects: EffectValues, uncertainty: Uncertainty | None = None
+        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
     ) -> ExtendedTouchModel:
         """Return errors, placement and effects by name, with the set-up."""
         named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
-        own = {e.id: e for e in self._own}
+        own = {x.id: x for x in self._given if not isinstance(x, str) and isinstance(x, Hashable)}
+        fixed = [e.id for e in self._own if e.motion is None]
         return ExtendedTouchModel(
             setup=self.setup,
-            errors={n.name: named[n.name] for n in self.nuisance if n.scope == "machine"},
-            placement={n.name: named[n.name] for n in self.nuisance if n.scope == "setup"},
+            errors={n.name: named[n.name] for n in self.nuisance if n.owner is Owner.MACHINE},
+            placement={n.name: named[n.name] for n in self.nuisance if n.owner.of_setup},
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
-            owners={k: self._owners[k] for k in effects if k in self._owners},
-            not_compensable={
-                k: "it has no motion(pose, values)"
-                for k, e in own.items()
-                if k in effects and e.motion is None
-            },
+            owners={e.id: e.owner for e in self.effects if e.id in effects},
+            not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
             **({} if uncertainty is None else uncertainty.fields()),
         )
 
     def _check_on_surface(self) -> None:
         off = np.abs(self.readings.values - self.predict(self._start, {}))
         worst = int(np.argmax(off))
-        if off[worst] > FAR_OFF_UM:
+        if off[worst] > MAX_DISTANCE_UM:
             raise DataError(
-                f"touch of row {worst}: got a point {off[worst] / 1e3:.1f} mm from the modelled "
-                f"surface, wanted at most {FAR_OFF_UM / 1e3:.0f} mm"
+                f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
+                f"the modelled surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
             )
 
 
-def _has(data: Touches, column: str) -> bool:
-    return getattr(data, column, None) is not None
+@dataclass(frozen=True, eq=False)
+class TouchChange:
+    """Change of every reading by one effect of the catalogue, µm, at the start of the machine."""
+
+    model: TouchDiagnosisModel
+    name: str
+
+    def change(self, values: Mapping[str, float]) -> Floats:
+        """Return the change, shape (n,)."""
+        start = self.model.start
+        plain = self.model.predict(start, {})
+        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
+
+    def jacobian(self, values: Mapping[str, float]) -> Floats:
+        """Return its derivative by each parameter, shape (n, k)."""
+        effect = self.model.effect(self.name)
+        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def build(
@@ -346,5 +344,5 @@ def build(
 ) -> TouchDiagnosisModel:
     """Build the model of touches; the set-up is needed."""
     if not isinstance(setup, Setup):
-        raise InputError(f"setup: got {type(setup).__name__}, wanted the Setup of these touches")
+        raise InputError(f"setup: got {type(setup).__name__}, expected the Setup of these touches")
     return TouchDiagnosisModel(data, setup, effects)

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.diagnosis.protocol import Array, Covariate
+from trunnion.base.units import Floats as Array
+from trunnion.diagnosis.model import Covariate
 from trunnion.diagnosis.records import Residuals
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.plot.axes import axes_or_new

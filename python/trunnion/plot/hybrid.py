@@ -40,7 +40,7 @@ def plot_cube(
     """
     drawn = axes_or_new(ax, 4.0, 4.0, "3d")
     if not isinstance(drawn, Axes3D):
-        raise InputError("ax: got flat axes, wanted axes of projection '3d'")
+        raise InputError("ax: got flat axes, expected axes of projection '3d'")
     shift = change.moved_mm - change.nominal_mm
     side = float(np.ptp(change.nominal_mm[:, 0]))
     largest = float(np.linalg.norm(shift, axis=1).max())

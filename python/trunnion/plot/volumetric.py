@@ -20,10 +20,10 @@ _ARROWS = 8
 
 
 def _at_pose(field: VolumetricError, pose: Mapping[str, float] | None) -> tuple[int, ...]:
-    """Index of the pose nearest to a wanted one; the worst one unless given."""
-    wanted = field.worst_pose_deg if pose is None else pose
+    """Index of the pose nearest to a expected one; the worst one unless given."""
+    expected = field.worst_pose_deg if pose is None else pose
     return tuple(
-        int(np.argmin(np.abs(nodes - wanted.get(letter, nodes[0]))))
+        int(np.argmin(np.abs(nodes - expected.get(letter, nodes[0]))))
         for letter, nodes in field.rotary_deg.items()
     )
 
@@ -33,7 +33,9 @@ def _norm(field: VolumetricError, scale_um: float | tuple[float, float] | None) 
     if isinstance(scale_um, tuple):
         low, high = scale_um
         if not 0 < low < high:
-            raise InputError(f"scale_um: got {scale_um!r}, wanted (low, high) with 0 < low < high")
+            raise InputError(
+                f"scale_um: got {scale_um!r}, expected (low, high) with 0 < low < high"
+            )
         return LogNorm(low, high, clip=True)
     top = field.max_um if scale_um is None else scale_um
     return Normalize(0.0, top if top > 0 else 1.0)
@@ -71,7 +73,7 @@ def plot_volumetric(
         Where to draw; a new figure unless given.
     """
     if plane not in _PLANES:
-        raise InputError(f"plane: got {plane!r}, wanted one of {', '.join(_PLANES)}")
+        raise InputError(f"plane: got {plane!r}, expected one of {', '.join(_PLANES)}")
     axes = (field.x_mm, field.y_mm, field.z_mm)
     u, v, w = _PLANES[plane]
     at = len(axes[w]) - 1 if at_mm is None else int(np.argmin(np.abs(axes[w] - at_mm)))
@@ -146,7 +148,7 @@ def plot_over_poses(
     if field.max_by_pose_um.ndim != 2:
         raise InputError(
             f"plot_over_poses: got {field.max_by_pose_um.ndim} axes with several positions, "
-            "wanted two"
+            "expected two"
         )
     (first, rows), (second, columns) = field.rotary_deg.items()
     ax = axes_or_new(ax, 5.6, 3.2)

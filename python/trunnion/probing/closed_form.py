@@ -72,11 +72,11 @@ def closed_form(
     ``docs/closed-forms.md``.
     """
     if method not in ("printed", "separating"):
-        raise UnknownNameError(f"method: got {method!r}, wanted 'printed' or 'separating'")
+        raise UnknownNameError(f"method: got {method!r}, expected 'printed' or 'separating'")
     model = TouchModel(setup)
     moves = model.moves(data)
     if data.point is None:
-        raise DataError("column point: got none, wanted the paper's labels 1 to 20")
+        raise DataError("column point: got none, expected the paper's labels 1 to 20")
     labels = [int(label) for label in data.point]
     start = model.values()
     printed, per_c, per_a, operator = model.core.printed(moves, labels)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from trunnion._core import Moves
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import PLACEMENT, Effect, Moving, split_effects
+from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.model import TouchModel
-from trunnion.probing.own_effects import Found, Loss, TouchProblem
+from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
 
@@ -73,12 +73,12 @@ def identify(
         Fewer touches than parameters, touches off the modelled surface.
     """
     if loss not in ("squares", "huber"):
-        raise UnknownNameError(f"loss: got {loss!r}, wanted 'squares' or 'huber'")
+        raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
-    names = (*model.names, *(f"{e.id}.{name}" for e in own for name in e.parameters))
+    names = own_names(model, own)
     knee = HUBER_KNEE if loss == "huber" else None
     how = Loss(knee, known_sigma_um(setup), _priors(names, priors or {}))
     found = (
@@ -86,6 +86,18 @@ def identify(
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
+    return _result(model, data, own, found, knee)
+
+
+def _result(
+    model: TouchModel,
+    data: Touches,
+    own: Sequence[UserEffect],
+    found: Found,
+    knee: float | None,
+) -> IdentificationResult:
+    """Estimates by name."""
+    names = own_names(model, own)
     count, built_in = len(model.error_names), len(model.names)
     values, kinds = found.values, [*model.kinds, *["linear"] * (len(names) - built_in)]
     effects_found = model.effects_of(values[:built_in])
@@ -95,7 +107,7 @@ def identify(
         effects_found[e.id] = dict(zip(e.parameters, part, strict=True))
         at += len(e.parameters)
     return IdentificationResult(
-        method="least squares" if loss == "squares" else "least squares, Huber's loss",
+        method="least squares" if knee is None else "least squares, Huber's loss",
         errors=dict(zip(model.error_names, map(float, values[:count]), strict=True)),
         placement=dict(zip(PLACEMENT, map(float, values[count : count + 6]), strict=True)),
         effects=effects_found,
@@ -172,10 +184,10 @@ def identify_many(
     """
     positions = np.ascontiguousarray(positions_mm, dtype=float)
     if positions.ndim != 3 or positions.shape[1:] != (len(plan), 3):
-        raise InputError(f"positions_mm: got shape {positions.shape}, wanted (m, {len(plan)}, 3)")
+        raise InputError(f"positions_mm: got shape {positions.shape}, expected (m, {len(plan)}, 3)")
     ids, own = split_effects(effects)
     if own:
-        raise InputError("effects: got a user's own, wanted ids of the catalogue")
+        raise InputError("effects: got a user's own, expected ids of the catalogue")
     model = TouchModel(setup, ids)
     values, errors, converged = model.core.fit_many(
         model.moves(plan),
@@ -208,7 +220,7 @@ def _priors(
             value, uncertainty = (float(part) for part in prior)
         except (TypeError, ValueError):
             raise InputError(
-                f"prior of {name}: got {prior!r}, wanted (value, standard uncertainty)"
+                f"prior of {name}: got {prior!r}, expected (value, standard uncertainty)"
             ) from None
         found.append((names.index(name), value, uncertainty))
     return found

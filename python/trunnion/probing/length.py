@@ -41,7 +41,7 @@ def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> f
     """
     for what, value in (("linear_um", linear_um), ("rotary_arcsec", rotary_arcsec)):
         if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, wanted a positive number")
+            raise InputError(f"{what}: got {value!r}, expected a positive number")
     if rotary_arcsec >= 90 * 3600:
-        raise InputError(f"rotary_arcsec: got {rotary_arcsec!r}, wanted less than 90°")
+        raise InputError(f"rotary_arcsec: got {rotary_arcsec!r}, expected less than 90°")
     return float(linear_um * 1e-3 / np.sin(np.deg2rad(rotary_arcsec / 3600)))

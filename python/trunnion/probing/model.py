@@ -46,19 +46,19 @@ class TouchModel:
     ) -> None:
         self.chain = Chain(setup)
         self.setup = setup
+        self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
             setup.machine.preset,
             setup.probe.length_mm,
             *artefact_dimensions(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
-            effect_ids=list(effects),
+            effect_ids=list(self.effect_ids),
         )
         self.names = tuple(name for name, _, _ in self.core.parameters)
         self.units = tuple(unit for _, unit, _ in self.core.parameters)
         self.kinds = tuple(kind for _, _, kind in self.core.parameters)
         self.error_names = self.names[: self.core.error_count]
-        self.effect_ids = tuple(effects)
 
     @property
     def owners(self) -> dict[str, Owner]:
@@ -71,7 +71,7 @@ class TouchModel:
         self._check_needs(touches)
         point = touches.start_mm if from_start else touches.position_mm
         if point is None:
-            raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, wanted a plan")
+            raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, expected a plan")
         return _core.Moves(
             self.chain.to_machine(touches.rotary_deg, len(touches)),
             point,
@@ -89,7 +89,7 @@ class TouchModel:
             for column in effect.needs:
                 if column not in touches.columns:
                     raise InputError(
-                        f"effect {effect.id!r}: got data without column {column}, wanted it"
+                        f"effect {effect.id!r}: got data without column {column}, expected it"
                     )
 
     def values(
@@ -104,17 +104,17 @@ class TouchModel:
         else that is not given is zero.
         """
         values = dict.fromkeys(self.names, 0.0)
-        wanted = "names with values, {'EX0C': 15.0}"
-        values.update(self.chain.named_errors(named("errors", errors, wanted)))
-        wanted = "names with values, {'dx_um': 50.0}"
-        for name, value in named("placement", placement, wanted).items():
+        expected = "names with values, {'EX0C': 15.0}"
+        values.update(self.chain.named_errors(named("errors", errors, expected)))
+        expected = "names with values, {'dx_um': 50.0}"
+        for name, value in named("placement", placement, expected).items():
             if name not in PLACEMENT:
                 raise UnknownNameError(
-                    f"placement: got {name!r}, wanted one of {', '.join(PLACEMENT)}"
+                    f"placement: got {name!r}, expected one of {', '.join(PLACEMENT)}"
                 )
             values[name] = value
         for effect, parameters in (effects or {}).items():
-            self._take_effect(values, effect, parameters)
+            self._take_effect(values, self.chain.effect_id(effect), parameters)
         return np.array([finite(name, values[name]) for name in self.names])
 
     def _take_effect(
@@ -123,25 +123,25 @@ class TouchModel:
         own = [name for name in self.names if name.startswith(f"{effect}.")]
         if not isinstance(parameters, Mapping):
             raise InputError(
-                f"effect {effect!r}: got {parameters!r}, wanted a dict of "
+                f"effect {effect!r}: got {parameters!r}, expected a dict of "
                 f"{', '.join(name.split('.', 1)[1] for name in own)}"
             )
         for name, value in parameters.items():
             full = f"{effect}.{name}"
             if full not in values:
-                wanted = ", ".join(part.split(".", 1)[1] for part in own)
+                expected = ", ".join(part.split(".", 1)[1] for part in own)
                 raise UnknownNameError(
-                    f"parameter of effect {effect!r}: got {name!r}, wanted one of {wanted}"
+                    f"parameter of effect {effect!r}: got {name!r}, expected one of {expected}"
                 )
             values[full] = value
         for full in own:
             kind = self.kinds[self.names.index(full)]
             name = full.split(".", 1)[1]
             if kind != "linear" and name not in parameters:
-                raise InputError(f"effect {effect!r}: got no {name}, wanted one")
+                raise InputError(f"effect {effect!r}: got no {name}, expected one")
             if kind == "duration" and not values[full] > 0:
                 raise InputError(
-                    f"effect {effect!r}: got {name} = {values[full]!r}, wanted a positive number"
+                    f"effect {effect!r}: got {name} = {values[full]!r}, expected a positive number"
                 )
 
     def effects_of(self, values: Floats | Sequence[float]) -> dict[str, dict[str, float]]:

@@ -161,15 +161,15 @@ def observability(
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     sigma = finite("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
     if sigma <= 0:
-        raise InputError(f"noise_um: got {noise_um!r}, wanted a positive number")
+        raise InputError(f"noise_um: got {noise_um!r}, expected a positive number")
     ids, own = split_effects(effects)
     if own:
         raise InputError(
-            f"effects: got the user's own {own[0].id!r}, wanted ids of the catalogue: what a plan "
-            "sees is judged by the built-in effects"
+            f"effects: got the user's own {own[0].id!r}, expected ids of the catalogue: what a "
+            "plan sees is judged by the built-in effects"
         )
     if not len(plan):
-        raise InputError("plan: got no touches, wanted at least one")
+        raise InputError("plan: got no touches, expected at least one")
     model = TouchModel(setup, ids)
     _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
     linear = np.array([kind != "moment" for kind in model.kinds])

@@ -20,7 +20,7 @@ from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect
 from trunnion.probing.model import TouchModel
 
-__all__ = ["Found", "Loss", "TouchProblem"]
+__all__ = ["Found", "Loss", "TouchProblem", "own_names"]
 
 CLOSE_UM = 1e-6
 """A step that moves no reading further ends the search."""
@@ -66,6 +66,11 @@ class Found:
     converged: bool
 
 
+def own_names(model: TouchModel, own: Sequence[UserEffect]) -> tuple[str, ...]:
+    """Names of all parameters: the model's, then those of the user's effects."""
+    return (*model.names, *(f"{e.id}.{name}" for e in own for name in e.parameters))
+
+
 class TouchProblem:
     """Touches with effects of the catalogue (in the model) and of the user's own."""
 
@@ -74,7 +79,7 @@ class TouchProblem:
     ) -> None:
         self.model, self.data, self.moves, self.own = model, data, moves, tuple(own)
         self.built_in = len(model.names)
-        self.names = (*model.names, *(f"{e.id}.{name}" for e in own for name in e.parameters))
+        self.names = own_names(model, own)
         # A moment is searched by the core; the derivative by it is nothing.
         self.moments = np.array([k == "moment" for k in model.kinds] + [False] * self._own_count)
         if len(data) < len(self.names):

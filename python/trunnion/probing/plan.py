@@ -15,9 +15,9 @@ from trunnion.setup import Setup
 __all__ = ["plan"]
 
 
-MOST_DEG = 3600.0
+MAX_DEG = 3600.0
 """Ten turns: more is a slip of the pen."""
-MOST_STOPS = 100_000
+MAX_STOPS = 100_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 
@@ -86,7 +86,7 @@ def plan(
     for letter, angles in given.items():
         if angles is not None and letter != tilting:
             raise InputError(
-                f"{letter.lower()}_deg: got angles, wanted none: machine {setup.machine.preset} "
+                f"{letter.lower()}_deg: got angles, expected none: machine {setup.machine.preset} "
                 f"has the rotary axes {', '.join(chain.letters)}"
             )
     tilt = given.get(tilting or "")
@@ -94,14 +94,14 @@ def plan(
         tilt = (90, -90) if tilting else ()
     for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
         if isinstance(feed, int | float) and not 0 < feed < float("inf"):
-            raise InputError(f"feeds_mm_min: got {feed!r}, wanted positive numbers")
+            raise InputError(f"feeds_mm_min: got {feed!r}, expected positive numbers")
     sense = dict(zip(chain.letters, chain.senses, strict=True))
     tilt_sense = sense.get(tilting or "", 1.0)
     stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
-    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MOST_STOPS:
+    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MAX_STOPS:
         raise InputError(
             f"c_deg, {(tilting or 'a').lower()}_deg, feeds_mm_min, repeats: got more than "
-            f"{MOST_STOPS:,} stops of the rotary axes together, wanted fewer"
+            f"{MAX_STOPS:,} stops of the rotary axes together, expected fewer"
         )
     found = _core.plan(
         setup.machine.preset,
@@ -149,18 +149,20 @@ def _numbers(what: str, values: Sequence[float], factor: float) -> list[float]:
     try:
         return [float(value) * factor for value in values]
     except (TypeError, ValueError):
-        raise InputError(f"{what}: got {values!r}, wanted a sequence of numbers") from None
+        raise InputError(f"{what}: got {values!r}, expected a sequence of numbers") from None
 
 
 def _angles(what: str, values: Sequence[float], factor: float) -> list[float]:
     angles = _numbers(what, values, factor)
     for angle in angles:
-        if not abs(angle) <= MOST_DEG:
-            raise InputError(f"{what}: got {angle * factor:g}, wanted angles within ±{MOST_DEG:g}°")
+        if not abs(angle) <= MAX_DEG:
+            raise InputError(
+                f"{what}: got {angle * factor:g}, expected angles within ±{MAX_DEG:g}°"
+            )
     return angles
 
 
 def _count(repeats: int) -> int:
     if not isinstance(repeats, int) or isinstance(repeats, bool) or repeats < 1:
-        raise InputError(f"repeats: got {repeats!r}, wanted a whole number from 1")
+        raise InputError(f"repeats: got {repeats!r}, expected a whole number from 1")
     return repeats

@@ -51,11 +51,11 @@ def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Pr
     """
     starts = plan.start_mm
     if starts is None or plan.feed_mm_min is None:
-        raise DataError("plan: got no starts or feeds, wanted the plan of trunnion.plan")
+        raise DataError("plan: got no starts or feeds, expected the plan of trunnion.plan")
     chain = Chain(setup)
     if setup.machine.preset == "table-c-head-b":
         raise InputError(
-            "probing program: got machine table-c-head-b, wanted one with its rotary axes under "
+            "probing program: got machine table-c-head-b, expected one with its rotary axes under "
             "the table"
         )
     swing, levels = safe_levels(plan, setup)
@@ -105,7 +105,7 @@ def safe_levels(
 def _turns(
     plan: Touches, row: int, at: dict[str, float], to: dict[str, float]
 ) -> list[Sequence[tuple[str, float]]]:
-    """Rotary moves to a position, with an overshoot where the wanted sense needs one."""
+    """Rotary moves to a position, with an overshoot where the expected sense needs one."""
     overshoot: list[tuple[str, float]] = []
     for letter, angle in to.items():
         senses = plan.rotary_dir.get(letter.lower())

@@ -78,14 +78,16 @@ def simulate(
         placement = errors.placement if placement is None else placement
         effects = errors.effects if effects is None else effects
         errors = errors.errors
-    wanted = "effect → parameter → value, {'drift_z': {'rate_um_h': 5.0}}"
-    effects = named("effects", effects, wanted)
+    expected = "effect → parameter → value, {'drift_z': {'rate_um_h': 5.0}}"
+    effects = named("effects", effects, expected)
     if finite("noise_um", noise_um) < 0:
-        raise InputError(f"noise_um: got {noise_um!r}, wanted 0 or a positive number")
+        raise InputError(f"noise_um: got {noise_um!r}, expected 0 or a positive number")
     if noise_um > 0 and seed is None:
-        raise InputError("seed: got none, wanted a whole number: there is no noise without a seed")
+        raise InputError(
+            "seed: got none, expected a whole number: there is no noise without a seed"
+        )
     if tick_um is not None and finite("tick_um", tick_um) < 0:
-        raise InputError(f"tick_um: got {tick_um!r}, wanted 0 or a positive number")
+        raise InputError(f"tick_um: got {tick_um!r}, expected 0 or a positive number")
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids, tick_um=tick_um)
     built_in = {effect: values for effect, values in effects.items() if isinstance(effect, str)}
@@ -116,5 +118,5 @@ def simulate(
 
 def _whole(what: str, value: int) -> int:
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
-        raise InputError(f"{what}: got {value!r}, wanted a whole number from 0")
+        raise InputError(f"{what}: got {value!r}, expected a whole number from 0")
     return int(value)

@@ -138,7 +138,7 @@ def identify(
         Without CasADi.
     """
     if solver not in ("gauss-newton", "ipopt"):
-        raise InputError(f"solver: got {solver!r}, wanted 'gauss-newton' or 'ipopt'")
+        raise InputError(f"solver: got {solver!r}, expected 'gauss-newton' or 'ipopt'")
     held: dict[str, Mapping[str, float]] = (
         dict(effects) if isinstance(effects, Mapping) else {id_: {} for id_ in effects}
     )
@@ -146,7 +146,7 @@ def identify(
     model = _Model(setup, held)
     if rows.n < len(model.names):
         raise DataError(
-            f"touches: got {rows.n} rows, wanted at least the {len(model.names)} of the unknowns"
+            f"touches: got {rows.n} rows, expected at least the {len(model.names)} of the unknowns"
         )
     solve = _gauss_newton if solver == "gauss-newton" else _ipopt
     best: _Solution | None = None
@@ -192,7 +192,7 @@ def linearise(
     x = model.start()
     for name, value in values.items():
         if name != _SLIP_TIME and name not in model.names:
-            raise UnknownNameError(f"parameter: got {name!r}, wanted one of {model.names}")
+            raise UnknownNameError(f"parameter: got {name!r}, expected one of {model.names}")
         if name != _SLIP_TIME:
             x[model.names.index(name)] = value
     t0_s = float(values.get(_SLIP_TIME, 0.0))
@@ -224,15 +224,15 @@ class _Rows:
     def of(cls, data: Touches, setup: Setup, effects: Iterable[str]) -> _Rows:
         preset = setup.machine.preset
         if preset not in _ERRORS:
-            raise UnknownNameError(f"preset: got {preset!r}, wanted one of {', '.join(_ERRORS)}")
+            raise UnknownNameError(f"preset: got {preset!r}, expected one of {', '.join(_ERRORS)}")
         letter = _FIRST_AXIS[preset]
         for id_ in effects:
             if id_ not in _EFFECTS or (id_.startswith("a_") and letter != "A"):
                 known = [e for e in _EFFECTS if letter == "A" or not e.startswith("a_")]
-                raise UnknownNameError(f"effect: got {id_!r}, wanted one of {', '.join(known)}")
+                raise UnknownNameError(f"effect: got {id_!r}, expected one of {', '.join(known)}")
             for column in _EFFECTS[id_][1]:
                 if getattr(data, column) is None:
-                    raise InputError(f"{id_}: got touches without {column}, wanted that column")
+                    raise InputError(f"{id_}: got touches without {column}, expected that column")
 
         chain = Chain(setup)
         sense = dict(zip(chain.letters, chain.senses, strict=True))
@@ -240,7 +240,7 @@ class _Rows:
         def turned(name: str) -> Floats:
             angle = getattr(data, f"{name.lower()}_deg")
             if angle is None:
-                raise InputError(f"touches: got no {name.lower()}_deg, wanted it for {preset}")
+                raise InputError(f"touches: got no {name.lower()}_deg, expected it for {preset}")
             return np.asarray(sense[name] * np.radians(angle))
 
         def optional(name: str, factor: float = 1.0) -> Floats:
@@ -345,7 +345,7 @@ def _casadi() -> ModuleType:
         import casadi
     except ImportError as error:
         raise ImportError(
-            "casadi is not installed; wanted for trunnion.casadi_baseline: "
+            "casadi is not installed; expected for trunnion.casadi_baseline: "
             "pip install 'trunnion[reference]'"
         ) from error
     module: ModuleType = casadi
@@ -364,14 +364,16 @@ class _Model:
         unknown = set(setup.machine.errors) - set(self.error_names)
         if unknown:
             raise UnknownNameError(
-                f"machine.errors: got {', '.join(sorted(unknown))}, wanted one of "
+                f"machine.errors: got {', '.join(sorted(unknown))}, expected one of "
                 f"{', '.join(self.error_names)} for {self.preset}"
             )
         for id_, values in held.items():
             for name in values:
                 if name not in _EFFECTS[id_][0]:
                     known = ", ".join(_EFFECTS[id_][0])
-                    raise UnknownNameError(f"{id_}: got parameter {name!r}, wanted one of {known}")
+                    raise UnknownNameError(
+                        f"{id_}: got parameter {name!r}, expected one of {known}"
+                    )
         effect_names = [
             f"{id_}.{name}"
             for id_, values in held.items()
@@ -723,8 +725,8 @@ def _check_near(residuals: Floats) -> None:
         off = residuals[far[0]] * _MM_PER_UM
         where = "passes it by" if not np.isfinite(off) else f"{abs(off):.3f} mm from it"
         raise DataError(
-            f"touch {far[0]}: got a position that is not on the modelled surface ({where}), wanted "
-            f"one within {_FAR_MM:g} mm; {len(far)} of {len(residuals)} touches are like this"
+            f"touch {far[0]}: got a position that is not on the modelled surface ({where}), "
+            f"expected one within {_FAR_MM:g} mm; {len(far)} of {len(residuals)} touches are like this"
         )
 
 

@@ -63,19 +63,19 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         import pinocchio as pin
     except ImportError as error:
         raise ImportError(
-            "pinocchio is not installed; wanted for trunnion.pinocchio_model: "
+            "pinocchio is not installed; expected for trunnion.pinocchio_model: "
             "pip install 'trunnion[reference]'"
         ) from error
 
     preset = setup.machine.preset
     if preset not in _ERRORS:
-        raise UnknownNameError(f"preset: got {preset!r}, wanted one of {', '.join(_ERRORS)}")
+        raise UnknownNameError(f"preset: got {preset!r}, expected one of {', '.join(_ERRORS)}")
     given = {canonical_error_name(name): size for name, size in (errors or {}).items()}
     e = dict.fromkeys(_ERRORS[preset], 0.0)
     for name, size in {**setup.machine.errors, **given}.items():
         if name not in e:
             known = ", ".join(e)
-            raise UnknownNameError(f"{preset}: got error {name!r}, wanted one of {known}")
+            raise UnknownNameError(f"{preset}: got error {name!r}, expected one of {known}")
         e[name] = float(size) * (_MM_PER_UM if name[1] in "XYZ" else _RAD_PER_ARCSEC)
 
     def placed(tilts: tuple[float, float, float], offset: tuple[float, float, float]) -> Any:

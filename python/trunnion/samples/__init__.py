@@ -33,5 +33,5 @@ def sample_path(name: str) -> Path:
                 for found in path.parents[name.count("/")].glob("*/*")
                 if found.suffix in {".toml", ".csv", ".ngc"}
             )
-            raise FileNotFoundError(f"sample: got {name!r}, wanted one of {', '.join(known)}")
+            raise FileNotFoundError(f"sample: got {name!r}, expected one of {', '.join(known)}")
         return path

@@ -1,10 +1,11 @@
-"""Names of location errors: one spelling inside, several accepted on input."""
+"""Names of errors and effects: one spelling inside, several accepted on input."""
 
 import re
+from collections.abc import Sequence
 
 from trunnion.base.errors import UnknownNameError
 
-__all__ = ["canonical_error_name"]
+__all__ = ["canonical_error_name", "effect_ids", "is_code", "iso_codes"]
 
 # EA0C: an error E in direction A..C (tilt) or X..Z (offset), zero for location, of an axis.
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
@@ -29,3 +30,68 @@ def canonical_error_name(text: str) -> str:
         )
     direction, axis = match.groups()
     return f"E{direction}0{axis}".upper()
+
+
+# Effects by id → codes of the errors that they are part of. A letter in braces is that of the axis
+# or of the direction; tilts have the letters of rotary axes.
+_CODE = re.compile(r"E_?\{?[XYZABC][0O]?[XYZABC]\}?", re.IGNORECASE)
+_SQUARENESS = {"xy": "EC0Y", "xz": "EB0Z", "yz": "EA0Z"}
+_TILT = dict(zip("xyz", "ABC", strict=True))
+_AXIS = re.compile(r"(?:scale|positioning|periodic|cyclic)_([xyz])")
+_DIRECTION = re.compile(r"(straightness|angular)_([xyz])_of_([xyz])")
+_ROTARY = re.compile(
+    r"(?:([abc])_)?(positioning|scale|radial|sag|axial|tilt|wobble|twist)(?:_(?:\d+|trend|scale|cyclic))?"
+)
+
+
+def iso_codes(effect: str) -> tuple[str, ...]:
+    """Return the ISO 230-1 codes of the errors that an effect of this id is part of, if any.
+
+    ``scale_x`` and ``positioning_x`` → EXX, ``straightness_y_of_x`` → EYX, ``angular_z_of_x`` →
+    ECX, ``squareness_xy`` → EC0Y, ``c_radial_2`` → EXC and EYC. A rotary axis without a letter
+    (targets on one axis) counts as C.
+    """
+    if effect.startswith("squareness_") and effect[11:] in _SQUARENESS:
+        return (_SQUARENESS[effect[11:]],)
+    if match := _AXIS.fullmatch(effect):
+        axis = match[1].upper()
+        return (f"E{axis}{axis}",)
+    if match := _DIRECTION.fullmatch(effect):
+        kind, direction, axis = match.groups()
+        letter = _TILT[direction] if kind == "angular" else direction.upper()
+        return (f"E{letter}{axis.upper()}",)
+    if match := _ROTARY.fullmatch(effect):
+        return _rotary_codes((match[1] or "c").upper(), match[2])
+    return ()
+
+
+def _rotary_codes(axis: str, kind: str) -> tuple[str, ...]:
+    """Codes of an error motion of a rotary axis: about or along itself, or across."""
+    along = "XYZ"["ABC".index(axis)]
+    if kind in ("positioning", "scale"):
+        return (f"E{axis}{axis}",)
+    if kind == "axial":
+        return (f"E{along}{axis}",)
+    if kind in ("radial", "sag"):
+        return tuple(f"E{d}{axis}" for d in "XYZ" if d != along)
+    across = [t for t in "ABC" if t != axis]
+    # a twist is about the horizontal axis across: EBA, EAB
+    return (f"E{across[0]}{axis}",) if kind == "twist" else tuple(f"E{t}{axis}" for t in across)
+
+
+def is_code(name: str) -> bool:
+    """Whether a name has the form of a code of ISO 230-1: EXX, EC0Y, in any accepted spelling."""
+    return _CODE.fullmatch(name) is not None
+
+
+def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Return the ids that a name stands for: itself, or those with this code of ISO 230-1.
+
+    Spellings of codes as for :func:`canonical_error_name`. Empty: the name is not known.
+    """
+    if name in known:
+        return (name,)
+    if not is_code(name):
+        return ()
+    code = re.sub(r"[_{}]", "", name).upper().replace("O", "0")
+    return tuple(i for i in known if code in iso_codes(i))

@@ -53,11 +53,11 @@ def target_of(path: Any) -> Path:
     try:
         target = Path(path)
     except TypeError:
-        raise InputError(f"path: got {path!r}, wanted the path of a file") from None
+        raise InputError(f"path: got {path!r}, expected the path of a file") from None
     if target.is_dir():
-        raise InputError(f"path: got {target}, a folder, wanted a file")
+        raise InputError(f"path: got {target}, a folder, expected a file")
     if not target.parent.is_dir():
-        raise InputError(f"path: got {target}, wanted a file in a folder that is there")
+        raise InputError(f"path: got {target}, expected a file in a folder that is there")
     return target
 
 
@@ -167,9 +167,9 @@ def _read(target: Path) -> tuple[xr.Dataset, Description]:
         found: xr.Dataset = import_xarray().load_dataset(target, engine="scipy")
     except Exception as error:  # a damaged file may lead the reader anywhere
         why = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise DataError(f"{target}: {why}; wanted the file (netCDF) of a sweep") from None
+        raise DataError(f"{target}: {why}; expected the file (netCDF) of a sweep") from None
     if "described" not in found.attrs:
-        raise DataError(f"{target}: holds no sweep; wanted the file of one, or another file")
+        raise DataError(f"{target}: holds no sweep; expected the file of one, or another file")
     return found, Description.read(target, found.attrs["described"])
 
 

@@ -101,7 +101,7 @@ class Description:
         except (TrunnionError, TypeError, ValueError, RecursionError) as error:
             why = str(error) if isinstance(error, TrunnionError) else "got text that is no JSON"
             raise DataError(
-                f"{path}: damaged, or not of a sweep: {why}; wanted what a sweep has written"
+                f"{path}: damaged, or not of a sweep: {why}; expected what a sweep has written"
             ) from None
 
     def check_same(self, path: Path, found: Description) -> None:
@@ -118,13 +118,13 @@ class Description:
         for key in self.to_dict():
             if key == "code" and key in there and there[key] != here[key]:
                 raise DataError(
-                    f"{path}: holds another sweep: the code of {self.study} was another; wanted "
+                    f"{path}: holds another sweep: the code of {self.study} was another; expected "
                     "the same function to go on with, or another file"
                 )
             if there.get(key) != here[key]:
                 raise DataError(
                     f"{path}: holds another sweep: {key} is {there.get(key)!r} there, "
-                    f"{here[key]!r} here; wanted the same sweep to go on with, or another file"
+                    f"{here[key]!r} here; expected the same sweep to go on with, or another file"
                 )
 
 
@@ -137,7 +137,7 @@ def check_names(study: str, outputs: Sequence[Output], axes: Mapping[str, object
         A name that is taken, or a dimension with different labels.
     """
     if not outputs:
-        raise InputError(f"study {study}: got no outputs, wanted at least one")
+        raise InputError(f"study {study}: got no outputs, expected at least one")
     taken = {*axes, *FAILURE, "sample", "failure"}
     taken |= {output.dim for output in outputs} | {f"{output.dim}_unit" for output in outputs}
     labels: dict[str, tuple[str, ...]] = {}
@@ -145,15 +145,15 @@ def check_names(study: str, outputs: Sequence[Output], axes: Mapping[str, object
         if output.name in taken:
             raise InputError(
                 f"study {study}: got an output named {output.name!r} as a parameter or a "
-                "dimension is, wanted another name"
+                "dimension is, expected another name"
             )
         taken.add(output.name)
         if output.dim in (*axes, *FAILURE, "sample", "failure"):
-            raise InputError(f"axis {output.dim}: the name is taken, wanted another")
+            raise InputError(f"axis {output.dim}: the name is taken, expected another")
         if labels.setdefault(output.dim, output.labels) != output.labels:
             raise InputError(
                 f"output {output.name}: got {len(output.labels)} labels along {output.dim!r}, "
-                "wanted those of the other outputs along it"
+                "expected those of the other outputs along it"
             )
 
 
@@ -188,7 +188,9 @@ def _parsed(text: object) -> Description:
 def _output(what: str, entry: object) -> Output:
     items = _items(what, entry)
     if len(items) != 5:
-        raise InputError(f"{what}: got {len(items)} entries, wanted name, unit, dim, labels, label")
+        raise InputError(
+            f"{what}: got {len(items)} entries, expected name, unit, dim, labels, label"
+        )
     name, unit, dim, labels, label = items
     named = tuple(_text(f"{what} labels", entry) for entry in _items(f"{what} labels", labels))
     if bool(named) != bool(dim) or len(set(named)) != len(named):
@@ -199,7 +201,7 @@ def _output(what: str, entry: object) -> Output:
     else:
         units = tuple(_text(f"{what} unit", entry) for entry in _items(f"{what} unit", unit))
         if len(units) != len(named):
-            raise InputError(f"{what}: got {len(units)} units, wanted one for each label")
+            raise InputError(f"{what}: got {len(units)} units, expected one for each label")
     return Output(
         _text(f"{what} name", name),
         units,
@@ -211,17 +213,17 @@ def _output(what: str, entry: object) -> Output:
 
 def _text(what: str, value: object) -> str:
     if not isinstance(value, str):
-        raise InputError(f"{what}: got {shown(value)}, wanted text")
+        raise InputError(f"{what}: got {shown(value)}, expected text")
     return value
 
 
 def _items(what: str, value: object) -> list[Any]:
     if not isinstance(value, list):
-        raise InputError(f"{what}: got {shown(value)}, wanted a list")
+        raise InputError(f"{what}: got {shown(value)}, expected a list")
     return value
 
 
 def _table(what: str, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise InputError(f"{what}: got {shown(value)}, wanted a table")
+        raise InputError(f"{what}: got {shown(value)}, expected a table")
     return value

@@ -85,7 +85,7 @@ class Grid:
             _length(name, values)
         for name, value in fixed.items():
             if not isinstance(value, float | int | str):
-                raise InputError(f"{name}: got {shown(value)}, wanted a number or text")
+                raise InputError(f"{name}: got {shown(value)}, expected a number or text")
         return cls({name: _axis(name, values, {}) for name, values in grid.items()}, dict(fixed))
 
     @property
@@ -114,12 +114,12 @@ class Grid:
 def _check_size(nodes: int, samples: int, width: int) -> None:
     if nodes > MAX_NODES:
         with entry("grid"):
-            raise InputError(f"grid: got {_count(nodes)} nodes, wanted at most {MAX_NODES:.0e}")
+            raise InputError(f"grid: got {_count(nodes)} nodes, expected at most {MAX_NODES:.0e}")
     if nodes * samples * width > MAX_NUMBERS:
         with entry("samples"):
             raise InputError(
                 f"sweep: got {_count(nodes)} nodes × {_count(samples)} samples × {width} numbers "
-                f"= {_count(nodes * samples * width)}, wanted at most {MAX_NUMBERS:.3g}: fewer "
+                f"= {_count(nodes * samples * width)}, expected at most {MAX_NUMBERS:.3g}: fewer "
                 "samples, or several sweeps"
             )
 
@@ -140,52 +140,54 @@ def _fixed(
     for name, value in given.items():
         with entry("fixed", name):
             if name in axes:
-                raise InputError(f"{name}: got it in the grid and in fixed, wanted it in one")
+                raise InputError(f"{name}: got it in the grid and in fixed, expected it in one")
             fixed[name] = _value(name, value, known)
     for name in known:
         if name not in axes and name not in fixed and name != "**":
-            raise InputError(f"{name}: got nothing, wanted it in the grid or in fixed")
+            raise InputError(f"{name}: got nothing, expected it in the grid or in fixed")
     return fixed
 
 
 def _known(name: Any, known: Mapping[str, Parameter], study: Study) -> None:
     if not isinstance(name, str) or (name not in known and "**" not in known):
-        wanted = f"one of {', '.join(known)}" if known else "none: it has no parameters"
+        expected = f"one of {', '.join(known)}" if known else "none: it has no parameters"
         raise UnknownNameError(
-            f"parameter of study {study.name}: got {shown(name)}, wanted {wanted}"
+            f"parameter of study {study.name}: got {shown(name)}, expected {expected}"
         )
 
 
 def _length(name: str, values: Any) -> int:
     if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
-        raise InputError(f"axis {name}: got {shown(values)}, wanted a list of values")
+        raise InputError(f"axis {name}: got {shown(values)}, expected a list of values")
     if isinstance(values, np.ndarray) and values.ndim != 1:
-        raise InputError(f"axis {name}: got an array of shape {values.shape}, wanted one dimension")
+        raise InputError(
+            f"axis {name}: got an array of shape {values.shape}, expected one dimension"
+        )
     if name in RESERVED:
-        raise InputError(f"axis {name}: the name is taken, wanted another")
+        raise InputError(f"axis {name}: the name is taken, expected another")
     try:
         length = len(values)
     except OverflowError:  # a range beyond what len can say
         length = sys.maxsize
     if length == 0:
-        raise InputError(f"axis {name}: got no values, wanted at least one")
+        raise InputError(f"axis {name}: got no values, expected at least one")
     return length
 
 
 def _axis(name: str, values: Any, known: Mapping[str, Parameter]) -> tuple[Value, ...]:
     if name in known and not known[name].in_grid:
-        raise InputError(f"{name}: got it in the grid, wanted it in fixed: outputs depend on it")
+        raise InputError(f"{name}: got it in the grid, expected it in fixed: outputs depend on it")
     checked = []
     for place, value in enumerate(values):
         with entry(place):
             checked.append(_value(name, value, known))
     if len({_kind(value) for value in checked}) > 1:
         raise InputError(
-            f"axis {name}: got values of several kinds, wanted only numbers, only text or only "
+            f"axis {name}: got values of several kinds, expected only numbers, only text or only "
             "true and false"
         )
     if len(set(checked)) < len(checked):
-        raise InputError(f"axis {name}: got a value twice, wanted each once")
+        raise InputError(f"axis {name}: got a value twice, expected each once")
     return tuple(checked)
 
 
@@ -199,17 +201,17 @@ def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:
         value = value.item()
     kind = type(parameter.default)
     if isinstance(value, int) and abs(value) > MAX_WHOLE:
-        raise InputError(f"{name}: got a whole number beyond 2^53, wanted a smaller one")
-    wanted = _wanted(value, kind)
-    if wanted:
-        raise InputError(f"{name}: got {shown(value)}, wanted {wanted}")
+        raise InputError(f"{name}: got a whole number beyond 2^53, expected a smaller one")
+    expected = _wanted(value, kind)
+    if expected:
+        raise InputError(f"{name}: got {shown(value)}, expected {expected}")
     if parameter.choices and value not in parameter.choices:
         choices = ", ".join(str(choice) for choice in parameter.choices)
-        raise InputError(f"{name}: got {value!r}, wanted one of {choices}")
+        raise InputError(f"{name}: got {value!r}, expected one of {choices}")
     if parameter.low is not None and not isinstance(value, str) and value < parameter.low:
-        raise InputError(f"{name}: got {value!r}, wanted {parameter.low:g} or more")
+        raise InputError(f"{name}: got {value!r}, expected {parameter.low:g} or more")
     if parameter.high is not None and not isinstance(value, str) and value > parameter.high:
-        raise InputError(f"{name}: got {value!r}, wanted {parameter.high:g} or less")
+        raise InputError(f"{name}: got {value!r}, expected {parameter.high:g} or less")
     checked: Value = float(value) if kind is float else value
     return checked
 
@@ -218,14 +220,14 @@ def _wanted(value: Any, kind: type) -> str:
     """What a parameter with a default of this kind takes; "" if it takes the value."""
     flag = isinstance(value, bool)
     if kind is str:
-        good, wanted = isinstance(value, str), "text"
+        good, expected = isinstance(value, str), "text"
     elif kind is bool:
-        good, wanted = flag, "true or false"
+        good, expected = flag, "true or false"
     elif kind is int:
-        good, wanted = isinstance(value, int) and not flag, "a whole number"
+        good, expected = isinstance(value, int) and not flag, "a whole number"
     elif kind is type(None):
-        good, wanted = isinstance(value, float | int | str), "a number or text"
+        good, expected = isinstance(value, float | int | str), "a number or text"
     else:
-        good, wanted = isinstance(value, float | int) and not flag, "a number"
+        good, expected = isinstance(value, float | int) and not flag, "a number"
     finite = not isinstance(value, float) or math.isfinite(value)
-    return "" if good and finite else wanted
+    return "" if good and finite else expected

@@ -159,7 +159,7 @@ def _hidden(
     size = float(np.sqrt(np.mean(residual**2)))
     if size < 1e-3 * max(1e-3, float(np.abs(change).max())):
         raise DataError(
-            f"effect {effect!r}: got nothing left of it after the plain fit, wanted an "
+            f"effect {effect!r}: got nothing left of it after the plain fit, expected an "
             "effect that is identifiable with the plan"
         )
     values[linear] *= rms_um / size

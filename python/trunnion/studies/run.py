@@ -147,7 +147,7 @@ def sweep(
     if threads is not None:
         threads = whole("threads", threads, 1, MAX_THREADS)
     if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise InputError(f"executor: got {executor!r}, wanted an object with submit")
+        raise InputError(f"executor: got {executor!r}, expected an object with submit")
     limit = _Limit(most_failures)
     target = None if path is None else target_of(path)
     nodes = Grid.checked(chosen, grid, fixed, samples)
@@ -289,7 +289,7 @@ def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
         names = [output.name for output in outputs]
         for name in study.units:
             if name not in names:
-                raise UnknownNameError(f"units: got {name!r}, wanted some of {', '.join(names)}")
+                raise UnknownNameError(f"units: got {name!r}, expected some of {', '.join(names)}")
     return outputs
 
 
@@ -331,7 +331,7 @@ class _Limit:
     def __init__(self, share: float) -> None:
         number = isinstance(share, float | int | np.number) and not isinstance(share, bool)
         if not (number and 0 <= share <= 1):
-            raise InputError(f"most_failures: got {share!r}, wanted a share from 0 to 1")
+            raise InputError(f"most_failures: got {share!r}, expected a share from 0 to 1")
         self.share = share
 
     def check(self, blocks: Blocks) -> None:
@@ -339,6 +339,6 @@ class _Limit:
         if failed > MIN_FAILURES and failed > self.share * blocks.done.sum():
             (node, sample), why = next(iter(blocks.failures.items()))
             raise DataError(
-                f"sweep: {failed} of {int(blocks.done.sum())} samples failed, wanted at most "
+                f"sweep: {failed} of {int(blocks.done.sum())} samples failed, expected at most "
                 f"{self.share:.0%}; the first, node {node} sample {sample}: {why}"
             )

@@ -48,7 +48,7 @@ class Blocks:
         nodes, samples, width = self.columns.shape
         if not (0 <= node < nodes and 0 <= first < first + count <= samples):
             raise InputError(
-                f"block: got node {node}, samples {first} to {first + count}, wanted them within "
+                f"block: got node {node}, samples {first} to {first + count}, expected them within "
                 f"{nodes} nodes of {samples} samples"
             )
         if not all(0 <= index < count for index, _ in block.failures):
@@ -58,7 +58,7 @@ class Blocks:
         elif len(block.failures) < count:
             # A block in which every sample failed cannot know how many outputs there are.
             raise InputError(
-                f"study: got outputs of shape {block.columns.shape}, wanted "
+                f"study: got outputs of shape {block.columns.shape}, expected "
                 f"{(count, width)}: the same names at every node"
             )
         self.done[node, first : first + count] = True
@@ -97,7 +97,7 @@ class Journal:
         with self._open() as base:
             found = base.execute("SELECT described FROM sweep").fetchone()
         if found is None:
-            raise DataError(f"{self.path}: got no sweep, wanted one that has begun")
+            raise DataError(f"{self.path}: got no sweep, expected one that has begun")
         return Description.read(self.path, found[0])
 
     @contextmanager
@@ -153,7 +153,7 @@ class Journal:
 
     def _damaged(self, node: object, first: object) -> DataError:
         return DataError(
-            f"{self.path}: the block of node {node} from sample {first} is damaged; wanted a "
+            f"{self.path}: the block of node {node} from sample {first} is damaged; expected a "
             "whole file: remove it to begin again"
         )
 
@@ -166,7 +166,7 @@ class Journal:
                 yield base
         except sqlite3.Error as error:
             raise DataError(
-                f"{self.path}: {error}; wanted a file of a running sweep that can be read and "
+                f"{self.path}: {error}; expected a file of a running sweep that can be read and "
                 "written"
             ) from None
 
@@ -195,11 +195,11 @@ def exclusive(path: Path) -> Iterator[None]:
     except Timeout:
         raise DataError(
             f"{path}: another process is running this sweep, or another thread of this one; "
-            "wanted one at a time"
+            "expected one at a time"
         ) from None
     except OSError as error:
         raise DataError(
-            f"{path}: {error.strerror}; wanted a folder that can be written to"
+            f"{path}: {error.strerror}; expected a folder that can be written to"
         ) from None
     try:
         yield

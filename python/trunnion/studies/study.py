@@ -225,7 +225,7 @@ class FunctionStudy:
                 names = names or tuple(found)
                 if set(found) != set(names):
                     got = ", ".join(found) or "none"
-                    raise InputError(f"outputs: got {got}, wanted {', '.join(names)}")
+                    raise InputError(f"outputs: got {got}, expected {', '.join(names)}")
                 rows.append([found[name] for name in names])
             except Exception as error:  # whatever a user's function raises is a record
                 rows.append(None)
@@ -243,14 +243,14 @@ class FunctionStudy:
 
 def _named(name: Any) -> str:
     if not isinstance(name, str) or not name:
-        raise InputError(f"name of an output: got {name!r}, wanted text")
+        raise InputError(f"name of an output: got {name!r}, expected text")
     return name
 
 
 def _number(name: Any, value: Any) -> float:
     array = np.asarray(value)
     if array.ndim != 0 or array.dtype.kind not in "fiub":
-        raise InputError(f"output {name}: got {value!r}, wanted a number")
+        raise InputError(f"output {name}: got {value!r}, expected a number")
     return float(array)
 
 
@@ -276,12 +276,14 @@ STUDIES: dict[str, tuple[str, str]] = {
 def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] | None) -> Study:
     """A study from a name, a function or itself."""
     if units is not None and not isinstance(units, Mapping):
-        raise InputError(f"units: got {units!r}, wanted a dict of output names")
+        raise InputError(f"units: got {units!r}, expected a dict of output names")
     if units and isinstance(study, str | Study):
-        raise InputError("units: got some for a study that has its own, wanted none")
+        raise InputError("units: got some for a study that has its own, expected none")
     if isinstance(study, str):
         if study not in STUDIES:
-            raise UnknownNameError(f"study: got {shown(study)}, wanted one of {', '.join(STUDIES)}")
+            raise UnknownNameError(
+                f"study: got {shown(study)}, expected one of {', '.join(STUDIES)}"
+            )
         module, name = STUDIES[study]
         found: Study = getattr(import_module(module), name)()
         return found
@@ -289,7 +291,7 @@ def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] |
         return study
     if callable(study):
         return FunctionStudy(study, dict(units or {}))
-    raise InputError(f"study: got {study!r}, wanted a name, a function or a Study")
+    raise InputError(f"study: got {study!r}, expected a name, a function or a Study")
 
 
 def guarded(count: int, one: Callable[[int], list[float]], width: int) -> Block:

@@ -42,10 +42,10 @@ def sweep_file(study: str | PathLike[str], **how: Any) -> xr.Dataset:
     file = TomlText.read(study)
     for key in file.tables:
         if key not in KEYS:
-            what = f"got key {key!r}, wanted some of {', '.join(KEYS)}"
+            what = f"got key {key!r}, expected some of {', '.join(KEYS)}"
             raise file.error((key,), what, at_value=False)
     if not isinstance(file.tables.get("study"), str):
-        what = f"study: got {file.written(('study',))}, wanted one of {', '.join(STUDIES)}"
+        what = f"study: got {file.written(('study',))}, expected one of {', '.join(STUDIES)}"
         raise file.error(("study",), what, at_value=True)
     described: dict[str, Any] = dict(file.tables)
     try:

@@ -230,7 +230,7 @@ def _columns(
     if isinstance(readings, Diameters):
         if readings.pass_ is not None and len(np.unique(readings.pass_)) > 1:
             raise InputError(
-                "readings: got several passes, wanted those of one: select them, or correct for "
+                "readings: got several passes, expected those of one: select them, or correct for "
                 "the law of a diagnosis"
             )
         return np.array(readings.z_mm), np.array(readings.error_um)

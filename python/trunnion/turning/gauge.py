@@ -43,10 +43,10 @@ class Gauge:
     def __post_init__(self) -> None:
         for name in ("range_um", "rate_hz"):
             if not getattr(self, name) > 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, wanted more than zero")
+                raise InputError(f"{name}: got {getattr(self, name)}, expected more than zero")
         for name in ("resolution_um", "response_s"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, wanted not below zero")
+                raise InputError(f"{name}: got {getattr(self, name)}, expected not below zero")
 
     def feed_limit_mm_min(
         self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
@@ -56,7 +56,7 @@ class Gauge:
         Parameters
         ----------
         pitch_mm
-            Distance wanted between readings: feed <= pitch · rate.
+            Distance expected between readings: feed <= pitch · rate.
         slope_um_mm
             Steepest change of the diameter error along z that is to be followed.
         lag_um
@@ -64,7 +64,7 @@ class Gauge:
         """
         if not pitch_mm > 0 or not lag_um > 0 or not slope_um_mm >= 0:
             raise InputError(
-                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, wanted "
+                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, expected "
                 "more than zero (slope: not below zero)"
             )
         limit = pitch_mm * self.rate_hz
@@ -109,7 +109,7 @@ class Gauge:
         way = np.abs(z - z[0])
         if not feed_mm_min > 0 or z.size != error.size or (np.diff(way) <= 0).any():
             raise InputError(
-                "z_mm, error_um, feed_mm_min: wanted equally many places in the order of travel "
+                "z_mm, error_um, feed_mm_min: expected equally many places in the order of travel "
                 f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
             )
         pitch = feed_mm_min / 60.0 / self.rate_hz
@@ -123,7 +123,7 @@ class Gauge:
             first = int(np.argmax(beyond))
             place = float(np.interp(at[first], way, z))
             raise DataError(
-                f"gauge at z {place:.3f} mm: got {stylus[first]:.1f} µm on the stylus, wanted "
+                f"gauge at z {place:.3f} mm: got {stylus[first]:.1f} µm on the stylus, expected "
                 f"within ±{self.range_um / 2:g} µm"
             )
         if self.resolution_um > 0:

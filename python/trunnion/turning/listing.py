@@ -85,7 +85,7 @@ def crossings(
         k = round((nominal_mm - diameter) * 1e3 / unit_um)
         if abs(k - before) > 1:
             raise DataError(
-                f"line {moves.line[place]}: got a change of {k - before} units, wanted one: the "
+                f"line {moves.line[place]}: got a change of {k - before} units, expected one: the "
                 "readings between are not in the listing"
             )
         if k != before:

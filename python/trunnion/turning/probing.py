@@ -126,7 +126,7 @@ class ProbePath(Result):
     def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
         if finite("pitch_mm", pitch_mm) <= 0:
-            raise InputError(f"pitch_mm: got {pitch_mm}, wanted more than zero")
+            raise InputError(f"pitch_mm: got {pitch_mm}, expected more than zero")
         rows = []
         for index, interval in enumerate(self.intervals):
             count = int((interval.start_mm[0] - interval.end_mm[0]) / pitch_mm + 1e-9) + 1

@@ -235,7 +235,9 @@ class Profile:
         if retract_x_mm is None:
             retract_x_mm = float(self.outline_mm()[:, 1].max()) + nose_mm + 5.0
         if not 0 <= first_element < len(elements):
-            raise InputError(f"first_element: got {first_element}, wanted 0 to {len(elements) - 1}")
+            raise InputError(
+                f"first_element: got {first_element}, expected 0 to {len(elements) - 1}"
+            )
         program, left_out = self.core.finishing(
             dialect=dialect,
             follows=follows,

@@ -1,5 +1,5 @@
 //! Forward solutions of the hybrid machine with all 17 sensitivities: 100,000 a second on one core
-//! are wanted.
+//! are expected.
 
 use std::hint::black_box;
 

@@ -41,7 +41,7 @@ pub struct Options {
     pub hold: Vec<bool>,
     /// Share of the largest singular value up to which one counts as zero.
     pub tolerance: f64,
-    /// Whether [`LinearFit::basis`] is wanted.
+    /// Whether [`LinearFit::basis`] is expected.
     pub basis: bool,
 }
 
@@ -70,7 +70,7 @@ pub struct LinearFit {
     /// These combinations, one row of p each in the parameters' own units, largest component 1,
     /// in reduced form: each names one held parameter and what it cannot be told from.
     pub combinations: Vec<f64>,
-    /// Orthonormal basis of the columns that are not held, n × rank row-major; empty unless wanted.
+    /// Orthonormal basis of the columns that are not held, n × rank row-major; empty unless expected.
     pub basis: Vec<f64>,
 }
 

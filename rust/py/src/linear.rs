@@ -9,7 +9,7 @@ use crate::errors::IntoPy;
 
 /// Least squares of `columns` (n, p) · x = `values` (n,): solution (p,), cofactor (p, p), rank,
 /// singular values, what is held (p,), what is not identifiable (p,), the combinations that are not
-/// (k, p), and the orthonormal basis (n, rank), which has no columns unless it is wanted.
+/// (k, p), and the orthonormal basis (n, rank), which has no columns unless it is expected.
 #[pyfunction]
 pub fn linear_fit<'py>(
     py: Python<'py>,

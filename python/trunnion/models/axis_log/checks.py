@@ -111,5 +111,5 @@ def has_tip(log: AxisLog) -> bool:
                 good = False
             if not good:
                 got = f"got {str(value)!r}, expected a finite number"
-                raise DataError(f"axis log, {name}, row {row}: {got}")
+                raise DataError(f"axis log, {name}, {log.place(row)}: {got}")
     return bool(there)

@@ -16,11 +16,12 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
+from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis, Servo
-from trunnion.diagnosis.protocol import Array, Effect, Parameter
-from trunnion.models.axis_log.columns import Columns, Gridded, Places, Signals
+from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
+from trunnion.machine.effects import Owner
+from trunnion.models.axis_log.columns import Places, Signals
 from trunnion.models.axis_log.signals import AxisSignal, Units
-from trunnion.models.candidates import effect_of_columns
 
 __all__ = [
     "AXIS_EFFECTS",
@@ -48,7 +49,7 @@ class AxisEffect(Protocol):
 
     @property
     def label(self) -> str:
-        """How a sentence calls it: subject and verb."""
+        """What people call it."""
         ...
 
     @property
@@ -117,13 +118,13 @@ class ServoEffect:
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""
         parameter = Parameter(axis.units.name(self.parameter), self.unit)
-        columns = Columns(axis.blocks, axis.rows, self.column(axis, places)[:, None])
-        return effect_of_columns(_id(self, axis), (parameter,), columns, _label(self, axis))
+        columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
+        return linear(_id(self, axis), [parameter], columns, _label(self, axis))
 
-    def column(self, axis: AxisSignal, places: Places) -> Array:
+    def column(self, axis: AxisSignal, places: Places) -> Floats:
         """Change of the axis's readings by a unit of the amount, shape (blocks,)."""
 
-        def change(amount: float) -> Array:
+        def change(amount: float) -> Floats:
             return axis.place(axis.change(self._with(axis.servo, axis.units, amount)))
 
         own = getattr(axis.servo, axis.units.name(self.servo[0]))
@@ -158,7 +159,7 @@ class Friction(ServoEffect):
             Parameter(drop, unit=f"{units.large}/s", grid=peaks, bounds=(1e-9, np.inf)),
         )
         columns = FrictionColumns(axis, drop, self.column(axis, places), sense, speed)
-        return Gridded(parameters, columns).effect(_id(self, axis), _label(self, axis))
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +168,11 @@ class FrictionColumns:
 
     axis: AxisSignal
     name: str
-    coulomb: Array
-    sense: Array
-    speed: Array
+    coulomb: Floats
+    sense: Floats
+    speed: Floats
 
-    def __call__(self, values: Mapping[str, float]) -> Array:
+    def __call__(self, values: Mapping[str, float]) -> Floats:
         """Return the columns at a speed."""
         bump = self.sense * np.exp(-((self.speed / values[self.name]) ** 2))
         drop = self.axis.mean(-self.axis.through_loop(bump))
@@ -183,7 +184,7 @@ class CyclicError:
     """The load is ahead of the motor by a wave over the motor's position; its pitch is sought."""
 
     id: str = "cyclic"
-    label: str = "the {axis} axis has a cyclic error"
+    label: str = "cyclic error of the {axis} axis"
     whole_grid: bool = True
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
@@ -202,7 +203,7 @@ class CyclicError:
             Parameter(pitch, grid=seen, bounds=(0.5 * seen[0], 2 * seen[-1])),
         )
         columns = CyclicColumns(axis, pitch, waves)
-        return Gridded(parameters, columns).effect(_id(self, axis), _label(self, axis))
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
 
     def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
         """Return an axis with the cyclic error; as it is if it has one already."""
@@ -214,7 +215,7 @@ class CyclicError:
         changed: dict[str, Any] = dict(zip(names, map(float, numbers), strict=True))
         return replace(servo, **changed)
 
-    def _best_pitch(self, axis: AxisSignal, waves: Mapping[float, Array], places: Places) -> float:
+    def _best_pitch(self, axis: AxisSignal, waves: Mapping[float, Floats], places: Places) -> float:
         """Pitch at which a cyclic error alone fits best; ``waves``: columns of a grid of pitches.
 
         The grid is close enough to find the valley, not for its bottom: what a large error leaves
@@ -225,7 +226,7 @@ class CyclicError:
             return places.found[name]
         left, y = places.unexplained(axis.rows)
 
-        def gain(wave: Array) -> float:
+        def gain(wave: Floats) -> float:
             basis, sizes, _ = np.linalg.svd(left(wave), full_matrices=False)
             kept = basis[:, sizes > 1e-6 * max(float(sizes[0]), 1e-300)]
             return float(np.sum((kept.T @ y) ** 2))
@@ -247,9 +248,9 @@ class CyclicColumns:
 
     axis: AxisSignal
     name: str
-    known: Mapping[float, Array]
+    known: Mapping[float, Floats]
 
-    def __call__(self, values: Mapping[str, float]) -> Array:
+    def __call__(self, values: Mapping[str, float]) -> Floats:
         """Return the columns at a pitch."""
         pitch = values[self.name]
         waves = self.known.get(pitch)
@@ -258,7 +259,7 @@ class CyclicColumns:
         return self.axis.blocks.place(self.axis.rows, waves)
 
 
-def _waves(axis: AxisSignal, pitch: float) -> Array:
+def _waves(axis: AxisSignal, pitch: float) -> Floats:
     """Cosine and sine over the modelled position by row, (rows, 2)."""
     angle = 2 * np.pi * axis.predicted / pitch
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -269,7 +270,7 @@ class Resonance:
     """A share of the load hangs on a structure that resonates, which the loop does not see."""
 
     id: str = "resonance"
-    label: str = "the structure of the {axis} axis resonates"
+    label: str = "resonance of the structure of the {axis} axis"
     whole_grid: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
@@ -284,7 +285,7 @@ class Resonance:
             Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, 0.9)),
         )
         columns = ResonanceColumns(axis)
-        return Gridded(parameters, columns).effect(_id(self, axis), _label(self, axis))
+        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
 
     def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
         """Return the axis as it is: its structure carries all of the load or nothing."""
@@ -304,7 +305,7 @@ class Resonance:
                 [np.sum((y[:, None] - left(c)) ** 2, axis=0) for c in _resonances(axis, grid)]
             )
 
-            def miss(place: Array) -> Array:
+            def miss(place: Floats) -> Floats:
                 frequency, damping = np.exp(place)
                 return y - left(_resonance(axis, float(frequency), float(damping)))
 
@@ -326,18 +327,18 @@ class ResonanceColumns:
 
     axis: AxisSignal
 
-    def __call__(self, values: Mapping[str, float]) -> Array:
+    def __call__(self, values: Mapping[str, float]) -> Floats:
         """Return the column at a frequency and damping."""
         column = _resonance(self.axis, values["frequency_hz"], values["damping"])
         return self.axis.blocks.place(self.axis.rows, column[:, None])
 
 
-def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Array:
+def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
     """Change of an axis's readings by a structure that carries all of the load, (blocks,)."""
     return np.asarray(next(_resonances(axis, [(frequency_hz, damping)]))[:, 0])
 
 
-def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Array]:
+def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Floats]:
     """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
     servos = [replace(axis.servo, resonance_hz=f, damping=d) for f, d in places]
     for responses in axis.responses(servos, "motor"):
@@ -347,7 +348,7 @@ def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iter
 AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ServoEffect(
         "gain",
-        "the {axis} axis has another loop gain",
+        "loop gain of the {axis} axis",
         "gain_percent",
         ("gain_per_s",),
         unit="%",
@@ -355,7 +356,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ),
     ServoEffect(
         "time_constant",
-        "the {axis} axis has another time constant",
+        "time constant of the {axis} axis",
         "time_constant_ms",
         ("time_constant_ms",),
         start=0.02,
@@ -363,7 +364,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ),
     ServoEffect(
         "loop_delay",
-        "the loop of the {axis} axis has a delay",
+        "delay in the loop of the {axis} axis",
         "delay_ms",
         ("delay_ms",),
         start=0.1,
@@ -371,14 +372,14 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ),
     ServoEffect(
         "backlash",
-        "the {axis} axis has backlash",
+        "backlash of the {axis} axis",
         "backlash_{small}",
         ("backlash_{small}",),
         signed=False,
     ),
     Friction(
         "friction",
-        "the {axis} axis has friction",
+        "friction of the {axis} axis",
         "coulomb_{small}",
         ("coulomb_{small}", "breakaway_{small}"),
         signed=False,
@@ -396,13 +397,13 @@ def _log_delay(entry: LogEffect, signals: Signals, places: Places) -> Effect:
     blocks = signals.blocks
     rows = blocks.rows(0, len(signals.axes))
 
-    def change(delay_ms: float) -> Array:
+    def change(delay_ms: float) -> Floats:
         parts = [axis.mean(axis.earlier(delay_ms)) for axis in signals.axes]
         return blocks.place(rows, np.concatenate(parts))
 
     column = places.chord(entry.id, 0.1, change)[rows, None]
-    columns = Columns(blocks, rows, column)
-    return effect_of_columns(entry.id, (Parameter("delay_ms"),), columns, entry.label)
+    placed = blocks.place(rows, column)
+    return linear(entry.id, ["delay_ms"], placed, entry.label, owner=Owner.INSTRUMENT)
 
 
 def _rotary_centre(entry: LogEffect, signals: Signals, places: Places) -> Effect | None:  # noqa: ARG001
@@ -411,17 +412,14 @@ def _rotary_centre(entry: LogEffect, signals: Signals, places: Places) -> Effect
     if tip is None:
         return None
     moved = [1e3 * blocks.mean(tip.change(name)) for name in tip.offsets]
-    columns = Columns(
-        blocks,
-        blocks.rows(len(signals.axes), 3),
-        np.stack([m.T.ravel() for m in moved], axis=1),
-    )
-    return effect_of_columns(entry.id, [f"{n}_um" for n in tip.offsets], columns, entry.label)
+    columns = np.stack([m.T.ravel() for m in moved], axis=1)
+    placed = blocks.place(blocks.rows(len(signals.axes), 3), columns)
+    return linear(entry.id, [f"{n}_um" for n in tip.offsets], placed, entry.label)
 
 
 LOG_EFFECTS = (
-    LogEffect("log_delay", "the log is late", _log_delay),
-    LogEffect("rotary_centre", "the rotary axes are out of place", _rotary_centre),
+    LogEffect("log_delay", "delay of the log", _log_delay),
+    LogEffect("rotary_centre", "location of the rotary axes", _rotary_centre),
 )
 
 

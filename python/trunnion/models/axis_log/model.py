@@ -7,26 +7,17 @@ from itertools import product
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
+from trunnion.diagnosis.effect import EffectLike, EffectValues, for_compensation, with_own
+from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
-from trunnion.diagnosis.protocol import (
-    Array,
-    BaseModel,
-    Covariate,
-    EffectLike,
-    EffectValues,
-    IntArray,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
 from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
-from trunnion.models.axis_log.columns import Places, Signals, bound_to_readings
+from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
-from trunnion.models.candidates import for_compensation, own_effects
 from trunnion.setup import Setup
 
 __all__ = ["AxisLogModel", "ExtendedServo", "build"]
@@ -95,12 +86,13 @@ class AxisLogModel(BaseModel):
         self.nuisance, self._design = self._initial_states()
         places = Places(self._design, self.readings.values, chords or {})
         made = catalogue(self._signals, places)
-        self._own = own_effects(effects, [m.effect.id for m in made])
+        self._given = tuple(effects)
+        own = with_own([m.effect for m in made], effects, log)[len(made) :]
         every = range(channels)
-        own = [Located(bound_to_readings(e, self._signals), every) for e in self._own]
-        self._located = (*made, *own)
+        located = (Located(on_readings(e, len(log), self._signals), every) for e in own)
+        self._located: tuple[Located, ...] = (*made, *located)
         self._places = places.found
-        self.effects = tuple(located.effect for located in self._located)
+        self.effects = tuple(one.effect for one in self._located)
 
     def _read(self) -> Signals:
         """Axes and tool tip of the log, checked."""
@@ -135,7 +127,7 @@ class AxisLogModel(BaseModel):
         rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
         return Readings(np.concatenate(values), rows, tuple(np.repeat(units, len(blocks)).tolist()))
 
-    def _initial_states(self) -> tuple[tuple[Nuisance, ...], Array]:
+    def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
         """Position and speed of each axis at the start of each run, and their columns, (n, p)."""
         columns, nuisance = [], []
         for axis in self._signals.axes:
@@ -154,11 +146,11 @@ class AxisLogModel(BaseModel):
 
     # --- what the engine asks
 
-    def base(self, nuisance: Array) -> Array:
+    def base(self, nuisance: Floats) -> Floats:
         """Return the deviation from the servo model that initial states make."""
         return self._design @ nuisance
 
-    def base_jacobian(self, nuisance: Array) -> Array:  # noqa: ARG002
+    def base_jacobian(self, nuisance: Floats) -> Floats:  # noqa: ARG002
         """Free response of each axis of each run, from position and velocity at its start."""
         return self._design
 
@@ -182,14 +174,14 @@ class AxisLogModel(BaseModel):
             out.append(Covariate("run", blocks.run_of, classes=True))
         return tuple(out)
 
-    def _kinematic(self, order: int) -> Array:
+    def _kinematic(self, order: int) -> Floats:
         """Commanded position, speed or acceleration of each reading's axis; of the tip 0."""
         rows = self._blocks.rows(0, len(self.axes))
         parts = [axis.kinematic(order) for axis in self._signals.axes]
         return self._blocks.place(rows, np.concatenate(parts))
 
     @property
-    def components(self) -> Mapping[str, Array]:
+    def components(self) -> Mapping[str, Floats]:
         """Each axis, and each coordinate of the tool tip, by itself."""
         channel_of = self._blocks.channel_of
         return {name: (channel_of == i).astype(np.float64) for i, name in enumerate(self._channels)}
@@ -205,11 +197,11 @@ class AxisLogModel(BaseModel):
         return False
 
     @property
-    def groups(self) -> IntArray:
+    def groups(self) -> Integers:
         """Runs (feeds); of a single run five blocks of time."""
         return self._blocks.groups
 
-    def whitener(self, residuals: Array) -> Callable[[Array], Array]:
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide by the noise of each axis, after an autoregression where the noise has one.
 
         Both come from what is left when every effect of the axis is fitted at once.
@@ -233,7 +225,7 @@ class AxisLogModel(BaseModel):
                 if not located.whole_grid:
                     grids = [(g[len(g) // 2],) for g in grids]
                 places = [
-                    effect.columns(self.data, effect.values(map(float, place)))[rows][:, linear]
+                    effect.columns(effect.values(map(float, place)))[rows][:, linear]
                     for place in product(*grids)
                 ]
                 if len(places) == 1:
@@ -245,11 +237,11 @@ class AxisLogModel(BaseModel):
 
     def bind(self, data: AxisLog) -> "AxisLogModel":
         """Return the same model, with the same columns, on another log."""
-        return AxisLogModel(data, self.setup, self._own, chords=self._places)
+        return AxisLogModel(data, self.setup, self._given, chords=self._places)
 
     def extended(
         self,
-        nuisance: Array,  # noqa: ARG002
+        nuisance: Floats,  # noqa: ARG002
         effects: EffectValues,
         uncertainty: Uncertainty | None = None,
     ) -> ExtendedServo:

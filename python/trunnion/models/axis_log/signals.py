@@ -14,9 +14,9 @@ from scipy.interpolate import CubicSpline
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.protocol import Array, IntArray
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -103,15 +103,15 @@ class Blocks:
             slice(run.rows.start, run.rows.start + self.size * count)
             for run, count in zip(runs, counts, strict=True)
         ]
-        self.starts: IntArray = np.concatenate(
+        self.starts: Integers = np.concatenate(
             [np.arange(rows.start, rows.stop, self.size) for rows in self._used]
         )
         run_of = np.repeat(np.arange(len(runs)), counts)
         groups = run_of if len(runs) > 1 else np.arange(len(run_of)) * 5 // max(len(run_of), 1)
         self.channels = channels
-        self.channel_of: IntArray = np.repeat(np.arange(channels), len(self))
-        self.run_of: IntArray = np.tile(run_of, channels).astype(np.intp)
-        self.groups: IntArray = np.tile(groups, channels).astype(np.intp)
+        self.channel_of: Integers = np.repeat(np.arange(channels), len(self))
+        self.run_of: Integers = np.tile(run_of, channels).astype(np.intp)
+        self.groups: Integers = np.tile(groups, channels).astype(np.intp)
 
     def __len__(self) -> int:
         """Count of blocks: readings of one channel."""
@@ -126,7 +126,7 @@ class Blocks:
         """Readings of a channel, or of several in a row."""
         return slice(channel * len(self), (channel + channels) * len(self))
 
-    def mean(self, values: Array, axis: int = 0) -> Array:
+    def mean(self, values: Floats, axis: int = 0) -> Floats:
         """Means of values by row of the log; ``axis``: the one of the rows."""
         before, after = values.shape[:axis], values.shape[axis + 1 :]
         every = (slice(None),) * axis
@@ -136,11 +136,11 @@ class Blocks:
         ]
         return np.concatenate(parts, axis=axis)
 
-    def mean_everywhere(self, values: Array) -> Array:
+    def mean_everywhere(self, values: Floats) -> Floats:
         """Means by row, the same for every channel, shape (n,)."""
         return np.tile(self.mean(values), self.channels)
 
-    def place(self, rows: slice, values: Array) -> Array:
+    def place(self, rows: slice, values: Floats) -> Floats:
         """Values of some readings in their place, shape (n, ...); zero for the others."""
         out = np.zeros((self.count, *values.shape[1:]))
         out[rows] = values
@@ -169,8 +169,8 @@ class AxisSignal:
     channel: int
     servo: Axis
     feedback: Feedback
-    commanded: Array
-    actual: Array
+    commanded: Floats
+    actual: Floats
     runs: tuple[Run, ...]
     blocks: Blocks
 
@@ -187,37 +187,37 @@ class AxisSignal:
     # --- the servo model
 
     @cached_property
-    def predicted(self) -> Array:
+    def predicted(self) -> Floats:
         """Positions under the set-up's parameters, mm or deg, shape (rows,)."""
         return self.response(self.servo)
 
-    def response(self, servo: Axis, feedback: Feedback | None = None) -> Array:
+    def response(self, servo: Axis, feedback: Feedback | None = None) -> Floats:
         """Positions under these parameters, by row, mm or deg."""
         return np.asarray(next(self.responses([servo], feedback))[0])
 
     def responses(
         self, servos: Sequence[Axis], feedback: Feedback | None = None
-    ) -> Iterator[Array]:
+    ) -> Iterator[Floats]:
         """Positions under each of many parameters, simulated on all cores: in parts, (m, rows)."""
         batch = max(1, MAX_BATCH // len(self.commanded))
         for start in range(0, len(servos), batch):
             some = servos[start : start + batch]
             yield self._follow(some, feedback or self.feedback, self._fine_commands)
 
-    def change(self, servo: Axis) -> Array:
+    def change(self, servo: Axis) -> Floats:
         """Exact change of the response by other parameters, µm or arcsec, by row."""
         return np.asarray(self.units.scale * (self.response(servo) - self.predicted))
 
-    def through_loop(self, disturbance: Array) -> Array:
+    def through_loop(self, disturbance: Floats) -> Floats:
         """What the closed loop makes of a disturbance of the command: linear, in its unit."""
         plain = type(self.servo)(self.servo.gain_per_s, self.servo.time_constant_ms)
         return np.asarray(self._follow([plain], "motor", self._fine(disturbance))[0])
 
     @cached_property
-    def _fine_commands(self) -> list[Array]:
+    def _fine_commands(self) -> list[Floats]:
         return self._fine(self.commanded)
 
-    def _fine(self, command: Array) -> list[Array]:
+    def _fine(self, command: Floats) -> list[Floats]:
         """Commands of each run by control period: between samples a cubic spline."""
         out = []
         for run in self.runs:
@@ -228,7 +228,7 @@ class AxisSignal:
             out.append(values)
         return out
 
-    def _follow(self, servos: Sequence[Axis], feedback: Feedback, fine: Sequence[Array]) -> Array:
+    def _follow(self, servos: Sequence[Axis], feedback: Feedback, fine: Sequence[Floats]) -> Floats:
         """Load positions for commands by control period, shape (servos, rows)."""
         numbers = np.stack([Servo({self.letter: s}).row(self.letter) for s in servos])
         out = np.empty((len(servos), len(self.commanded)))
@@ -238,14 +238,14 @@ class AxisSignal:
             )
         return out
 
-    def step(self, run: Run) -> Array:
+    def step(self, run: Run) -> Floats:
         """Position and velocity a control period later, commanded to 0, by those before: (2, 2)."""
         gain, tau = self.servo.gain_per_s, self.servo.time_constant_ms * 1e-3
         e = float(np.exp(-run.control_s / tau)) if tau > 0 else 0.0
         g = tau * (1 - e)
         return np.array([[1 - gain * (run.control_s - g), g], [-gain * (1 - e), e]])
 
-    def free(self) -> Array:
+    def free(self) -> Floats:
         """Free response to 1 µm (arcsec) and to 1 µm a ms at the start of a run, (rows, 2)."""
         out = np.empty((len(self.commanded), 2))
         for run in self.runs:
@@ -256,7 +256,7 @@ class AxisSignal:
 
     # --- the modelled motion
 
-    def earlier(self, delay_ms: float) -> Array:
+    def earlier(self, delay_ms: float) -> Floats:
         """Change of the log if it shows positions of so much earlier, µm or arcsec, by row."""
         out = np.empty(len(self.commanded))
         for run in self.runs:
@@ -268,7 +268,7 @@ class AxisSignal:
             out[run.rows] = self.units.scale * (CubicSpline(t, y)(inside) + beyond - y)
         return out
 
-    def sense_and_speed(self) -> tuple[Array, Array]:
+    def sense_and_speed(self) -> tuple[Floats, Floats]:
         """Sense of travel and speed of the modelled motion by row; rest keeps the last sense."""
         sense, speed = np.zeros(len(self.commanded)), np.zeros(len(self.commanded))
         for run in self.runs:
@@ -278,7 +278,7 @@ class AxisSignal:
             sense[run.rows], speed[run.rows] = s[kept], np.abs(v)
         return sense, speed
 
-    def kinematic(self, order: int) -> Array:
+    def kinematic(self, order: int) -> Floats:
         """Commanded position, speed or acceleration of each of its readings."""
         values = self.commanded.copy()
         for run in self.runs:
@@ -288,15 +288,15 @@ class AxisSignal:
 
     # --- readings
 
-    def deviation(self) -> Array:
+    def deviation(self) -> Floats:
         """Readings: actual less modelled positions, µm or arcsec, shape (blocks,)."""
         return self.mean(self.units.scale * (self.actual - self.predicted))
 
-    def mean(self, values: Array) -> Array:
+    def mean(self, values: Floats) -> Floats:
         """Means over blocks of values by row."""
         return self.blocks.mean(values)
 
-    def place(self, values: Array) -> Array:
+    def place(self, values: Floats) -> Floats:
         """Means of values by row in the place of its readings, (n, ...); zero for the others."""
         return self.blocks.place(self.rows, self.mean(values))
 
@@ -316,8 +316,8 @@ class ToolTip:
     """
 
     chain: Chain
-    measured: Array
-    axes: Array = field(repr=False)
+    measured: Floats
+    axes: Floats = field(repr=False)
 
     @classmethod
     def of(cls, log: AxisLog, setup: Setup) -> "ToolTip":
@@ -346,15 +346,15 @@ class ToolTip:
         names = [name for name, unit in self.chain.location_errors.items() if unit == "um"]
         return tuple(n for x in reversed(self.chain.letters) for n in names if n[-1] == x)
 
-    def deviation(self) -> Array:
+    def deviation(self) -> Floats:
         """Measured less modelled tip, mm, shape (rows, 3)."""
         return self.measured - self._tip({})
 
-    def change(self, error: str) -> Array:
+    def change(self, error: str) -> Floats:
         """Change of the tip by 1 µm of an offset, mm, shape (rows, 3): exact and linear."""
         return self._tip({error: 1.0}) - self._tip({})
 
-    def _tip(self, errors: dict[str, float]) -> Array:
+    def _tip(self, errors: dict[str, float]) -> Floats:
         """Tip under location errors beside those of the set-up, table's frame, mm."""
         known = self.chain.named_errors(None)
         for name, value in errors.items():
@@ -379,8 +379,8 @@ def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:
 def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     if stop - start < MIN_SAMPLES:
         raise DataError(
-            f"axis log, rows {start} to {stop - 1}: got {stop - start} samples in a run, "
-            f"expected at least {MIN_SAMPLES}"
+            f"axis log, run from {log.place(start)} on: got {stop - start} samples, expected at "
+            f"least {MIN_SAMPLES}"
         )
     steps = np.diff(log.time_s[start:stop])
     period = float((log.time_s[stop - 1] - log.time_s[start]) / (stop - 1 - start))
@@ -388,19 +388,19 @@ def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     if uneven.max() > 0.01 * period:
         row = start + 1 + int(np.argmax(uneven))
         raise DataError(
-            f"axis log, row {row}: got {steps[row - start - 1]:.6g} s after the row before, "
+            f"axis log, {log.place(row)}: got {steps[row - start - 1]:.6g} s after the row before, "
             f"expected even sampling ({period:.6g} s within 1 %); give each run its label"
         )
     control = period if servo.period_ms is None else servo.period_ms * 1e-3
     substeps = max(1, round(period / control))
     if substeps > MAX_SUBSTEPS:
         raise DataError(
-            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected at most "
-            f"{MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
+            f"axis log, {log.place(start)}: got samples every {period * 1e3:.6g} ms, expected at "
+            f"most {MAX_SUBSTEPS} times servo.period_ms = {control * 1e3:.6g}"
         )
     if abs(period - substeps * control) > 0.01 * period:
         raise DataError(
-            f"axis log, row {start}: got samples every {period * 1e3:.6g} ms, expected a multiple "
-            f"of servo.period_ms = {control * 1e3:.6g}"
+            f"axis log, {log.place(start)}: got samples every {period * 1e3:.6g} ms, expected a "
+            f"multiple of servo.period_ms = {control * 1e3:.6g}"
         )
     return Run(slice(start, stop), period, substeps)

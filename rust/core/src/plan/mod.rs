@@ -349,7 +349,7 @@ fn clean(direction: Vector3<f64>) -> Vector3<f64> {
     direction.map(|value| if value.abs() < 1e-12 { 0.0 } else { value }).normalize()
 }
 
-/// How far an axis backs off to come from the wanted sense, rad.
+/// How far an axis backs off to come from the expected sense, rad.
 pub const BACK_OFF: f64 = 5.0 * crate::units::DEG;
 
 /// Keeps time, and where the axes came from.
@@ -368,7 +368,7 @@ impl<'a> Clock<'a> {
     }
 
     /// Turns the axes. C always comes from the round's sense (it has no ends); a tilting axis does
-    /// where both senses are wanted, and otherwise goes straight there.
+    /// where both senses are expected, and otherwise goes straight there.
     fn turn(&mut self, axes: &PlanAxes, to: &[f64; MAX_ROTARY], sense: f64, both_senses: bool) {
         let from = self.rotary.unwrap_or([0.0; MAX_ROTARY]);
         let first = self.rotary.is_none();

@@ -59,7 +59,7 @@ pub(super) fn sorted(readings: &[Reading]) -> Vec<Reading> {
 /// What is to be done to each move.
 pub(super) struct Plan<'a> {
     pub(super) moves: &'a [Move],
-    /// Change of the diameter where the moves begin, in units; wanted only where `path` has a block
+    /// Change of the diameter where the moves begin, in units; expected only where `path` has a block
     /// that goes there.
     pub(super) begin: i64,
     pub(super) lead: Option<Lead>,

@@ -1,8 +1,8 @@
-"""Which further readings would part sets of causes that explain the data alike.
+"""Which further readings would discriminate between sets of causes that explain the data alike.
 
-Each set, fitted to the readings there are, foretells new ones, with a spread that holds the noise
+Each set, fitted to the readings there are, predicts new ones, with a spread that holds the noise
 and what the old readings leave open of its parameters. If one set is true, its rivals' sums of
-squares grow by what they foretell wrongly, in units of their own spread: that growth is exact for
+squares grow by what they predict wrongly, in units of their own spread: that growth is exact for
 a refit to old and new readings together. Readings are chosen one after the other for the largest
 drop of confusion; the chance that all rivals end more than 6 from the true set is simulated.
 """
@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import lengths
 from trunnion.diagnosis.fit import Flags
-from trunnion.diagnosis.protocol import Array, IntArray, lengths
 from trunnion.diagnosis.selection import WITHIN
 
-__all__ = ["Hypothesis", "Parting"]
+__all__ = ["Discrimination", "Hypothesis"]
 
 DRAWS = 200
 SEED = 1
@@ -29,7 +31,7 @@ class Hypothesis:
 
     Attributes
     ----------
-    foretold:
+    predicted:
         Readings under the fit, old and possible new ones, shape (n,).
     columns:
         Derivative by the set's parameters, shape (n, k).
@@ -37,12 +39,12 @@ class Hypothesis:
         Penalised -2 ln L above the best set's, on the old readings.
     """
 
-    foretold: Array
+    predicted: Array
     columns: Array
     distance: float
 
 
-class Parting:
+class Discrimination:
     """Choice of new readings among candidates.
 
     Parameters
@@ -62,7 +64,7 @@ class Parting:
     ) -> None:
         self.sets = sets
         self.new = np.flatnonzero(~old)
-        self.means = [h.foretold / max(sigma, 1e-12) for h in sets]
+        self.means = [h.predicted / max(sigma, 1e-12) for h in sets]
         self.designs = []
         self.spreads = []  # covariance of each set's parameters, old readings, unit noise
         for h in sets:
@@ -122,8 +124,8 @@ class Parting:
             total += float(self.weight[i] * np.mean(clear))
         return total
 
-    def unparted(self, chosen: IntArray) -> list[tuple[int, int]]:
-        """Pairs that foretell these readings alike: less than one sigma apart in all."""
+    def alike(self, chosen: IntArray) -> list[tuple[int, int]]:
+        """Pairs that predict these readings alike: less than one sigma apart in all."""
         out = []
         for i, j in self.pairs:
             if i < j:
@@ -134,6 +136,6 @@ class Parting:
         return out
 
     def _factor(self, j: int, chosen: IntArray) -> Array:
-        """Cholesky factor of the covariance with which a set foretells the chosen readings."""
+        """Cholesky factor of the covariance with which a set predicts the chosen readings."""
         d = self.designs[j][chosen]
         return np.asarray(np.linalg.cholesky(np.eye(len(chosen)) + d @ self.spreads[j] @ d.T))

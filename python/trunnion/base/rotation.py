@@ -1,0 +1,41 @@
+"""Rotations by three angles and their exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from trunnion.base.units import Floats
+
+__all__ = ["rotations"]
+
+# ω × p = Σ ω_i (CROSS[i] @ p)
+_CROSS = np.array(
+    [
+        [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+        [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]],
+        [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]],
+    ]
+)
+
+
+def rotations(angles: Floats) -> tuple[Floats, Floats]:
+    """Return Rx(α) Ry(β) Rz(γ) and its derivative by each angle.
+
+    Parameters
+    ----------
+    angles
+        α, β, γ in rad, shape (n, 3).
+
+    Returns
+    -------
+    tuple
+        Matrices, shape (n, 3, 3), and their derivatives, shape (3, n, 3, 3).
+    """
+    turned = Rotation.from_euler("XYZ", angles).as_matrix()
+    # To turn by one angle more is to turn about that axis where the turns before have taken it.
+    axes = np.zeros((3, len(angles), 3))
+    axes[0, :, 0] = 1.0
+    axes[1, :, 1], axes[1, :, 2] = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    axes[2] = turned[:, :, 2]
+    return turned, np.tensordot(axes, _CROSS, axes=1) @ turned

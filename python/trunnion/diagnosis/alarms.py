@@ -1,0 +1,140 @@
+"""Tests of all candidates, or all terms, together; and of the scatter against repeats and noise."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.selection import Candidates
+
+__all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
+
+CAUSE_LEVEL = 0.02
+REPEAT_LEVEL = 0.005
+SCATTER_LEVEL = 0.005
+BEYOND_DOUBT = 1e-7
+PERMUTATIONS = 299
+PERMUTATION_SEED = 1
+MAX_PERMUTED = 1 << 22  # numbers that are permuted at once
+MIN_LEFT = 1e-14  # of a sum of squares: rounding
+MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
+
+
+@dataclass
+class Alarm:
+    """A test of all candidates (or all terms) together, for residuals of a fit.
+
+    ``p``: the smallest F-test p-value times the count of candidates. Where it is not beyond doubt
+    the residuals are permuted: F tests of many columns, some of which rest on a few readings, are
+    too sure of themselves when the noise has heavy tails.
+    """
+
+    gains: Callable[[Array], Array]
+    rank: IntArray
+    weight: Array  # independent places of each block
+    count: float
+    fit: Fit
+    p: float = 1.0
+
+    @classmethod
+    def of_causes(cls, c: Candidates, f: Fit) -> "Alarm":
+        """Test all candidates."""
+        alarm = cls(c.gains, c.rank, c.places, max(c.multiplicity, 1.0), f)
+        return alarm._with_gains(c.gains(f.white))
+
+    @classmethod
+    def of_terms(cls, d: Dictionary, f: Fit) -> "Alarm":
+        """Test all terms of unexplained structure."""
+        gain, rank = d.of_fit(f)
+        n = len(d.terms)
+        alarm = cls(lambda r: d.gains(r, f.basis)[0], rank, np.ones(n), max(n, 1), f)
+        return alarm._with_gains(gain)
+
+    def _with_gains(self, gain: Array) -> "Alarm":
+        if len(self.rank) and self.fit.rss > 0:
+            self.p = min(1.0, self.count * float(self._smallest(gain[:, None], self.fit.rss)[0]))
+        return self
+
+    def _smallest(self, gain: Array, rss: Array | float) -> Array:
+        """Smallest p-value, times its places, of each column of gains (b, s)."""
+        out = np.ones(gain.shape[1])
+        kinds = {(int(k), float(w)) for k, w in zip(self.rank, self.weight, strict=True)}
+        for k, w in sorted(kinds):
+            if k < 1 or k >= self.fit.dof:
+                continue
+            top = gain[(self.rank == k) & (self.weight == w)].max(axis=0)
+            d2 = max(self.fit.dof - k, 1)
+            left = np.maximum(rss - top, MIN_LEFT * np.asarray(rss))
+            out = np.minimum(out, w * special.fdtrc(k, d2, top / k / (left / d2)))
+        return out
+
+    def holds(self, level: float) -> bool:
+        """Whether it stands against permutations of the residuals."""
+        if self.p < BEYOND_DOUBT:
+            return True
+        rng = np.random.default_rng(PERMUTATION_SEED)
+        q = self.fit.basis
+        leverage = np.einsum("ij,ij->i", q, q)
+        even = self.fit.white / np.sqrt(np.maximum(1.0 - leverage, MIN_FREE))
+        most = level * (PERMUTATIONS + 1) - 1  # so many by chance are too many
+        done, worse = 0, 0
+        while done < PERMUTATIONS and worse <= most:
+            count = min(PERMUTATIONS - done, max(1, MAX_PERMUTED // len(even)))
+            r = rng.permuted(np.tile(even, (count, 1)), axis=1).T
+            r = r - q @ (q.T @ r)
+            rss = np.einsum("ij,ij->j", r, r)
+            chance = self._smallest(self.gains(r), rss) * self.count
+            worse += int(np.sum(chance <= self.p))
+            done += count
+        return worse <= most
+
+
+def scatter(case: Case, f: Fit) -> tuple[str | None, float]:
+    """Test the scatter against repeats and the stated noise: note, p in units of its level."""
+    note, p = _against_repeats(case, f)
+    sigma = case.model.readings.sigma
+    if sigma is None or note is not None:
+        return note, p
+    s = np.asarray(sigma)[case.rows]
+    chi2 = float(np.sum((f.residuals[case.rows] / s) ** 2))
+    chance = float(special.chdtrc(f.dof, chi2))
+    if chance < SCATTER_LEVEL:
+        note = (
+            f"the scatter is {np.sqrt(chi2 / f.dof):.2g} times the stated noise; no recorded "
+            "quantity explains it"
+        )
+    return note, min(p, chance / SCATTER_LEVEL)
+
+
+def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
+    repeats = case.model.replicates
+    if repeats is None:
+        return None, np.inf
+    labels = np.asarray(repeats)[case.rows]
+    _, group = np.unique(labels[labels >= 0], return_inverse=True)
+    w = f.white[labels >= 0]
+    if not len(w):
+        return None, np.inf
+    count = np.bincount(group)
+    mean = np.bincount(group, w) / count
+    pure = float(np.sum((w - mean[group]) ** 2))
+    dof_pure = int(len(w) - len(count))
+    dof_model = f.dof - dof_pure
+    if dof_pure <= 2 or dof_model <= 0 or pure <= 0:
+        return None, np.inf
+    ratio = (f.rss - pure) / dof_model / (pure / dof_pure)
+    p = float(special.fdtrc(dof_model, dof_pure, max(ratio, 0.0)))
+    if p >= REPEAT_LEVEL:
+        return None, p / REPEAT_LEVEL
+    note = (
+        f"repeats agree to {np.sqrt(pure / dof_pure):.3g}, but the model misses "
+        f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
+        "quantity explains it"
+    )
+    return note, p / REPEAT_LEVEL

@@ -1,0 +1,162 @@
+"""A model with the readings of it that are used, and what they were explained by."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.selection import BATCH_NUMBERS, MAX_DOUBLES, Candidates
+
+__all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
+
+EXACT = 1e-12  # of the largest reading: rounding
+
+
+@dataclass
+class Case:
+    """A model and the readings of it that are used.
+
+    Attributes
+    ----------
+    model, rows, whiten:
+        The model, the readings that are used, and the map of all readings to white noise.
+    plain:
+        Fit without effects.
+    linearised:
+        The candidates there.
+    """
+
+    model: Model
+    rows: IntArray
+    whiten: Whiten
+    plain: Fit
+    linearised: "Linearised"
+
+    @property
+    def values(self) -> list[list[Values]]:
+        """Of each candidate, the parameter values of its variants."""
+        return self.linearised.values
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The candidates."""
+        return self.model.effects
+
+    @property
+    def complete(self) -> bool:
+        """Whether all readings are used."""
+        return len(self.rows) == len(self.model.readings)
+
+    @cached_property
+    def candidates(self) -> Candidates:
+        """The candidates beside the plain fit."""
+        rows = slice(None) if self.complete else self.rows
+        pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
+        numbers = self.linearised.width * len(self.rows)
+        return Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+
+    @cached_property
+    def dictionary(self) -> Dictionary:
+        """Structure without a name, whitened."""
+        return Dictionary(self.model, self.rows, self.whiten)
+
+    def white(self, column: Array) -> Array:
+        """Whiten a column of all readings and take those that are used."""
+        return np.asarray(self.whiten(column))[self.rows]
+
+    def without(self, bad: IntArray) -> "Case":
+        """Return the case with these readings left out as well."""
+        if not len(bad):
+            return self
+        rows = self.rows[kept_rows(len(self.rows), bad)]
+        plain = fit(self.model, rows, (), self.model.start, {}, self.whiten)
+        return Case(self.model, rows, self.whiten, plain, self.linearised)
+
+    def exact(self, f: Fit) -> bool:
+        """Whether a fit leaves no more than rounding: there is nothing to explain then."""
+        size = float(np.max(np.abs(self.model.readings.values), initial=1.0))
+        return rms(f.residuals[self.rows]) < EXACT * size
+
+
+class Linearised:
+    """Columns of all candidates at one point, whitened: kept where few, made anew where many.
+
+    Attributes
+    ----------
+    values:
+        Of each candidate, the parameter values of its variants (linear parameters 0).
+    width:
+        Count of columns.
+    """
+
+    def __init__(self, model: Model, nuisance: Array, whiten: Whiten) -> None:
+        self.values = [grid_values(effect) for effect in model.effects]
+        linear = [sum(p.linear for p in effect.parameters) for effect in model.effects]
+        self.width = sum(len(v) * k for v, k in zip(self.values, linear, strict=True))
+        self._make = partial(_pieces, model, nuisance, whiten, self.values)
+        few = self.width * len(model.readings) <= MAX_DOUBLES
+        self._kept = list(self._make()) if few else None
+
+    def pieces(self) -> Iterable[tuple[int, Array]]:
+        """Give the number of a candidate and some of its variants (v, n, k), in order."""
+        return self._make() if self._kept is None else self._kept
+
+
+def _pieces(
+    model: Model, nuisance: Array, whiten: Whiten, values: list[list[Values]]
+) -> Iterator[tuple[int, Array]]:
+    n = len(model.readings)
+    for j, effect in enumerate(model.effects):
+        most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
+        for first in range(0, len(values[j]), most):
+            x = variant_columns(model, effect, nuisance, values[j][first : first + most])
+            yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+
+
+@dataclass
+class Explanation:
+    """What one choice of readings leads to.
+
+    Attributes
+    ----------
+    fit, rss:
+        The model with the named causes, and what they leave.
+    penalty:
+        Of causes and terms.
+    sets:
+        Candidate → variant, distance to the best set, RSS.
+    terms:
+        Unexplained structure: sentence, share of the variance.
+    alarm:
+        p-value over all tests.
+    note:
+        What repeats or the stated noise say against the model.
+    """
+
+    fit: Fit
+    rss: float
+    penalty: float
+    sets: list[tuple[dict[int, int], float, float]]
+    terms: list[tuple[str, float]]
+    alarm: float
+    candidates: Candidates
+    note: str | None = None
+
+
+def kept_rows(n: int, bad: IntArray) -> Flags:
+    """Mask of the readings that stay."""
+    mask = np.ones(n, dtype=bool)
+    mask[bad] = False
+    return mask
+
+
+def rms(r: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(r * r)))

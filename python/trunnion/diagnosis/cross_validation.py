@@ -1,0 +1,158 @@
+"""Errors of readings predicted from others: each group of readings from all other groups.
+
+Linear in the parameters about a fit. What the other groups do not identify of the nuisance
+parameters (the ball centre of a set-up that is left out) is fitted to the group itself; what they
+do not identify of an effect stays zero. Time is linear in readings, whatever the count of groups.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.fit import Fit, Flags, Whiten
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.selection import DEPENDENT
+
+__all__ = ["cross_validated"]
+
+SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
+MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
+MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
+ROUNDING = 1e-12
+
+
+def cross_validated(model: Model, rows: IntArray, f: Fit, whiten: Whiten) -> Array:
+    """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
+    labels = np.asarray(model.groups)[rows]
+    order = np.argsort(labels, kind="stable")
+    problem, start = _Problem.of(rows, f, whiten).in_groups(labels, order)
+    gram = problem.white.T @ problem.white
+    rhs = problem.white.T @ problem.y
+    frame = _frame(gram[: problem.p, : problem.p])
+    to_basis = np.asarray(np.linalg.inv(problem.basis.T @ problem.white), dtype=np.float64)
+    ordered = np.empty(len(rows))
+    for groups in _chunks(start):
+        part = slice(start[groups[0]], start[groups[-1] + 1])
+        at = start[groups] - part.start
+        ordered[part], sure = _left_out(problem, to_basis, part, at)
+        for g in groups[~sure]:
+            own = slice(start[g], start[g + 1])
+            ordered[own] = _own_fit(problem, gram, rhs, frame, own)
+    errors = np.empty(len(rows))
+    errors[order] = ordered
+    return errors
+
+
+@dataclass
+class _Problem:
+    """A linear problem about a fit: p nuisance and k effect columns, white (unit length) and raw.
+
+    ``y``: what there is to explain, to first order, effects taken out; ``residual``: what the fit
+    to all readings leaves of it; ``basis``: orthonormal basis of the white columns.
+    """
+
+    p: int
+    white: Array
+    raw: Array
+    y: Array
+    y_raw: Array
+    residual: Array
+    residual_raw: Array
+    basis: Array
+
+    @classmethod
+    def of(cls, rows: IntArray, f: Fit, whiten: Whiten) -> "_Problem":
+        """Of the parameters that the fit identifies."""
+        free = np.flatnonzero(~f.held)
+        own = np.concatenate(
+            [np.zeros(len(f.nuisance)), [f.effects[i][name] for i, name in f.names]]
+        )[free]
+        raw = f.jacobian[np.ix_(rows, free)]
+        white = np.asarray(whiten(f.jacobian))[np.ix_(rows, free)]
+        y_raw = f.residuals[rows] + raw @ own
+        y = np.asarray(whiten(f.residuals))[rows] + white @ own
+        scale = np.linalg.norm(white, axis=0)
+        white, raw = white / scale, raw / scale
+        part = f.basis.T @ y
+        residual_raw = y_raw - raw @ np.linalg.solve(f.basis.T @ white, part)
+        p = int(np.sum(free < len(f.nuisance)))
+        return cls(p, white, raw, y, y_raw, y - f.basis @ part, residual_raw, f.basis)
+
+    def in_groups(self, labels: IntArray, order: IntArray) -> tuple["_Problem", IntArray]:
+        """Sort the readings by group; with where each group starts, and where the last ends."""
+        ordered = labels[order]
+        first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
+        start = np.append(first, len(labels)).astype(np.intp)
+        residual = (self.residual, self.residual_raw)
+        rows = (self.white, self.raw, self.y, self.y_raw, *residual, self.basis)
+        return _Problem(self.p, *(x[order] for x in rows)), start
+
+
+def _chunks(start: IntArray) -> list[IntArray]:
+    """Numbers of neighbouring groups with not too many readings together."""
+    chunk = start[:-1] // MAX_ROWS
+    return np.split(np.arange(len(chunk)), np.flatnonzero(np.diff(chunk)) + 1)
+
+
+def _left_out(problem: _Problem, to_basis: Array, part: slice, at: IntArray) -> tuple[Array, Flags]:
+    """Misses of groups whose readings the others predict, and of which groups that is sure.
+
+    With q the rows of a group in the basis and e its residuals in the fit to all, the fit to the
+    others changes by -(I - q'q)^-1 q'e.
+    """
+    q = problem.basis[part]
+    e = problem.residual[part]
+    pull = np.add.reduceat(q * e[:, None], at)
+    if len(at) == 1:
+        kept = np.eye(q.shape[1]) - (q.T @ q)[None]
+    else:
+        kept = np.eye(q.shape[1]) - np.add.reduceat(q[:, :, None] * q[:, None, :], at)
+    sure = np.trace(kept, axis1=1, axis2=2) > q.shape[1] - SURE
+    doubtful = np.flatnonzero(~sure)
+    if len(doubtful):
+        sure[doubtful] = np.linalg.eigvalsh(kept[doubtful])[:, 0] > MIN_KEPT
+    kept[~sure] = np.eye(q.shape[1])
+    change = np.linalg.solve(kept, pull[:, :, None])[:, :, 0]
+    each = np.repeat(change, np.diff(np.append(at, len(q))), axis=0)
+    raw = problem.raw[part] @ to_basis
+    return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
+
+
+def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: slice) -> Array:
+    """Misses of a group of which the others do not identify all."""
+    p = problem.p
+    a, y = problem.white[part], problem.y[part]
+    matrix = gram - a.T @ a
+    b = rhs - a.T @ y
+    inverse, rest = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
+    inverse, rest = frame @ inverse @ frame.T, frame @ rest
+    cross = matrix[:p, p:]
+    effect = _pseudo_inverse(matrix[p:, p:] - cross.T @ inverse @ cross)[0] @ (
+        b[p:] - cross.T @ inverse @ b[:p]
+    )
+    beta = np.concatenate([inverse @ (b[:p] - cross @ effect), effect])
+    if rest.shape[1]:
+        beta[:p] += rest @ linear_fit(a[:, :p] @ rest, y - a @ beta).solution
+    return np.asarray(problem.y_raw[part] - problem.raw[part] @ beta)
+
+
+def _frame(gram: Array) -> Array:
+    """Directions in which all readings together identify a unit, however weakly.
+
+    What a part of them identifies is then judged by the share that it keeps.
+    """
+    w, v = np.linalg.eigh(gram)
+    some = w > ROUNDING * w.max(initial=0.0)
+    return np.asarray(v[:, some] / np.sqrt(w[some]))
+
+
+def _pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
+    """Inverse over what is identified of a Gram matrix of unit columns, and a basis of the rest."""
+    if not matrix.size:
+        return matrix, matrix
+    w, v = np.linalg.eigh(matrix)
+    some = w > DEPENDENT
+    return (v[:, some] / w[some]) @ v[:, some].T, v[:, ~some]

@@ -1,0 +1,470 @@
+"""Effects: named groups of parameters that change readings, bound to the data they change.
+
+An effect of the catalogue is built from arrays by one of four builders: :func:`linear` (fixed
+columns), :func:`periodic` (a wave whose period is sought), :func:`gridded` (columns that depend on
+nonlinear parameters), :func:`drift` (proportional to time). What an effect holds are arrays and
+small frozen classes, so that it pickles.
+
+A user's own effect is any object with ``id``, ``parameters`` and ``change(data, values)``;
+:func:`as_effect` binds it to data, :func:`with_own` adds it to a catalogue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.units import Floats, unit_of
+from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
+from trunnion.setup.names import effect_ids, iso_codes
+
+__all__ = [
+    "Effect",
+    "EffectLike",
+    "EffectValues",
+    "Parameter",
+    "Values",
+    "as_effect",
+    "drift",
+    "for_compensation",
+    "gridded",
+    "lengths",
+    "linear",
+    "periodic",
+    "wave",
+    "with_own",
+]
+
+EffectLike: TypeAlias = UserEffect
+EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
+NamedValues: TypeAlias = Mapping[str, float]
+
+NOISE_OF_ROUNDING = 1e-10  # length of a column, relative to the longest
+STEP = 1e-4  # of a nonlinear parameter, over which the derivative is differenced
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of an effect.
+
+    Attributes
+    ----------
+    name:
+        Name with its unit (``rate_um_h``).
+    unit:
+        How the unit is printed; by default read from the name.
+    grid:
+        Empty for a parameter on which the reading depends linearly. Otherwise the values from
+        which the search starts (a slip's time, a time constant, a pitch): close enough together
+        that the best one lies in the valley of the optimum.
+    bounds:
+        Smallest and largest possible value.
+    """
+
+    name: str
+    unit: str = ""
+    grid: tuple[float, ...] = ()
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+
+    def __post_init__(self) -> None:
+        """Read the unit from the name."""
+        if not self.unit:
+            object.__setattr__(self, "unit", unit_of(self.name))
+
+    @property
+    def linear(self) -> bool:
+        """Whether the reading is linear in this parameter."""
+        return not self.grid
+
+
+class Values(dict[str, float]):
+    """Parameter values by name (``values["k_um"]``), or by position (``values[0]``)."""
+
+    def __missing__(self, key: object) -> float:
+        """Value at this position."""
+        if isinstance(key, int):
+            return list(self.values())[key]
+        raise KeyError(key)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A candidate cause, bound to data: a named group of parameters that changes their readings.
+
+    Attributes
+    ----------
+    id, parameters:
+        Unique name, and the parameters in order.
+    change:
+        Change of each reading by these values, shape (n,), in the reading's own unit.
+    jacobian:
+        Derivative of ``change`` by each parameter, shape (n, k). None: the difference of
+        ``change`` over one unit, which is exact for the linear parameters.
+    label:
+        What people call it: "drift of the Z axis". Without one they read the id.
+    owner:
+        What it belongs to. Effects of a workpiece or a placement are estimated anew on other data;
+        all others are kept.
+    motion:
+        How the machine moves under this effect, or None: diagnosed but not compensated.
+    needs:
+        Columns of the data without which the effect is not looked for.
+    least:
+        Parameters at the smallest size that matters, or None. An effect that has them is looked
+        for behind the named causes: a set that explains the data as well with the effect beside
+        it, at this size or a few times it, is among the alternatives together with the effect.
+    """
+
+    id: str
+    parameters: tuple[Parameter, ...]
+    change: Callable[[NamedValues], ArrayLike]
+    jacobian: Callable[[NamedValues], ArrayLike] | None = None
+    label: str = ""
+    owner: Owner = Owner.MACHINE
+    motion: Motion | None = None
+    needs: tuple[str, ...] = ()
+    least: NamedValues | None = None
+
+    @property
+    def linear(self) -> bool:
+        """Whether every parameter is linear."""
+        return all(p.linear for p in self.parameters)
+
+    def values(self, numbers: Iterable[float]) -> Values:
+        """Numbers, in the order of the parameters, as values by name."""
+        return Values(zip((p.name for p in self.parameters), numbers, strict=True))
+
+    def info(self) -> EffectInfo:
+        """Return the entry of a catalogue."""
+        parameters = (
+            ParameterInfo(p.name, p.unit, "linear" if p.linear else "searched")
+            for p in self.parameters
+        )
+        label = self.label or self.id.replace("_", " ")
+        return EffectInfo(
+            self.id, label, self.owner, tuple(parameters), self.needs, iso_codes(self.id)
+        )
+
+    def columns(self, values: NamedValues) -> Floats:
+        """Jacobian at ``values``, shape (n, k): as given, or by differences of ``change``."""
+        if self.jacobian is not None:
+            return np.asarray(self.jacobian(values), dtype=np.float64)
+        numbers = [float(values[p.name]) for p in self.parameters]
+        out = []
+        for j, p in enumerate(self.parameters):
+            step = 1.0 if p.linear else 1e-5 * max(abs(numbers[j]), 1e-3)
+            up, down = list(numbers), list(numbers)
+            up[j] += step
+            down[j] -= step
+            rise = np.asarray(self.change(self.values(up)), dtype=np.float64)
+            out.append((rise - np.asarray(self.change(self.values(down)))) / (2 * step))
+        return np.stack(out, axis=-1)
+
+
+def lengths(columns: Floats) -> Floats:
+    """Length of each column, infinite for columns of rounding noise (sin 180°) beside the others.
+
+    Dividing by it leaves unit columns, and zeros where there was nothing.
+    """
+    size: Floats = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return np.where(size > NOISE_OF_ROUNDING * np.max(size, initial=0.0), size, np.inf)
+
+
+# --- builders
+
+
+def linear(
+    id_: str, parameters: Sequence[str | Parameter], columns: Floats, label: str = "", **more: Any
+) -> Effect:
+    """Make an effect that is linear in all its parameters.
+
+    Parameters
+    ----------
+    id_, label
+        Name for programs and for people.
+    parameters
+        k names with units.
+    columns
+        Change of each reading per unit of each parameter, shape (n, k), or (n,) for a single one.
+    **more
+        Further attributes of :class:`Effect`: ``owner``, ``motion``, ``needs``.
+    """
+    full = _parameters(parameters)
+    fixed = _Fixed(tuple(p.name for p in full), np.reshape(columns, (-1, len(full))))
+    return Effect(id_, full, fixed.change, fixed.jacobian, label, **more)
+
+
+def drift(
+    id_: str, rate: str, hours: Floats, enters: Floats, label: str = "", **more: Any
+) -> Effect:
+    """Make an effect in proportion to time.
+
+    ``hours``: time of each reading, shape (n,); ``enters``: change of each reading per unit of
+    displacement, shape (n,). Otherwise as :func:`linear`.
+    """
+    return linear(id_, [rate], enters * hours, label, **more)
+
+
+def periodic(
+    id_: str,
+    period: Parameter,
+    parts: Sequence[tuple[Floats, Floats]],
+    label: str = "",
+    *,
+    unit: str = "um",
+    **more: Any,
+) -> Effect:
+    """Make ``a cos(2π s / period) + b sin(2π s / period)``, the period sought on its grid.
+
+    Parameters
+    ----------
+    parts
+        Position s of each reading in the unit of the period, and change of the reading per unit
+        of the wave, both (n,); several are added.
+    unit
+        Of a and b, as names spell it.
+    """
+    parameters = (Parameter(f"a_{unit}"), Parameter(f"b_{unit}"), period)
+    waves = _Waves(tuple(p.name for p in parameters), tuple(parts))
+    return Effect(id_, parameters, waves.change, waves.jacobian, label, **more)
+
+
+def gridded(
+    id_: str,
+    parameters: Sequence[str | Parameter],
+    columns: Callable[[NamedValues], Floats],
+    label: str = "",
+    *,
+    slopes: Callable[[NamedValues], Floats] | None = None,
+    **more: Any,
+) -> Effect:
+    """Make an effect linear in some parameters, whose columns depend on the others.
+
+    Parameters
+    ----------
+    columns
+        Change of each reading per unit of each linear parameter, shape (n, k), at the values of
+        the nonlinear ones. An object that pickles, not a lambda.
+    slopes
+        Derivative of the change by each nonlinear parameter, shape (n, m). By default differenced
+        over 1e-4 of the parameter (relative error 1e-8 of the curvature).
+    """
+    full = _parameters(parameters)
+    shape = _Gridded(full, columns, slopes)
+    return Effect(id_, full, shape.change, shape.jacobian, label, **more)
+
+
+def wave(place: Floats, period: float, a: float, b: float) -> Floats:
+    """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
+    turn = 2 * np.pi * place / period
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.stack([cos, sin, (a * sin - b * cos) * turn / period], axis=1)
+
+
+def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
+    return tuple(p if isinstance(p, Parameter) else Parameter(p) for p in names)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fixed:
+    """Columns that do not depend on the values."""
+
+    names: tuple[str, ...]
+    columns: Floats
+
+    def change(self, values: NamedValues) -> Floats:
+        return np.asarray(self.columns @ np.array([values[name] for name in self.names]))
+
+    def jacobian(self, _: NamedValues) -> Floats:
+        return self.columns
+
+
+@dataclass(frozen=True, eq=False)
+class _Waves:
+    """A wave over positions, entering the readings with weights."""
+
+    names: tuple[str, ...]
+    parts: tuple[tuple[Floats, Floats], ...]
+
+    def change(self, values: NamedValues) -> Floats:
+        size = np.array([values[name] for name in self.names[:2]])
+        return np.asarray(self.jacobian(values)[:, :2] @ size)
+
+    def jacobian(self, values: NamedValues) -> Floats:
+        a, b, period = (values[name] for name in self.names)
+        return np.asarray(sum(w[:, None] * wave(s, period, a, b) for s, w in self.parts))
+
+
+@dataclass(frozen=True, eq=False)
+class _Gridded:
+    """Columns of the linear parameters at values of the others."""
+
+    parameters: tuple[Parameter, ...]
+    columns: Callable[[NamedValues], Floats]
+    slopes: Callable[[NamedValues], Floats] | None
+
+    def change(self, values: NamedValues) -> Floats:
+        size = np.array([values[p.name] for p in self.parameters if p.linear])
+        return np.asarray(self.columns(values) @ size)
+
+    def jacobian(self, values: NamedValues) -> Floats:
+        own = self.columns(values)
+        out = np.zeros((len(own), len(self.parameters)))
+        flat = np.array([p.linear for p in self.parameters])
+        out[:, flat] = own
+        if self.slopes is not None:
+            out[:, ~flat] = self.slopes(values)
+        elif any(values[p.name] for p in self.parameters if p.linear):
+            for j in np.flatnonzero(~flat):
+                name = self.parameters[j].name
+                step = STEP * abs(values[name])
+                up = self.change({**values, name: values[name] + step})
+                down = self.change({**values, name: values[name] - step})
+                out[:, j] = (up - down) / (2 * step)
+        return out
+
+
+# --- a user's own
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """A user's effect with the data it is bound to."""
+
+    thing: Any
+    data: Any
+
+    def change(self, values: NamedValues) -> ArrayLike:
+        return np.asarray(self.thing.change(self.data, values), dtype=np.float64)
+
+    def jacobian(self, values: NamedValues) -> ArrayLike:
+        return np.asarray(self.thing.jacobian(self.data, values), dtype=np.float64)
+
+
+def as_effect(thing: EffectLike | Effect, data: Any) -> Effect:
+    """Bind a user's effect to data; an :class:`Effect` is bound already and stays as it is.
+
+    Optional members are used where there are some: ``jacobian(data, values)``, shape (n, k);
+    ``motion(pose, values)``, without which the effect is diagnosed but not compensated; ``owner``
+    ("machine", "instrument", "workpiece", ...); ``label``, what people call it.
+
+    Raises
+    ------
+    InputError
+        The object has no ``id``, ``parameters`` or ``change``, no parameter, or an unknown owner.
+    """
+    if isinstance(thing, Effect):
+        return thing
+    missing = [n for n in ("id", "parameters", "change") if not hasattr(thing, n)]
+    if missing:
+        raise InputError(
+            f"an effect needs id, parameters and change(data, values); "
+            f"{type(thing).__name__} has no {', '.join(missing)}"
+        )
+    parameters = _parameters(thing.parameters)
+    if not parameters:
+        raise InputError(f"effect {thing.id!r}: got no parameter, expected at least one")
+    owner = getattr(thing, "owner", Owner.MACHINE)
+    try:
+        owner = Owner(owner)
+    except ValueError:
+        known = ", ".join(Owner)
+        raise InputError(
+            f"effect {thing.id!r}: owner: got {owner!r}, expected one of {known}"
+        ) from None
+    bound = _Own(thing, data)
+    return Effect(
+        id=thing.id,
+        parameters=parameters,
+        change=bound.change,
+        jacobian=bound.jacobian if hasattr(thing, "jacobian") else None,
+        label=getattr(thing, "label", ""),
+        owner=owner,
+        motion=getattr(thing, "motion", None),
+    )
+
+
+def with_own(
+    catalogue: Sequence[Effect],
+    effects: Sequence[EffectLike | Effect | str],
+    data: Any,
+    *,
+    known: Iterable[str] = (),
+) -> tuple[Effect, ...]:
+    """Return the catalogue with a user's own effects behind it, bound to the data.
+
+    Parameters
+    ----------
+    catalogue
+        The kind's own effects; asking for one of these by its id, or by its code of ISO 230-1,
+        adds nothing.
+    effects
+        Own effects and ids.
+    known
+        Further ids of the kind, of effects for which these data lack a column.
+
+    Raises
+    ------
+    InputError
+        No sequence, or an id that is taken.
+    UnknownNameError
+        An id or code that is not known.
+    """
+    if isinstance(effects, str):
+        raise InputError(
+            f"effects: got the text {effects!r}, expected a sequence of ids or effects"
+        )
+    ids = [e.id for e in catalogue]
+    ids += [name for name in known if name not in ids]
+    out = list(catalogue)
+    for thing in effects:
+        if isinstance(thing, str):
+            if not effect_ids(thing, ids):
+                raise UnknownNameError(
+                    f"effect: got {thing!r}, expected one of {', '.join(ids) or 'none'}"
+                )
+            continue
+        made = as_effect(thing, data)
+        if made.id in ids:
+            raise InputError(f"effect: got {made.id!r} twice, expected a name of its own")
+        ids.append(made.id)
+        out.append(made)
+    return tuple(out)
+
+
+def for_compensation(
+    effects: Iterable[Effect], found: Container[str], catalogued: Container[str], why_not: str
+) -> dict[str, Any]:
+    """How effects that were found act on the machine, as fields of an estimate.
+
+    Parameters
+    ----------
+    effects
+        All candidates.
+    found
+        Ids of those that were found.
+    catalogued
+        Ids that are in the machine's catalogue under the same name and with the same parameters.
+    why_not
+        Why an effect of the machine that has no ``motion`` cannot be compensated.
+    """
+    motions, not_compensable, owners = {}, {}, {}
+    whose = {
+        Owner.INSTRUMENT: "it belongs to the instrument",
+        Owner.WORKPIECE: "it belongs to the part",
+        Owner.PLACEMENT: "it belongs to the part",
+    }
+    for e in effects:
+        if e.id not in found:
+            continue
+        owners[e.id] = e.owner
+        if e.motion is not None:
+            motions[e.id] = e.motion
+        elif e.id not in catalogued or e.owner is not Owner.MACHINE:
+            not_compensable[e.id] = whose.get(e.owner, why_not)
+    return {"motions": motions, "not_compensable": not_compensable, "owners": owners}

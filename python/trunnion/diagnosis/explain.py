@@ -1,0 +1,218 @@
+"""Find the sets of causes that explain some readings, and structure that none of them makes."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
+from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
+from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Candidates, Found, search
+
+__all__ = ["best_score", "explain"]
+
+Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
+
+MAX_TERMS = 10
+MAX_SENTENCES = 3
+MAX_ALTERNATIVES = 50
+MIN_LEFT = 1e-14  # of a sum of squares: rounding
+TINY = 1e-300
+HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
+
+
+def explain(case: Case) -> Explanation:
+    """Find the sets of causes, and structure that none of them makes."""
+    plain, candidates = case.plain, case.candidates
+    found = search(candidates, plain.white)
+    nothing, named = found[-1], found[:-1]
+    alarm_cause = Alarm.of_causes(candidates, plain)
+    # Which readings to leave out is a choice of its own, and takes half of the level.
+    level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
+    demanded = (
+        bool(named)
+        and not case.exact(plain)
+        and (
+            named[0].score < nothing.score - 2 * WITHIN
+            or (alarm_cause.p < level and alarm_cause.holds(level))
+        )
+    )
+    best = named[0] if demanded else nothing
+    extended = _fit_set(case, candidates, best) if demanded else plain
+
+    terms: list[tuple[str, float]] = []
+    alarm_scan = Alarm.of_terms(case.dictionary, extended)
+    if not case.exact(extended) and (
+        (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
+        or (len(best.members) > 1 and _one_term_score(case.dictionary, plain) < best.score)
+    ):
+        best, terms, extended = _with_terms(case, extended)
+        demanded = bool(best.members)
+        named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
+
+    sets = _alternatives(case, best, named, hidden=not terms) if demanded else []
+    note, p_scatter = scatter(case, extended)
+    alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
+    penalty = best.score - plain.dof * np.log(max(best.rss, TINY))
+    return Explanation(extended, best.rss, penalty, sets, terms, alarm, candidates, note)
+
+
+def best_score(case: Case) -> float:
+    """Score of the best causes, or of the best term."""
+    found = search(case.candidates, case.plain.white)
+    return min(found[0].score, _one_term_score(case.dictionary, case.plain))
+
+
+def _alternatives(case: Case, best: Found, named: Sequence[Found], *, hidden: bool) -> Sets:
+    """List all sets within reach of the best, with what may hide behind them."""
+    sets: Sets = []
+    for f in named:
+        if f.score <= best.score + WITHIN:
+            distance = max(f.score - best.score, 0.0)
+            sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
+    if hidden:
+        sets += _behind(case, best.score, sets)
+        sets.sort(key=lambda s: s[1])
+    return sets
+
+
+def _behind(case: Case, best: float, sets: Sets) -> Sets:
+    """Sets that explain the data as well with one more effect beside them, of a size that matters.
+
+    Nothing demands the effect, but the others take its share where it is there: a tool that wears
+    while it heats up looks like one that heats up less and sooner. The size is supposed and not
+    fitted, so that it costs no penalty.
+    """
+    c = case.candidates
+    known = {frozenset(m) for m, _, _ in sets}
+    out: dict[frozenset[int], tuple[dict[int, int], float, float]] = {}
+    hidden = {j for j, effect in enumerate(case.effects) if effect.least is not None}
+    for j in sorted(hidden):
+        effect = case.effects[j]
+        change = np.asarray(effect.change(effect.least or {}), dtype=np.float64)
+        white = case.white(change)
+        own = white - case.plain.basis @ (case.plain.basis.T @ white)
+        for times in HIDDEN_SIZES:
+            for f in search(c, case.plain.white - times * own)[:-1]:
+                if f.score > best + WITHIN:
+                    break
+                for members in _expand(c, f):
+                    with_it = frozenset(members) | {j}
+                    # Where it can take another's place, that is said already.
+                    swapped = any(with_it > k and j in k and len(with_it - k) == 1 for k in known)
+                    if j in members or with_it in known or swapped:
+                        continue
+                    one = ({**members, j: 0}, max(f.score - best, 0.0), f.rss)
+                    if with_it not in out or one[1] < out[with_it][1]:
+                        out[with_it] = one
+    # A set that holds a smaller one of the kind says it again.
+    small = [k for k in (*known, *out) if k & hidden]
+    fresh = [one for with_it, one in out.items() if not any(with_it > k for k in small)]
+    return sorted(fresh, key=lambda one: one[1])
+
+
+def _fit_set(case: Case, c: Candidates, f: Found) -> Fit:
+    """Fit a set exactly, from the variants that the search chose."""
+    chosen = [(int(c.owner[b]), int(c.variant[b])) for b in f.blocks]
+    chosen = [(j, v) for j, v in chosen if j < len(case.effects)]
+    return fit(
+        case.model,
+        case.rows,
+        [case.effects[j] for j, _ in chosen],
+        case.plain.nuisance,
+        {case.effects[j].id: case.values[j][v] for j, v in chosen},
+        case.whiten,
+    )
+
+
+def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
+    """List all sets that a set of leaders stands for: candidate and its variant."""
+    out: list[dict[int, int]] = [{}]
+    for b in f.blocks:
+        alike = c.alike[int(c.owner[b])]
+        out = [{**o, i: int(c.variant[b])} for o in out for i in alike]
+    return out[:MAX_ALTERNATIVES]
+
+
+# --- structure without a name
+
+
+def _term_penalty(d: Dictionary, rank: IntArray) -> Array:
+    """Penalty of terms, on the scale of the penalties of causes."""
+    level = SCAN_LEVEL / max(len(d.terms), 1)
+    return np.asarray(special.chdtri(np.maximum(rank, 1), level) + UNNAMED_TERM_PENALTY)
+
+
+def _one_term_score(d: Dictionary, plain: Fit) -> float:
+    """Score of the best single term on the plain model."""
+    gain, rank = d.of_fit(plain)
+    m = plain.dof
+    left = np.maximum(plain.rss - gain, MIN_LEFT * plain.rss)
+    penalty = _term_penalty(d, rank) * m / np.maximum(m - rank - 1, 1)
+    return float(np.min(np.where(rank > 0, m * np.log(left) + penalty, np.inf), initial=np.inf))
+
+
+def _evidence(d: Dictionary, f: Fit) -> Array:
+    """Drop of -2 ln L of each term less its penalty."""
+    gain, rank = d.of_fit(f)
+    left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)
+    drop = f.dof * np.log(max(f.rss, TINY) / np.maximum(left, TINY))
+    value = np.where(rank > 0, drop - _term_penalty(d, rank), -np.inf)
+    # Terms that say the same are ordered by the dictionary, not by rounding.
+    return np.asarray(np.round(value, SCORE_DIGITS))
+
+
+def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float]], Fit]:
+    """Let structure without a name compete with the causes."""
+    d, c, plain = case.dictionary, case.candidates, case.plain
+    picked = _promising(d, (extended, plain))
+    both = c.beside(
+        [d.block(i)[None] for i in picked],
+        np.full(len(picked), SCAN_LEVEL / max(len(d.terms), 1)),
+        np.full(len(picked), UNNAMED_TERM_PENALTY),
+    )
+    top = search(both, plain.white)[0]
+    causes = Found(
+        frozenset(m for m in top.members if m < c.count),
+        top.score,
+        top.rss,
+        top.columns,
+        tuple(b for b in top.blocks if both.owner[b] < c.count),
+    )
+    fitted = _fit_set(case, both, causes)
+    terms: list[tuple[str, float]] = []
+    if causes.members != top.members or Alarm.of_terms(d, fitted).p < SCAN_LEVEL:
+        terms = _sentences(d, fitted)
+    return causes, terms, fitted
+
+
+def _promising(d: Dictionary, fits: Sequence[Fit]) -> list[int]:
+    """Terms with the most evidence under each fit, two at most of a covariate and kind."""
+    picked: list[int] = []
+    for f in fits:
+        per: dict[tuple[str, str], int] = {}
+        for i in map(int, np.argsort(-_evidence(d, f), kind="stable")):
+            key = (d.terms[i].covariate, d.terms[i].kind)
+            if per.get(key, 0) < 2 and i not in picked:
+                per[key] = per.get(key, 0) + 1
+                picked.append(i)
+            if sum(per.values()) >= MAX_TERMS:
+                break
+    return picked
+
+
+def _sentences(d: Dictionary, fitted: Fit) -> list[tuple[str, float]]:
+    """Quantities that explain the unnamed part about as well, best first, with their shares."""
+    value = _evidence(d, fitted)
+    gain, _ = d.of_fit(fitted)
+    sentences: dict[str, tuple[str, float]] = {}
+    for i in map(int, np.argsort(-value, kind="stable")):
+        if value[i] < value.max() - WITHIN or len(sentences) >= MAX_SENTENCES:
+            break
+        share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
+        sentences.setdefault(d.terms[i].covariate, (d.terms[i].sentence(), share))
+    return list(sentences.values())

@@ -1,0 +1,463 @@
+"""What the engine needs to know of a measurement, and nothing else.
+
+::
+
+    reading = predict(nuisance, effects) + noise
+    residual = reading - predict
+
+A *model* is bound to one set of data. It says what each reading would be, given its *nuisance*
+parameters (always fitted: location errors, placement, a circle, a ball centre) and a set of
+*effects* (candidate causes, absent unless the data demand them). The engine decides which effects
+the data demand. It knows no unit, no machine and no instrument: those are carried by the model.
+
+A new kind of data is one file with one class: subclass :class:`BaseModel`, or fill a
+:class:`LinearModel` from arrays.
+
+What an effect is, and how one is built, is in :mod:`trunnion.diagnosis.effect`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.statistics import RANK_TOLERANCE
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
+from trunnion.machine.effects import Owner
+
+__all__ = [
+    "BaseModel",
+    "Covariate",
+    "LinearModel",
+    "Model",
+    "Nuisance",
+    "Readings",
+    "Uncertainty",
+    "identity",
+]
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """A parameter that is always fitted.
+
+    What belongs to the set-up (a placement, a ball centre) is fitted anew on other data; what
+    belongs to the machine (a location error) is kept.
+    """
+
+    name: str
+    unit: str = ""
+    owner: Owner = Owner.PLACEMENT
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings of a measurement; one to several a data row.
+
+    Attributes
+    ----------
+    values:
+        Shape (n,).
+    rows:
+        Data row (counted from 0) of each reading, shape (n,).
+    unit:
+        Unit of all readings, or one a reading.
+    sigma:
+        Noise of each reading (1 σ), if it is known beforehand; None: one noise for all, estimated.
+        Readings of different noise or unit are brought to one noise by ``Model.whitener``.
+    """
+
+    values: Floats
+    rows: Integers
+    unit: str | tuple[str, ...] = "µm"
+    sigma: Floats | None = None
+
+    def __len__(self) -> int:
+        """Count of readings."""
+        return len(self.values)
+
+
+@dataclass(frozen=True)
+class Covariate:
+    """A recorded quantity in which structure is looked for when no known cause fits.
+
+    Attributes
+    ----------
+    name:
+        As a sentence calls it: "C position".
+    values:
+        Shape (n,). For classes: integers, or any labels that ``np.unique`` can sort.
+    unit:
+        Unit of the values.
+    period:
+        Length of a turn for a periodic quantity (360 for a rotary axis in degrees), else None.
+    classes:
+        The values are labels (a face, a point, a direction), not a scale.
+    sequence:
+        The values order the readings (time, row): jumps are looked for, too.
+    """
+
+    name: str
+    values: NDArray[Any]
+    unit: str = ""
+    period: float | None = None
+    classes: bool = False
+    sequence: bool = False
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How well a fit knows its parameters.
+
+    Attributes
+    ----------
+    names:
+        Nuisance parameters, then effects' as "id.parameter".
+    std_errors:
+        By name; inf for what the data cannot identify.
+    covariance:
+        In the order of the names, shape (k, k); of what can be identified.
+    sigma:
+        Noise of one reading, in the readings' unit.
+    degrees_of_freedom:
+        Of ``sigma``.
+    """
+
+    names: tuple[str, ...]
+    std_errors: Mapping[str, float]
+    covariance: Floats
+    sigma: float
+    degrees_of_freedom: int
+
+    def fields(self) -> dict[str, Any]:
+        """As fields of an :class:`~trunnion.machine.estimate.Estimate`."""
+        return {
+            "std_errors": dict(self.std_errors),
+            "names": self.names,
+            "covariance": self.covariance,
+            "sigma_um": self.sigma,
+            "degrees_of_freedom": float(self.degrees_of_freedom),
+        }
+
+
+class Model(Protocol):
+    """A model bound to data: everything the engine asks.
+
+    ``n`` readings, ``p`` nuisance parameters.
+    """
+
+    @property
+    def data(self) -> Any:
+        """The measurement."""
+        ...
+
+    @property
+    def readings(self) -> Readings:
+        """The readings."""
+        ...
+
+    @property
+    def nuisance(self) -> tuple[Nuisance, ...]:
+        """Parameters that are always fitted, p of them."""
+        ...
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Candidate causes, bound to the data."""
+        ...
+
+    @property
+    def start(self) -> Floats:
+        """Nuisance values to start from, shape (p,)."""
+        ...
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """Quantities that the residuals may depend on."""
+        ...
+
+    @property
+    def single_faults(self) -> bool:
+        """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
+        ...
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """How an unknown disturbance enters the readings, by name, each of shape (n,).
+
+        A displacement of the machine along X enters a touch with ``dir_x``, a bigger ball with 1:
+        ``{"X": dir_x, "Y": dir_y, "Z": dir_z, "every touch alike": 1}``.
+        """
+        ...
+
+    @property
+    def groups(self) -> Integers:
+        """Group of each reading for cross-validation, shape (n,): left out as a whole."""
+        ...
+
+    @property
+    def replicates(self) -> Integers | None:
+        """Equal labels for repeats of one reading, -1 for a reading without; None: no repeats."""
+        ...
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Share of the largest singular value up to which a combination is not identifiable.
+
+        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
+        has a reason for another.
+        """
+        ...
+
+    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return the readings under these values, shape (n,); effects not named are absent."""
+        ...
+
+    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return the derivative of ``predict`` by the nuisance parameters, shape (n, p)."""
+        ...
+
+    def effect_jacobian(
+        self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
+    ) -> Floats:
+        """Return the derivative of ``predict`` by one effect's parameters, shape (n, k)."""
+        ...
+
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.
+
+        Built from the residuals of the plain model. It must not mix readings of different groups.
+        """
+        ...
+
+    def bind(self, data: Any) -> Model:
+        """Return the same model on other data."""
+        ...
+
+    def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
+        """Return the machine's errors (µm, arcsec, by name) for before and after."""
+        ...
+
+    def extended(
+        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> Any:
+        """Return the extended model, in the form its kind of data is used with.
+
+        With what the fit says of the uncertainty; None: the values are exact.
+        """
+        ...
+
+
+EXACT_TOLERANCE = 1e-9
+
+
+def identity(columns: Floats) -> Floats:
+    """Whiten noise that is white already."""
+    return columns
+
+
+class BaseModel:
+    """Defaults for a :class:`Model`; a subclass gives what it has to.
+
+    Expected of a subclass: ``data``, ``readings``, ``nuisance``, ``effects``, ``base(nuisance)``,
+    ``base_jacobian(nuisance)`` and ``bind(data)``. Effects are added to the base; override
+    ``predict`` and ``effect_jacobian`` where that is not exact enough.
+    """
+
+    data: Any
+    readings: Readings
+    nuisance: tuple[Nuisance, ...]
+    effects: tuple[Effect, ...]
+
+    def base(self, nuisance: Floats) -> Floats:
+        """Return the readings without any effect, shape (n,)."""
+        raise NotImplementedError
+
+    def base_jacobian(self, nuisance: Floats) -> Floats:
+        """Return the derivative of ``base``, shape (n, p)."""
+        raise NotImplementedError
+
+    def bind(self, data: Any) -> Model:
+        """Return the same model on other data."""
+        raise NotImplementedError
+
+    @property
+    def start(self) -> Floats:
+        """Zeros."""
+        return np.zeros(len(self.nuisance))
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """The order of the rows."""
+        return (Covariate("order of measurement", self.readings.rows.astype(float), sequence=True),)
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """Every reading alike."""
+        return {"": np.ones(len(self.readings))}
+
+    @property
+    def single_faults(self) -> bool:
+        """Single readings may be false."""
+        return True
+
+    @property
+    def groups(self) -> Integers:
+        """Five blocks of rows, in order."""
+        rank = np.unique(self.readings.rows, return_inverse=True)[1]
+        return np.asarray(rank * 5 // (rank.max() + 1), dtype=np.intp)
+
+    @property
+    def replicates(self) -> Integers | None:
+        """No repeats known."""
+        return None
+
+    @property
+    def rank_tolerance(self) -> float:
+        """That of all."""
+        return RANK_TOLERANCE
+
+    def effect(self, name: str) -> Effect:
+        """Return the effect of this id."""
+        for e in self.effects:
+            if e.id == name:
+                return e
+        known = ", ".join(e.id for e in self.effects)
+        raise UnknownNameError(f"effect: got {name!r}, expected one of {known}")
+
+    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Add the change of every effect to the base."""
+        out = np.array(self.base(nuisance), dtype=np.float64)
+        for name, values in effects.items():
+            out += np.asarray(self.effect(name).change(Values(values)), dtype=np.float64)
+        return out
+
+    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:  # noqa: ARG002
+        """Jacobian of the base: effects are additive."""
+        return self.base_jacobian(nuisance)
+
+    def effect_jacobian(
+        self,
+        nuisance: Floats,  # noqa: ARG002
+        effect: Effect,
+        values: Mapping[str, float],
+    ) -> Floats:
+        """Jacobian of the effect's own change."""
+        return effect.columns(values)
+
+    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
+        """Noise taken as white and of one size."""
+        return identity
+
+    def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
+        """Nuisance parameters that belong to the machine, by name."""
+        return {
+            n.name: float(v)
+            for n, v in zip(self.nuisance, nuisance, strict=True)
+            if n.owner is Owner.MACHINE
+        }
+
+    def extended(
+        self,
+        nuisance: Floats,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,  # noqa: ARG002
+    ) -> Any:
+        """Nuisance and effects by name."""
+        names = (n.name for n in self.nuisance)
+        return {
+            "nuisance": dict(zip(names, map(float, nuisance), strict=True)),
+            "effects": {k: dict(v) for k, v in effects.items()},
+        }
+
+
+class LinearModel(BaseModel):
+    """A model from arrays: readings = design @ nuisance + effects + noise.
+
+    Parameters
+    ----------
+    data:
+        The measurement; handed to ``change`` of a user's own effects.
+    readings, nuisance, design:
+        n readings, p parameters, shape (n, p).
+    effects:
+        Candidate causes: built from arrays (:mod:`trunnion.diagnosis.effect`), or objects with
+        ``change(data, values)``.
+    covariates, components, groups, replicates:
+        As in :class:`Model`; None: the defaults of :class:`BaseModel`.
+    binder:
+        Makes this model from other data.
+    """
+
+    def __init__(
+        self,
+        data: Any,
+        readings: Readings,
+        nuisance: Sequence[Nuisance],
+        design: ArrayLike,
+        *,
+        effects: Sequence[Effect | EffectLike] = (),
+        covariates: Sequence[Covariate] | None = None,
+        components: Mapping[str, Floats] | None = None,
+        groups: ArrayLike | None = None,
+        replicates: ArrayLike | None = None,
+        binder: Callable[[Any], Model] | None = None,
+    ) -> None:
+        self.data = data
+        self.readings = readings
+        self.nuisance = tuple(nuisance)
+        self.design = np.asarray(design, dtype=np.float64)
+        self.effects = with_own((), effects, data)
+        self._covariates = covariates
+        self._components = components
+        self._groups = groups
+        self._replicates = replicates
+        self._binder = binder
+        expected = (len(readings), len(self.nuisance))
+        if self.design.shape != expected:
+            raise InputError(f"design: got shape {self.design.shape}, expected {expected}")
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """As given, or the order of the rows."""
+        return super().covariates if self._covariates is None else tuple(self._covariates)
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """As given, or every reading alike."""
+        return super().components if self._components is None else self._components
+
+    @property
+    def groups(self) -> Integers:
+        """As given, or five blocks of rows."""
+        return super().groups if self._groups is None else np.asarray(self._groups, dtype=np.intp)
+
+    @property
+    def replicates(self) -> Integers | None:
+        """As given, or none known."""
+        return None if self._replicates is None else np.asarray(self._replicates, dtype=np.intp)
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Rounding: a design that is exact has no leftovers of second order."""
+        return EXACT_TOLERANCE
+
+    def base(self, nuisance: Floats) -> Floats:
+        """Return design @ nuisance."""
+        return self.design @ nuisance
+
+    def base_jacobian(self, nuisance: Floats) -> Floats:  # noqa: ARG002
+        """Return the design."""
+        return self.design
+
+    def bind(self, data: Any) -> Model:
+        """Return the same model on other data."""
+        if self._binder is None:
+            raise InputError("this model cannot be bound to other data: it was given no binder")
+        return self._binder(data)

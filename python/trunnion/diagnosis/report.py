@@ -1,0 +1,191 @@
+"""Put what was found into a :class:`Diagnosis`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.cross_validation import cross_validated
+from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
+from trunnion.diagnosis.result import Diagnosis
+
+__all__ = ["report"]
+
+LOST = "only the outliers identify it: measure them again"
+UNDETERMINED = "these data do not determine it"
+ABSORBED = "what is always fitted absorbs it"
+TINY = 1e-300
+SINGULAR = 1e-8  # of a correlation matrix of estimates
+
+
+def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
+    """Put an explanation without the readings ``dropped`` into words and numbers.
+
+    ``case``: of all readings.
+    """
+    model, f = case.model, e.fit
+    alternatives = _alternatives(case, e)
+    rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
+    plain = case.without(dropped).plain
+    unexplained = _unexplained(e)
+    verdict = _verdict(unexplained, len(alternatives), len(dropped))
+    if verdict == "consistent":
+        f = plain
+    variance = f.rss / max(f.dof, 1)
+    gain = _gain(case, rows, plain, f)
+    sigma = float(np.sqrt(variance))
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
+    absorbed = {model.effects[i].id for i in e.candidates.invisible if i < len(model.effects)}
+    named = absorbed.union(f.effects, *(a.causes for a in alternatives))
+    names = [x.name for x in model.nuisance]
+    std = _errors_std(model, f, variance)
+    return Diagnosis(
+        verdict=verdict,
+        causes=_causes(case, e, f, variance, alternatives),
+        evidence=tuple(alternatives),
+        gain=gain,
+        unexplained=unexplained,
+        errors_before=model.location_errors(case.plain.nuisance, {}),
+        errors_after=model.location_errors(f.nuisance, f.effects),
+        errors_std=std,
+        outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
+        not_identifiable={
+            **_not_identifiable(case, plain, std),
+            **{x.id: ABSORBED for x in model.effects if x.id in absorbed},
+        },
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
+        p_value=e.alarm,
+        sigma=sigma,
+        nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
+        nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
+        units={x.name: x.unit for x in model.nuisance},
+        labels={x.id: x.label for x in model.effects if x.id in named},
+        residuals=Residuals.of(
+            model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
+        ),
+    )
+
+
+def _gain(case: Case, rows: IntArray, plain: Fit, f: Fit) -> Gain:
+    """Residuals fitted and cross-validated, on the readings that are no outliers."""
+    units, index = units_of(case.model.readings)
+    return Gain.of(
+        plain.residuals[rows],
+        f.residuals[rows],
+        cross_validated(case.model, rows, plain, case.whiten),
+        cross_validated(case.model, rows, f, case.whiten),
+        units,
+        index[rows],
+    )
+
+
+def _not_identifiable(case: Case, plain: Fit, std: dict[str, float]) -> dict[str, str]:
+    """Errors without a standard error, each with the reason."""
+    kept, every = (_errors_std(case.model, of, 1.0) for of in (plain, case.plain))
+    lost = {k for k, s in kept.items() if np.isinf(s) and np.isfinite(every[k])}
+    return {k: LOST if k in lost else UNDETERMINED for k, s in std.items() if np.isinf(s)}
+
+
+def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
+    """List the sets of causes, each once, best first."""
+    ids = [x.id for x in case.effects]
+    out: dict[frozenset[str], Alternative] = {}
+    for members, distance, rss in e.sets:
+        causes = frozenset(ids[m] for m in members)
+        if causes not in out:
+            size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
+            start = {ids[m]: case.values[m][v] for m, v in members.items()}
+            out[causes] = Alternative(causes, float(distance), float(size), start)
+    return list(out.values())
+
+
+def _verdict(unexplained: str | None, sets: int, outliers: int) -> Verdict:
+    if unexplained is not None:
+        return "unexplained"
+    if sets > 1:
+        return "ambiguous"
+    return "explained" if sets or outliers else "consistent"
+
+
+def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
+    """Return standard errors of the machine's errors that are nuisance parameters themselves."""
+    known = model.location_errors(f.nuisance, f.effects)
+    std = f.std() * np.sqrt(variance)
+    return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
+
+
+def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
+    names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
+    std = f.std() * np.sqrt(variance)
+    return Uncertainty(
+        names,
+        dict(zip(names, map(float, std), strict=True)),
+        f.covariance * variance,
+        sigma,
+        f.dof,
+    )
+
+
+def _unexplained(e: Explanation) -> str | None:
+    if e.terms:
+        (first, share), *others = e.terms
+        text = f"the residual depends on {first}: {100 * share:.0f} % of its variance"
+        if others:
+            text += "; equally consistent with " + " or ".join(s for s, _ in others)
+        return text
+    return e.note
+
+
+def _causes(
+    case: Case, e: Explanation, f: Fit, variance: float, alternatives: Sequence[Alternative]
+) -> tuple[Cause, ...]:
+    """Describe the effects of a fit, strongest first."""
+    named = alternatives[0].causes if alternatives else frozenset()
+    out = []
+    for j, effect in enumerate(case.effects):
+        if effect.id not in f.effects:
+            continue
+        numbers = f.effects[effect.id]
+        std, wald, k = _size(case, effect, f, variance)
+        chance = float(special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)))
+        owned = np.flatnonzero(e.candidates.owner == j)
+        places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
+        aliases = {
+            next(iter(a.causes - named))
+            for a in alternatives[1:]
+            if len(a.causes) == len(named) and named - a.causes == {effect.id}
+        }
+        cause = Cause(
+            effect.id,
+            {q.name: float(numbers[q.name]) for q in effect.parameters},
+            {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)},
+            min(1.0, chance * e.candidates.multiplicity * places),
+            tuple(sorted(aliases)),
+            effect.label,
+        )
+        out.append((wald, cause))
+    out.sort(key=lambda t: -t[0])
+    return tuple(cause for _, cause in out)
+
+
+def _size(case: Case, effect: Effect, f: Fit, variance: float) -> tuple[Array, float, int]:
+    """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank."""
+    p = len(case.model.nuisance)
+    at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
+    b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])
+    std = f.std()[at] * np.sqrt(variance)
+    linear = np.array([q.linear for q in effect.parameters])
+    cov = f.covariance[np.ix_(at, at)][np.ix_(linear, linear)]
+    size = np.sqrt(np.maximum(np.diag(cov), TINY))
+    inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
+    wald = float(b[linear] / size @ inverse @ (b[linear] / size))
+    rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
+    return np.where(std >= 0, std, np.inf), wald, max(rank, 1)

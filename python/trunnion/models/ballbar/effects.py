@@ -1,0 +1,214 @@
+"""Effects on ball-bar lengths of a three-axis machine, and those that any machine has.
+
+Every effect is a displacement δ of the tool point, or of a part of the bar, and enters with the
+bar's direction n: reading += n·δ. Formulas are in the package's docstring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.units import ARCSEC, Floats
+from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.machine.effects import Motion, Owner
+from trunnion.machine.linear_axes import LinearMotion
+from trunnion.models.ballbar.path import AXES, Path
+
+__all__ = ["CATALOGUED", "Bar", "ballbar_length", "cyclic", "drifts", "expansion", "three_axis"]
+
+CATALOGUED = (
+    *(f"scale_{a}" for a in AXES),
+    *(f"backlash_{a}" for a in AXES),
+    "squareness_xy",
+    "squareness_xz",
+    "squareness_yz",
+)
+"""Ids that are in the catalogue of the machine, too."""
+MIN_PITCH_MM = 4.0
+DECAYS = 10
+TIME_CONSTANTS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Bar:
+    """The bar in each reading: unit direction (n, 3), and the ball's centre (n, 3)."""
+
+    direction: Floats
+    centre_mm: Floats
+
+
+def three_axis(path: Path, bar: Bar) -> list[Effect]:
+    """Effects of a machine whose linear axes go where they are commanded."""
+    moving = path.moving
+    out = [_scale(path, bar, a) for a in moving]
+    for i, j, g in ((0, 1, -1.0), (0, 2, 1.0), (1, 2, -1.0)):
+        if i in moving and j in moving:
+            # From the centre: the constant part is the centre's anyway, and columns stay small.
+            place = (path.tips - bar.centre_mm)[:, j]
+            name = f"squareness_{AXES[i]}{AXES[j]}"
+            column = g * bar.direction[:, i] * place * 1e3 * ARCSEC
+            label = f"squareness of {AXES[j].upper()} to {AXES[i].upper()}"
+            out.append(linear(name, ["arcsec"], column, label))
+    for a in moving:
+        out += _reversal(path, bar, a)
+    out += _gain_mismatch(path, bar)
+    for a in moving:
+        out += cyclic(
+            f"cyclic_{AXES[a]}",
+            [(path.tips[:, a], bar.direction[:, a])],
+            f"cyclic error of the {AXES[a].upper()} axis",
+            LinearMotion(f"cyclic_{AXES[a]}", path.used),
+        )
+    return out
+
+
+def drifts(path: Path, bar: Bar) -> list[Effect]:
+    """Effects of the tool drifting from the ball."""
+    hours = path.hours
+    if hours is None or np.ptp(hours) == 0:
+        return []
+    return [
+        drift(
+            f"drift_{AXES[a]}",
+            "rate_um_h",
+            hours,
+            bar.direction[:, a],
+            f"drift of the tool along {AXES[a].upper()}",
+            owner=Owner.TIME,
+            needs=("time_s",),
+        )
+        for a in path.moving
+    ]
+
+
+def ballbar_length(count: int) -> Effect:
+    """Make the effect of a bar that reads longer than it is."""
+    label = "length of the ball-bar"
+    return linear("ballbar_length", ["dl_um"], np.ones(count), label, owner=Owner.INSTRUMENT)
+
+
+def _scale(path: Path, bar: Bar, axis: int) -> Effect:
+    place = (path.tips - bar.centre_mm)[:, axis]
+    column = bar.direction[:, axis] * place * 1e-3
+    return linear(f"scale_{AXES[axis]}", ["ppm"], column, f"scale of the {AXES[axis].upper()} axis")
+
+
+def _reversal(path: Path, bar: Bar, axis: int) -> list[Effect]:
+    """Backlash and reversal spike of an axis that travels both ways."""
+    sign = path.travel(path.tips[:, axis])
+    if not (np.any(sign > 0) and np.any(sign < 0)):
+        return []
+    label = f"backlash of the {AXES[axis].upper()} axis"
+    column = -0.5 * sign * bar.direction[:, axis]
+    backlash = linear(f"backlash_{AXES[axis]}", ["b_um"], column, label)
+    return [backlash, *_spike(path, bar, axis, sign)]
+
+
+def _spike(path: Path, bar: Bar, axis: int, sign: Floats) -> list[Effect]:
+    since = path.since_reversal(sign)
+    if not np.isfinite(since).any():
+        return []
+    speed = path.speed_mm_s
+    name, past = ("decay_mm", since) if speed is None else ("decay_ms", since / speed * 1e3)
+    inside = past[np.isfinite(past) & (past > 0)]
+    if not len(inside):
+        return []
+    shortest = float(np.quantile(inside, 0.02)) / 2
+    grid = tuple(map(float, np.geomspace(shortest, 60 * shortest, DECAYS)))
+    shape = Decay(name, past, -sign * bar.direction[:, axis])
+    return [
+        gridded(
+            f"reversal_spike_{AXES[axis]}",
+            ["a_um", Parameter(name, grid=grid, bounds=(shortest / 5, 300 * shortest))],
+            shape.columns,
+            f"reversal spike of the {AXES[axis].upper()} axis",
+            slopes=shape.slopes,
+        )
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Decay:
+    """``enters`` · exp(-past/decay); nothing where ``past`` is infinite."""
+
+    name: str
+    past: Floats
+    enters: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Shape (n, 1)."""
+        exponent = np.minimum(self.past / values[self.name], 700.0)
+        left = np.where(np.isfinite(self.past), np.exp(-exponent), 0.0)
+        return np.asarray((self.enters * left)[:, None])
+
+    def slopes(self, values: Mapping[str, float]) -> Floats:
+        """Shape (n, 1)."""
+        finite = np.where(np.isfinite(self.past), self.past, 0.0)
+        slope = values["a_um"] * finite / values[self.name] ** 2
+        return np.asarray(self.columns(values) * slope[:, None])
+
+
+def _gain_mismatch(path: Path, bar: Bar) -> list[Effect]:
+    if len(path.moving) < 2:
+        return []
+    speed = path.speed_mm_s
+    unit = "um" if speed is None else "ms"
+    # A distance in µm per unit of the path; a velocity in mm/s makes µm of ms.
+    size = np.ones(len(path.tips)) if speed is None else speed
+    first, *others = path.moving
+    names = [f"{AXES[a]}_{AXES[first]}_{unit}" for a in others]
+    columns = [-path.tangent[:, a] * size * bar.direction[:, a] for a in others]
+    label = "mismatch of the axes' gains"
+    return [linear("gain_mismatch", names, np.column_stack(columns), label)]
+
+
+def cyclic(
+    name: str,
+    parts: Sequence[tuple[Floats, Floats]],
+    label: str,
+    motion: Motion | None = None,
+) -> list[Effect]:
+    """Make a periodic error of positions (mm) that enter the readings with weights, summed."""
+    travel = max(float(np.ptp(place)) for place, _ in parts)
+    # Readings lie unevenly along an axis, so pitches below two of their gaps can be told.
+    shortest = max(MIN_PITCH_MM, travel / 100)
+    longest = travel / 2
+    if longest <= shortest:
+        return []
+    waves = np.arange(1 / longest, 1 / shortest, 1 / (2 * travel))
+    bounds = (0.9 / waves[-1], 1.1 / waves[0])
+    pitch = Parameter("pitch_mm", grid=tuple(map(float, 1 / waves)), bounds=bounds)
+    return [periodic(name, pitch, parts, label, motion=motion)]
+
+
+def expansion(name: str, hours: Floats | None, grows: Floats, label: str) -> Effect:
+    """Make a part grow by ppm, over time with a time constant; ``grows``: µm per ppm, (n,)."""
+    if hours is None or np.ptp(hours) == 0:
+        return linear(name, ["ppm"], grows, label)
+    minutes = hours * 60.0
+    length = float(np.ptp(minutes))
+    grid = tuple(map(float, np.geomspace(length / 40, 4 * length, TIME_CONSTANTS)))
+    tau = Parameter("tau_min", grid=grid, bounds=(length / 200, 20 * length))
+    shape = Growth(minutes, grows)
+    return gridded(name, ["ppm", tau], shape.columns, label, slopes=shape.slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """``grows`` · (1 - exp(-t/tau))."""
+
+    minutes: Floats
+    grows: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Shape (n, 1)."""
+        return np.asarray((-self.grows * np.expm1(-self.minutes / values["tau_min"]))[:, None])
+
+    def slopes(self, values: Mapping[str, float]) -> Floats:
+        """Shape (n, 1)."""
+        tau = values["tau_min"]
+        left = np.exp(-self.minutes / tau) * self.minutes / tau**2
+        return np.asarray((-values["ppm"] * self.grows * left)[:, None])

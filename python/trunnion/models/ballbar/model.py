@@ -1,0 +1,334 @@
+"""The model of ball-bar lengths that the diagnosis engine asks, and what a diagnosis says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats, Integers
+from trunnion.data.ballbar import Ballbar
+from trunnion.diagnosis.effect import (
+    Effect,
+    EffectLike,
+    EffectValues,
+    for_compensation,
+    with_own,
+)
+from trunnion.diagnosis.grid import best_place
+from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.hybrid.readings import (
+    check_enough,
+    check_near,
+    gradient_with_centres,
+    setup_index,
+    start_centres,
+)
+from trunnion.machine.estimate import Estimate
+from trunnion.models.ballbar.effects import Bar, ballbar_length, drifts
+from trunnion.models.ballbar.machine import machine_of
+from trunnion.models.ballbar.path import AXES, Path
+from trunnion.models.ballbar.settings import BallbarSettings
+from trunnion.setup import Setup
+
+__all__ = ["BallbarModel", "ExtendedBallbarModel", "build"]
+
+MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
+
+MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
+
+
+class BallbarModel(BaseModel):
+    """Ball-bar lengths, as the diagnosis engine asks for them.
+
+    Parameters
+    ----------
+    data
+        Measured lengths with commanded coordinates or joints.
+    setup
+        Tables ``[ballbar]`` and ``[hybrid]`` are read; None: their defaults.
+    effects
+        Further candidates: a user's own effects, or ids.
+
+    Raises
+    ------
+    DataError
+        Lengths more than 5 mm from the modelled ones, fewer than three readings in a set-up, or a
+        run whose readings are not in the order of time.
+    KinematicsError
+        Joints or points that the hybrid machine cannot take.
+    """
+
+    def __init__(
+        self,
+        data: Ballbar,
+        setup: Setup | None = None,
+        effects: Sequence[EffectLike | str] = (),
+    ) -> None:
+        self.data = data
+        self.setup = setup
+        self.settings = BallbarSettings.from_setup(setup)
+        self.machine = machine_of(data, setup, self.settings)
+        self.index, self.labels = setup_index(data)
+        check_enough(self.index, self.labels)
+        tips = self.machine.tips
+        self.path = Path(data, tips)
+        self._centres = start_centres(tips, data.length_mm, self.index)
+        arms = tips - self._centres[self.index]
+        reference = np.linalg.norm(arms, axis=1)
+        check_near(np.asarray(data.length_mm), reference)
+        if not (reference > 1e-3).all():
+            raise DataError("ball-bar: the commanded points coincide with the ball's centre")
+        self.bar = arms / reference[:, None]
+        reach = np.zeros((len(self.labels), 3))
+        np.maximum.at(reach, self.index, np.abs(self.bar))
+        self._seen_axes = [np.flatnonzero(row > MIN_REACH) for row in reach]
+        self.reference_um = reference * 1e3
+        sigma = self.settings.repeatability_um
+        self.readings = Readings(
+            (data.length_mm - reference) * 1e3,
+            np.arange(len(data)),
+            "µm",
+            np.full(len(data), sigma) if sigma > 0 else None,
+        )
+        self.nuisance = self._nuisance()
+        self._at: tuple[bytes, Floats, Floats] | None = None
+        self._given = tuple(effects)
+        self.effects = with_own(self._sharpened(self._catalogue()), effects, data)
+
+    def _nuisance(self) -> tuple[Nuisance, ...]:
+        """Errors of the machine, centres along the axes that the bar shows, the bar's constant."""
+        out = list(self.machine.errors)
+        for label, axes in zip(self.labels, self._seen_axes, strict=True):
+            out += [Nuisance(f"centre_{label}_{AXES[a]}_um", "µm") for a in axes]
+        if not self.settings.calibrated:
+            out.append(Nuisance("ballbar_length_um", "µm"))
+        return tuple(out)
+
+    def _catalogue(self) -> list[Effect]:
+        bar = Bar(self.bar, self._centres[self.index])
+        out = self.machine.effects(self.path, bar) + drifts(self.path, bar)
+        if self.settings.calibrated:
+            out.append(ballbar_length(len(self.data)))
+        return out
+
+    # --- the plain model
+
+    @property
+    def start(self) -> Floats:
+        """Errors known beforehand, the ball where the nominal machine puts it."""
+        start = np.zeros(len(self.nuisance))
+        start[: len(self.machine.errors)] = self.machine.start
+        return start
+
+    @property
+    def rank_tolerance(self) -> float:
+        """Weaker combinations of the 17 are left alone.
+
+        Errors of 50 µm change the readings of a circle along them by less than the noise, but a
+        fit that followed them would take the errors to where derivatives no longer hold. They have
+        no gap: the singular values of a circle fall evenly from 1 to 1e-6.
+        """
+        return MIN_SINGULAR_VALUE
+
+    def _centres_at(self, nuisance: Floats) -> Floats:
+        centres = self._centres.copy()
+        at = len(self.machine.errors)
+        for k, axes in enumerate(self._seen_axes):
+            centres[k, axes] += nuisance[at : at + len(axes)] * 1e-3
+            at += len(axes)
+        return centres
+
+    def _plain(self, nuisance: Floats) -> tuple[Floats, Floats]:
+        """Readings and their derivative without effects (the last ones are kept)."""
+        key = nuisance.tobytes()
+        if self._at is not None and self._at[0] == key:
+            return self._at[1], self._at[2]
+        errors = len(self.machine.errors)
+        centres = self._centres_at(nuisance)[self.index]
+        length, direction, gradient = self.machine.lengths(nuisance[:errors], centres)
+        full = gradient_with_centres(gradient, direction, self.index)
+        kept = list(range(errors))
+        for k, axes in enumerate(self._seen_axes):
+            kept += [errors + 3 * k + int(a) for a in axes]
+        jacobian = full[:, kept]
+        readings = length * 1e3 - self.reference_um
+        if not self.settings.calibrated:
+            readings = readings + nuisance[-1]
+            jacobian = np.column_stack([jacobian, np.ones(len(jacobian))])
+        self._at = (key, readings, jacobian)
+        return readings, jacobian
+
+    def base(self, nuisance: Floats) -> Floats:
+        """Return readings without any effect, µm, exact."""
+        return self._plain(nuisance)[0]
+
+    def base_jacobian(self, nuisance: Floats) -> Floats:
+        """Return their derivative by errors, centres and the bar's constant, exact."""
+        return self._plain(nuisance)[1]
+
+    def _sharpened(self, effects: Sequence[Effect]) -> list[Effect]:
+        """Add to each grid the value that explains these readings best, found between its points.
+
+        Ball-bar effects can stand hundreds of times above the noise: on a plain grid of pitches or
+        time constants even the right effect would leave something for others to explain.
+        """
+        readings, jacobian = self._plain(self.start)
+        scale = np.linalg.norm(jacobian, axis=0)
+        u, s, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
+        basis = u[:, s > self.rank_tolerance * s[0]]
+        residual = self.readings.values - readings
+        residual = residual - basis @ (basis.T @ residual)
+        return [self._sharp(e, basis, residual) for e in effects]
+
+    def _sharp(self, effect: Effect, basis: Floats, residual: Floats) -> Effect:
+        """Add the best value to the grid of an effect's nonlinear parameter, if it has one."""
+        if effect.linear:
+            return effect
+        parameter = next(p for p in effect.parameters if not p.linear)
+        linear = [k for k, p in enumerate(effect.parameters) if p.linear]
+
+        def explained(value: float) -> float:
+            at = {p.name: value if p is parameter else 0.0 for p in effect.parameters}
+            own = effect.columns(at)[:, linear]
+            own = own - basis @ (basis.T @ own)
+            found, *_ = np.linalg.lstsq(own, residual, rcond=1e-6)
+            return float(residual @ (own @ found))
+
+        grid = np.sort(np.array(parameter.grid))
+        value = best_place(explained, grid.tolist())
+        bottom, top = parameter.bounds
+        near = [v for v in (value * 0.998, value, value * 1.002) if bottom < v < top]
+        sharp = replace(parameter, grid=tuple(map(float, np.sort([*grid, *near]))))
+        parameters = tuple(sharp if p is parameter else p for p in effect.parameters)
+        return replace(effect, parameters=parameters)
+
+    # --- what the engine looks for structure in
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """Angle on the circle, place or joints, sense, run, feed, time or order."""
+        data = self.data
+        out: list[Covariate] = []
+        for i, j in ((0, 1), (1, 2), (0, 2)):
+            flat = np.hypot(self.bar[:, i], self.bar[:, j]) > 0.999
+            if flat.mean() > 0.2:
+                angle = np.degrees(np.arctan2(self.bar[:, j], self.bar[:, i]))
+                plane = AXES[i].upper() + AXES[j].upper()
+                angle = np.where(flat, angle, 0.0)
+                out.append(Covariate(f"angle in the {plane} plane", angle, "deg", period=360.0))
+        out += self.machine.covariates(self.path)
+        if data.sense is not None and np.ptp(data.sense) > 0:
+            out.append(Covariate("sense of travel", np.asarray(data.sense), classes=True))
+        if int(self.path.runs.max()) > 0:
+            out.append(Covariate("run", self.path.runs, classes=True))
+        if data.feed_mm_min is not None and np.ptp(data.feed_mm_min) > 0:
+            out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
+        if data.time_s is not None:
+            out.append(Covariate("time", np.asarray(data.time_s, float), "s", sequence=True))
+        out.append(
+            Covariate("order of measurement", np.arange(len(data), dtype=float), sequence=True)
+        )
+        return tuple(out)
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """A displacement of the tool point along X, Y, Z, and the bar itself."""
+        named = {AXES[a].upper(): self.bar[:, a] for a in self.path.moving}
+        return {**named, "the length": np.ones(len(self.data))}
+
+    @property
+    def groups(self) -> Integers:
+        """Runs, or with fewer than three of them fifths of each run."""
+        runs = self.path.runs
+        if int(runs.max()) >= 2 and self._runs_share_setups():
+            return runs
+        out = np.zeros(len(runs), dtype=np.intp)
+        for rows in self.path.each():
+            out[rows] = np.arange(len(rows)) * 5 // len(rows)
+        return out
+
+    def _runs_share_setups(self) -> bool:
+        """Whether every set-up has several runs, so that leaving one out keeps its centre."""
+        pairs = np.unique(np.stack([self.index, self.path.runs], axis=1), axis=0)
+        return bool(np.bincount(pairs[:, 0]).min() > 2)
+
+    @property
+    def replicates(self) -> Integers | None:
+        """Readings at one command, in one set-up, in the same sense and at the same feed."""
+        parts = [*np.round(self.machine.commands, 4).T, self.index.astype(float), self._senses()]
+        if self.data.feed_mm_min is not None:
+            parts.append(np.asarray(self.data.feed_mm_min))
+        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+        several = np.bincount(label)[label] > 1
+        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+
+    def _senses(self) -> Floats:
+        if self.data.sense is not None:
+            return np.asarray(self.data.sense, dtype=float)
+        # Without the column: turn of the tangent about the bar.
+        turn = np.cross(self.bar, self.path.tangent)
+        largest = np.argmax(np.abs(turn), axis=1)
+        return np.asarray(np.sign(np.take_along_axis(turn, largest[:, None], axis=1)[:, 0]))
+
+    # --- what a user gets
+
+    def bind(self, data: Any) -> BallbarModel:
+        """Return the same model on other lengths."""
+        if not isinstance(data, Ballbar):
+            raise InputError(f"other data: got {type(data).__name__}, expected trunnion.Ballbar")
+        return BallbarModel(data, self.setup, self._given)
+
+    def extended(
+        self,
+        nuisance: Floats,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedBallbarModel:
+        """Return errors, centres and effects by name, with the set-up."""
+        named = {n.name: float(v) for n, v in zip(self.nuisance, nuisance, strict=True)}
+        errors = {n.name for n in self.machine.errors}
+        machine = self.machine
+        return ExtendedBallbarModel(
+            setup=self.setup,
+            errors={k: v for k, v in named.items() if k in errors},
+            centres_um={k: v for k, v in named.items() if k not in errors},
+            effects={k: dict(v) for k, v in effects.items()},
+            **for_compensation(self.effects, effects, machine.catalogued, machine.why_not),
+            **({} if uncertainty is None else uncertainty.fields()),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedBallbarModel(Estimate):
+    """What a diagnosis of ball-bar lengths says of the machine.
+
+    Attributes
+    ----------
+    setup
+        The set-up of the measurement, or None.
+    errors
+        The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
+    centres_um
+        Ball centre of each set-up, from where the nominal machine puts it.
+    """
+
+    setup: Setup | None
+    centres_um: dict[str, float]
+
+    def lengths_mm(self, plan: Ballbar) -> Floats:
+        """Lengths that this machine gives on a plan, (n,); centres as the plan's lengths say."""
+        model = BallbarModel(plan, self.setup)
+        start = model.start
+        for k, nuisance in enumerate(model.nuisance):
+            start[k] = self.errors.get(nuisance.name, 0.0)
+        effects = {k: v for k, v in self.effects.items() if k in {e.id for e in model.effects}}
+        return np.asarray((model.predict(start, effects) + model.reference_um) * 1e-3)
+
+
+def build(data: Ballbar, setup: Setup | None, effects: Sequence[EffectLike | str]) -> BallbarModel:
+    """Build the model of a ball-bar test; a hybrid machine needs a set-up."""
+    return BallbarModel(data, setup, effects)

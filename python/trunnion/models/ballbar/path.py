@@ -1,0 +1,164 @@
+"""How the machine travels in a ball-bar test: runs, senses, reversals, speed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.base.errors import DataError
+from trunnion.base.units import Floats, Integers
+from trunnion.data.ballbar import Ballbar
+from trunnion.hybrid.readings import setup_index
+from trunnion.machine.linear_axes import Travel
+
+__all__ = ["AXES", "Path"]
+
+AXES = "xyz"
+#: Travel slower than this fraction of the change from one reading to the next is a standstill.
+STANDSTILL = 0.2
+#: Cosine between two steps below which the machine has turned back, where no sense is given.
+TURNS_BACK = -0.7
+MIN_TRAVEL_MM = 1e-3
+
+
+class Path:
+    """How the machine travels: runs, tangents, standstills. Everything (n, ...)."""
+
+    def __init__(self, data: Ballbar, tips: Floats) -> None:
+        index, _ = setup_index(data)
+        step = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+        typical = float(np.median(step[step > 1e-9])) if (step > 1e-9).any() else 1.0
+        change = (np.diff(index) != 0) | (step > 8 * typical)
+        for name in ("sense", "circle", "run"):
+            column = data.columns.get(name)
+            if column is not None:
+                change |= np.asarray(column)[1:] != np.asarray(column)[:-1]
+        if data.sense is None:
+            change |= _turns_back(tips)
+        self.runs: Integers = np.concatenate([[0], np.cumsum(change)]).astype(np.intp)
+        self._check_time(data)
+        self.along = np.zeros(len(tips))
+        for rows in self.each():
+            gone = np.linalg.norm(np.diff(tips[rows], axis=0), axis=1)
+            self.along[rows] = np.concatenate([[0.0], np.cumsum(gone)])
+        self.tips = tips
+        self._time_s = None if data.time_s is None else np.asarray(data.time_s, dtype=np.float64)
+        self._feed_mm_min = data.feed_mm_min
+        self.tangent = self.rate(tips)
+        self.tangent /= np.maximum(np.linalg.norm(self.tangent, axis=1), 1e-12)[:, None]
+
+    def _check_time(self, data: Ballbar) -> None:
+        """Refuse rows out of the order of time: where the machine travels is taken from it."""
+        if data.time_s is None:
+            return
+        back = np.flatnonzero((np.diff(data.time_s) < 0) & (np.diff(self.runs) == 0))
+        if len(back):
+            row = int(back[0]) + 1
+            raise DataError(
+                f"time_s ({data.place(row)}): got {data.time_s[row]:g} after "
+                f"{data.time_s[row - 1]:g}, "
+                "expected the readings in the order in which they were taken"
+            )
+
+    @property
+    def moving(self) -> list[int]:
+        """Numbers of the axes along which the tool point moves."""
+        return [a for a in range(3) if np.ptp(self.tips[:, a]) > MIN_TRAVEL_MM]
+
+    @property
+    def used(self) -> Travel:
+        """Travel of X, Y, Z along the readings."""
+        low, high = self.tips.min(axis=0), self.tips.max(axis=0)
+        return Travel(tuple(map(float, (low + high) / 2)), tuple(map(float, (high - low) / 2)))
+
+    @cached_property
+    def hours(self) -> Floats | None:
+        """Time since the first reading, h."""
+        time = self._time_s
+        return None if time is None else (time - float(np.min(time))) / 3600.0
+
+    @cached_property
+    def speed_mm_s(self) -> Floats | None:
+        """Speed along the path: from the feed, else from the times, else None."""
+        if self._feed_mm_min is not None:
+            return np.asarray(self._feed_mm_min) / 60.0
+        if self._time_s is None:
+            return None
+        pace = self.rate(self._time_s)
+        good = pace > 1e-9
+        if not good.any():
+            return None
+        return np.where(good, 1.0 / np.where(good, pace, 1.0), float(np.median(1.0 / pace[good])))
+
+    def each(self) -> list[Integers]:
+        """Rows of each run."""
+        return np.split(np.arange(len(self.runs)), np.flatnonzero(np.diff(self.runs)) + 1)
+
+    def rate(self, values: Floats) -> Floats:
+        """Change per mm of path of a quantity along each run, second order at the ends too."""
+        out = np.zeros_like(values)
+        for rows in self.each():
+            place = self.along[rows]
+            # readings where the machine stood count once
+            kept = np.flatnonzero(np.diff(place, prepend=-np.inf) > 1e-9)
+            which = np.searchsorted(kept, np.arange(len(rows)), side="right") - 1
+            moved = rows[kept]
+            if len(moved) == 2:
+                out[rows] = values[moved[1]] - values[moved[0]]
+            elif len(moved) > 2:
+                slope = np.gradient(values[moved], place[kept], axis=0, edge_order=2)
+                out[rows] = slope[which]
+        return out
+
+    def travel(self, values: Floats) -> Floats:
+        """Sign of travel of a quantity; 0 where it stands still between two signs."""
+        rate = self.rate(values)
+        out = np.sign(rate)
+        for rows in self.each():
+            if len(rows) > 2:
+                least = STANDSTILL * float(np.max(np.abs(np.diff(rate[rows])), initial=0.0))
+                out[rows] = np.where(np.abs(rate[rows]) < least, 0.0, out[rows])
+        return out
+
+    def since_reversal(self, sign: Floats) -> Floats:
+        """Path (mm) since the sign last changed in the run; inf before the first change.
+
+        A reversal between two readings counts from where the rate vanishes, the reading nearest.
+        """
+        out = np.full(len(sign), np.inf)
+        for rows in self.each():
+            last, since = 0.0, np.inf
+            for k, row in enumerate(rows):
+                now = sign[row]
+                if now == 0.0 and last != 0.0:
+                    since = self.along[row]
+                elif now != 0.0:
+                    if (last != 0.0 and now != last and not np.isfinite(since)) or (
+                        last != 0.0 and now != last and self._older(since, rows, k, sign)
+                    ):
+                        since = 0.5 * (self.along[row] + self.along[rows[k - 1]])
+                    last = now
+                if np.isfinite(since):
+                    out[row] = self.along[row] - since
+        return out
+
+    def _older(self, since: float, rows: Integers, k: int, sign: Floats) -> bool:
+        """Whether the reversal noted is not the one that ends at this reading."""
+        return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
+
+
+def _turns_back(tips: Floats) -> NDArray[np.bool_]:
+    """Steps (n - 1,) with which the machine goes back where it came from: a new run.
+
+    Standstill before such a step belongs to the new run but for its first reading.
+    """
+    step = np.diff(tips, axis=0)
+    size = np.linalg.norm(step, axis=1)
+    moving = np.flatnonzero(size > 1e-9)
+    way = step[moving] / size[moving, None]
+    out = np.zeros(len(step), dtype=bool)
+    for k in np.flatnonzero(np.einsum("ij,ij->i", way[:-1], way[1:]) < TURNS_BACK) + 1:
+        out[min(moving[k - 1] + 1, moving[k])] = True
+    return out

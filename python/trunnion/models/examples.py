@@ -1,0 +1,158 @@
+"""A small measurement of each kind, with every optional column: what a catalogue is listed from.
+
+The same measurements are what the tests of the protocol run on, so that a kind gets them with its
+entry in :mod:`trunnion.models.kinds`. Noise and errors of the machine are small; no effect acts.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.units import Floats
+from trunnion.contouring.paths import Path
+from trunnion.contouring.servo import Servo
+from trunnion.contouring.simulation import simulate as simulate_contour
+from trunnion.data.axis_log import AxisLog
+from trunnion.data.ballbar import Ballbar
+from trunnion.data.diameters import Diameters
+from trunnion.data.points import Points
+from trunnion.data.sweep import Sweep
+from trunnion.data.touches import Touches
+from trunnion.hybrid import Mechanism, ballbar_plan
+from trunnion.machine.chain import Chain
+from trunnion.probing.plan import plan
+from trunnion.probing.simulate import simulate
+from trunnion.setup import Artefact, Setup
+
+__all__ = ["axis_log", "ballbar", "diameters", "hybrid_ballbar", "points", "sweep", "touches"]
+
+SEED = 1
+NOISE_UM = 0.3
+
+
+def touches() -> tuple[Touches, Setup]:
+    """Touches of the cross, from both senses of turning, at two feeds."""
+    setup = Setup(artefact=Artefact("cross"))
+    positions = plan(
+        setup,
+        c_deg=(0.0, 90.0, 180.0, 270.0),
+        a_deg=(90.0, -90.0),
+        feeds_mm_min=(300.0, 600.0),
+        both_senses=True,
+    )
+    errors = {"EX0C": 15.0, "EY0A": -10.0}
+    placement = {"dx_um": 20.0, "rc_arcsec": 10.0}
+    return simulate(positions, setup, errors, placement, noise_um=NOISE_UM, seed=SEED), setup
+
+
+def points() -> tuple[Points, None]:
+    """Two measurements, each a set-up of its own, of the same features in space."""
+    grid = np.meshgrid(*(200.0 * np.linspace(0.0, 1.0, n) ** 1.1 for n in (6, 4, 3)), indexing="ij")
+    nominal = np.tile(np.stack([x.ravel() for x in grid], axis=1), (2, 1))
+    rows = np.arange(len(nominal))
+    # the guide of X has a kink, which no named effect makes
+    kink = np.maximum(nominal[:, :1] - 120.0, 0.0) * [0.0, 1e-4, 0.0]
+    measured = nominal + kink + 1e-3 * NOISE_UM * _normal(nominal.shape)
+    columns = {f"nominal_{a}_mm": nominal[:, i] for i, a in enumerate("xyz")}
+    columns |= {f"{a}_mm": measured[:, i] for i, a in enumerate("xyz")}
+    return Points(columns, time_s=30.0 * rows, group=rows * 2 // len(rows)), None
+
+
+def sweep() -> tuple[Sweep, None]:
+    """Three targets at different heights, there and back."""
+    there = np.arange(0.0, 360.0, 15.0)
+    angle = np.concatenate([there, there[::-1]])
+    turn = np.radians(angle)
+    parts = [
+        np.column_stack([r * np.cos(turn + phase), r * np.sin(turn + phase), np.full_like(turn, h)])
+        for r, phase, h in ((100.0, 0.3, 0.0), (150.0, 2.0, 60.0), (80.0, 4.0, -40.0))
+    ]
+    place = np.concatenate(parts)
+    place = place + 1e-3 * NOISE_UM * _normal(place.shape)
+    columns: dict[str, Any] = {f"{a}_mm": place[:, i] for i, a in enumerate("xyz")}
+    data = Sweep(
+        columns,
+        angle_deg=np.tile(angle, len(parts)),
+        target=np.repeat(np.arange(1, len(parts) + 1), len(angle)),
+        time_s=10.0 * np.arange(len(place)),
+    )
+    return data, None
+
+
+def diameters() -> tuple[Diameters, Setup]:
+    """Two passes, the second with twice the depth, another coolant and reversed feed."""
+    z = np.linspace(5.0, 95.0, 19)
+    back = np.repeat([False, True], len(z))
+    z = np.tile(z, 2)
+    data = Diameters(
+        {"pass": np.where(back, "2", "1")},
+        z_mm=z,
+        error_um=NOISE_UM * _normal(z.shape),
+        time_s=1.2 * np.where(back, z, 100.0 - z),
+        feed_sign=np.where(back, 1, -1),
+        depth_mm=np.where(back, 1.0, 0.5),
+        diameter_mm=np.full(len(z), 40.0),
+        spindle_rpm=np.full(len(z), 1000.0),
+        coolant=np.where(back, "wet", "dry"),
+    )
+    return data, Setup(
+        artefact=Artefact("none"), turning={"overhang_mm": 100.0, "feed_mm_rev": 0.05}
+    )
+
+
+def ballbar() -> tuple[Ballbar, None]:
+    """Circles of a three-axis machine in the three planes, both senses."""
+    turn = np.radians(np.arange(0.0, 365.0, 5.0))
+    turn = np.concatenate([turn, turn[::-1]])
+    place, zero = [], np.zeros_like(turn)
+    for i, j in ((0, 1), (1, 2), (0, 2)):
+        circle = [zero, zero, zero]
+        circle[i], circle[j] = 100.0 * np.cos(turn), 100.0 * np.sin(turn)
+        place.append(np.column_stack(circle))
+    tip = np.concatenate(place)
+    columns = {f"{a}_mm": tip[:, i] for i, a in enumerate("xyz")}
+    data = Ballbar(
+        columns,
+        setup=np.repeat([0, 1, 2], len(turn)),
+        length_mm=100.0 + 1e-3 * NOISE_UM * _normal((len(tip),)),
+        sense=np.tile(np.repeat([1, -1], len(turn) // 2), 3),
+        feed_mm_min=np.full(len(tip), 600.0),
+        time_s=1.0 * np.arange(len(tip)),
+    )
+    return data, None
+
+
+def hybrid_ballbar() -> tuple[Ballbar, Setup]:
+    """Circles of the hybrid parallel machine about one ball."""
+    data = ballbar_plan(Mechanism(), np.array([0.0, -350.0, -1400.0]), step_deg=10.0)
+    length = data.length_mm + 1e-3 * NOISE_UM * _normal((len(data),))
+    return data.with_columns(length_mm=length, time_s=1.0 * np.arange(len(data))), Setup(
+        artefact=Artefact("none")
+    )
+
+
+def axis_log() -> tuple[AxisLog, Setup]:
+    """X, Y, Z, A and C along a curve at two feeds, with the tool tip."""
+    table = {
+        "period_ms": 1.0,
+        **{axis: {"gain_per_s": 80.0, "time_constant_ms": 5.7} for axis in "XYZAC"},
+    }
+    servo = Servo.from_table(table)
+    logs = [
+        simulate_contour(Path.paper(), feed, controller="independent", servo=servo).axis_log(
+            noise_um=NOISE_UM, noise_arcsec=1.0, seed=SEED + i, run=f"{feed:g} mm/min"
+        )[::8]
+        for i, feed in enumerate((3000.0, 6000.0))
+    ]
+    log = AxisLog.concatenate(logs)
+    setup = Setup(artefact=Artefact("none"), servo=table)
+    chain = Chain(setup)
+    axes = np.column_stack([log.actual(letter) for letter in f"xyz{chain.letters.lower()}"])
+    tip = chain.machine({"EX0C": 5.0, "EZ0A": -8.0}).forward(axes)[:, :3]
+    return log.with_columns(**{f"tip_{a}_mm": tip[:, i] for i, a in enumerate("xyz")}), setup
+
+
+def _normal(shape: tuple[int, ...]) -> Floats:
+    return np.random.default_rng(SEED).standard_normal(shape)

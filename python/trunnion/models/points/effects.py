@@ -1,0 +1,308 @@
+"""Effects on points: what the axes of a machine do to features, one entry each in `entries`.
+
+An entry says how its columns follow from the programmed places, so that the same effect can be
+bound to any points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import combinations, permutations
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+from trunnion.base.smooth import Modes
+from trunnion.base.units import ARCSEC, Floats
+from trunnion.data.points import Points
+from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
+from trunnion.machine.effects import Owner
+from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
+from trunnion.models.points.geometry import AXES, Places, groups_of
+
+__all__ = ["CATALOGUED", "OF_TIME", "Field", "catalogue", "in_every_coordinate"]
+
+CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
+"""Ids that are in the catalogue of the machine, too."""
+OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
+MAX_MOMENTS = 48
+
+Shape: TypeAlias = Callable[[Points, Places], Floats]
+"""Change of the readings per unit of each parameter, shape (n d, k)."""
+
+
+class Entry(Protocol):
+    """An entry of the catalogue."""
+
+    def effect(self, points: Points, places: Places, /) -> Effect | None:
+        """Return the effect, bound to points; None if these cannot show it."""
+        ...
+
+
+@dataclass(frozen=True)
+class LinearError:
+    """An error of the axes as a function of the place, linear in its parameters.
+
+    ``moves``: the linear axes move so wherever they stand (:class:`LinearMotion`).
+    """
+
+    id: str
+    parameters: tuple[str, ...]
+    label: str
+    shape: Shape
+    owner: Owner = Owner.MACHINE
+    moves: bool = False
+
+    def effect(self, points: Points, places: Places) -> Effect:
+        """Return the effect, bound to points."""
+        return linear(
+            self.id,
+            self.parameters,
+            self.shape(points, places),
+            self.label,
+            owner=self.owner,
+            motion=LinearMotion(self.id, places.used) if self.moves else None,
+        )
+
+
+@dataclass(frozen=True)
+class PeriodicError:
+    """A wave along an axis (a screw, a scale), its pitch sought."""
+
+    axis: int
+
+    def effect(self, points: Points, places: Places) -> Effect | None:
+        """Return the effect, bound to points; None if the travel is too short for a pitch."""
+        grid = places.pitches(self.axis)
+        if not grid:
+            return None
+        pitch = Parameter("pitch_mm", grid=grid, bounds=(grid[-1] * 0.8, grid[0] * 1.25))
+        place = np.repeat(points.nominal_mm[:, self.axis], points.dimension)
+        enters = _enter(points, self.axis, np.ones(len(points)))
+        return periodic(
+            f"periodic_{AXES[self.axis]}",
+            pitch,
+            [(place, enters)],
+            f"periodic error of the {AXES[self.axis].upper()} axis",
+            motion=LinearMotion(f"periodic_{AXES[self.axis]}", places.used),
+        )
+
+
+@dataclass(frozen=True)
+class Drift:
+    """An axis drifts from the instrument, in proportion to time or to the order of the points."""
+
+    axis: int
+
+    def effect(self, points: Points, _: Places) -> Effect:
+        """Return the effect, bound to points."""
+        return drift(
+            f"drift_{AXES[self.axis]}",
+            "total_um" if points.time_s is None else "rate_um_h",
+            np.repeat(_elapsed(points), points.dimension),
+            _enter(points, self.axis, np.ones(len(points))),
+            f"drift of the {AXES[self.axis].upper()} axis",
+            owner=Owner.TIME,
+        )
+
+
+@dataclass(frozen=True)
+class Slip:
+    """The part slips on the instrument at a moment."""
+
+    def effect(self, points: Points, _: Places) -> Effect | None:
+        """Return the effect, bound to points; None if there is but one moment."""
+        when = _moments(points)
+        moments = np.unique(when)
+        between = (moments[1:] + moments[:-1]) / 2
+        if len(between) < 2:
+            return None
+        grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
+        name = "row" if points.time_s is None else "t0_s"
+        shape = SlipShape(name, when, groups_of(points)[1], points.dimension)
+        return gridded(
+            "setup_shift",
+            [
+                *(f"d{a}_um" for a in AXES[: points.dimension]),
+                Parameter(name, grid=grid, bounds=(moments[0], moments[-1])),
+            ],
+            shape.columns,
+            "slip of the part on the instrument",
+            slopes=shape.slopes,
+            owner=Owner.PLACEMENT,
+        )
+
+
+def entries(dimension: int) -> list[Entry]:
+    """Return every entry of the catalogue for points in a plane or in space, but for the field."""
+    axes = range(dimension)
+    name = [f"the {a.upper()} axis" for a in AXES]
+    out: list[Entry] = [
+        LinearError(
+            f"scale_{AXES[i]}", ("ppm",), f"scale of {name[i]}", partial(_slope, i, i, 1e-3)
+        )
+        for i in axes
+    ]
+    # Λ_xy −= g, Λ_xz += g, Λ_yz −= g
+    out += [
+        LinearError(
+            f"squareness_{AXES[i]}{AXES[j]}",
+            ("arcsec",),
+            f"squareness of {AXES[j].upper()} to {AXES[i].upper()}",
+            partial(_slope, i, j, (1e3 if (i, j) == (0, 2) else -1e3) * ARCSEC),
+        )
+        for i, j in combinations(axes, 2)
+    ]
+    out += [
+        LinearError(
+            f"positioning_{AXES[i]}",
+            ("a2_um", "a3_um"),
+            f"positioning of {name[i]}, beyond its scale",
+            partial(_bow, i, i),
+            moves=True,
+        )
+        for i in axes
+    ]
+    out += [
+        LinearError(
+            f"straightness_{AXES[j]}_of_{AXES[i]}",
+            ("a2_um", "a3_um"),
+            f"straightness of {name[i]} in {AXES[j].upper()}",
+            partial(_bow, j, i),
+            moves=True,
+        )
+        for i, j in permutations(axes, 2)
+    ]
+    out += [
+        LinearError(
+            f"angular_{AXES[about]}_of_{AXES[i]}",
+            ("a1_arcsec", "a2_arcsec"),
+            f"angular error of {name[i]} about {AXES[about].upper()}",
+            partial(_angular, about, i),
+            moves=True,
+        )
+        for i in axes
+        for about in ((2,) if dimension == 2 else range(3))
+    ]
+    out += [PeriodicError(i) for i in axes]
+    expansion = "thermal expansion of the part"
+    out.append(LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE))
+    out += [Drift(i) for i in axes]
+    return [*out, Slip()]
+
+
+def catalogue(points: Points, places: Places) -> list[Effect]:
+    """All named candidates for which these points have the columns."""
+    made = (entry.effect(points, places) for entry in entries(points.dimension))
+    return [e for e in made if e is not None]
+
+
+# --- how the places enter
+
+
+def _enter(p: Points, axis: int, change: Floats) -> Floats:
+    """Readings, (n d,), changed in one coordinate by ``change`` (n,)."""
+    out = np.zeros((len(p), p.dimension))
+    out[:, axis] = change
+    return out.reshape(-1)
+
+
+def _slope(into: int, along: int, size: float, p: Points, _: Places) -> Floats:
+    """Proportional to the programmed place along one axis, in one coordinate."""
+    return _enter(p, into, size * p.nominal_mm[:, along])[:, None]
+
+
+def _larger(p: Points, _: Places) -> Floats:
+    return np.asarray(p.nominal_mm.reshape(-1, 1) * 1e-3)
+
+
+def _bow(into: int, axis: int, p: Points, places: Places) -> Floats:
+    return _readings(bow(into, axis, p.nominal_mm, places.used), p)
+
+
+def _angular(about: int, axis: int, p: Points, places: Places) -> Floats:
+    return _readings(angular(about, axis, p.nominal_mm, places.used), p)
+
+
+def _readings(moved: Floats, p: Points) -> Floats:
+    """Displacements (n, 3, k) as columns of the readings, (n d, k)."""
+    return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
+
+
+def _elapsed(p: Points) -> Floats:
+    """Hours since the first point of the group; without times the order, 0 to 1 in the group."""
+    _, group = groups_of(p)
+    out = np.zeros(len(p))
+    for g in range(int(group.max()) + 1):
+        mine = group == g
+        if p.time_s is not None:
+            out[mine] = (p.time_s[mine] - p.time_s[mine].min()) / 3600.0
+        else:
+            out[mine] = np.linspace(0.0, 1.0, int(mine.sum()))
+    return out
+
+
+def _moments(p: Points) -> Floats:
+    """Times, or row numbers where there are none."""
+    return np.arange(len(p), dtype=float) if p.time_s is None else np.asarray(p.time_s)
+
+
+@dataclass(frozen=True, eq=False)
+class SlipShape:
+    """Shift of all that comes later in the same set-up; the moment lies between rows."""
+
+    name: str
+    when: Floats
+    group: Any
+    dimension: int
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Columns of the shift, shape (n d, d)."""
+        after = self.when >= values[self.name]
+        if after.any():
+            after &= self.group == self.group[after][np.argmin(self.when[after])]
+        return in_every_coordinate(after[:, None].astype(float), self.dimension)
+
+    def slopes(self, _: Mapping[str, float]) -> Floats:
+        """No derivative by the moment, shape (n d, 1)."""
+        return np.zeros((len(self.when) * self.dimension, 1))
+
+
+def in_every_coordinate(f: Floats, d: int) -> Floats:
+    """Functions of the place (n, k) as columns of the readings, (n d, d k)."""
+    n, k = f.shape
+    out = np.zeros((n, d, d, k))
+    for i in range(d):
+        out[:, i, i] = f
+    return out.reshape(n * d, d * k)
+
+
+# --- what has no name
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Modes of a smooth field in every coordinate, less what named effects make of them.
+
+    ``taken``: id → share of each of the field's columns, shape (k of the effect, d modes).
+    """
+
+    travel: Travel
+    modes: Modes
+    taken: dict[str, Floats] = field(repr=False)
+
+    def effect(self, points: Points, named: Sequence[Effect]) -> Effect:
+        """Return the effect, bound to points; ``named``: the others of these points."""
+        at = self.travel.field_places(points.nominal_mm)
+        columns = in_every_coordinate(self.modes.at(at), points.dimension)
+        for e in named:
+            if e.id in self.taken:
+                columns = (
+                    columns - e.columns(e.values([0.0] * len(e.parameters))) @ self.taken[e.id]
+                )
+        names = [
+            f"{a}{k + 1}_um" for a in AXES[: points.dimension] for k in range(self.modes.count)
+        ]
+        return linear("field", names, columns, "smooth field of errors without a name")

@@ -1,0 +1,259 @@
+"""Error motions of a rotary axis that a diagnosis looks for, one entry each in `catalogue`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.units import ARCSEC, Floats
+from trunnion.data.sweep import Sweep
+from trunnion.diagnosis.effect import Parameter, wave
+from trunnion.machine.effects import Owner
+
+__all__ = ["MOTIONS", "MOTION_UNIT", "Conditions", "Motion", "catalogue", "senses"]
+
+MOTIONS = ("EX", "EY", "EZ", "EA", "EB", "EC")  # µm, µm, µm, arcsec, arcsec, arcsec
+MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
+MAX_HARMONIC = 8
+MAX_DEGREE = 4
+MAX_PERIODS = 120
+PIVOTS = 25
+MIN_OF_A_SENSE = 3  # one row after a return shows nothing of reversal
+
+_UNIT = ("um", "um", "um", "arcsec", "arcsec", "arcsec")
+_KINDS = {"axial": (2,), "positioning": (5,), "radial": (0, 1), "tilt": (3, 4)}
+_LABELS = {
+    "radial": "radial error motion",
+    "axial": "axial error motion",
+    "tilt": "tilt error motion",
+    "positioning": "positioning error",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What error motions depend on: position, time or order, sense of turning. Shape (n,) each."""
+
+    angle_deg: Floats
+    elapsed: Floats
+    sense: Floats
+    instrument: Floats  # (3, 3): instrument axes in the frame of the axis, one a column
+    timed: bool = False  # elapsed in hours; else the order, 0 to 1
+
+    @classmethod
+    def of(cls, data: Sweep, frame: Floats) -> Conditions:
+        """Return those of a sweep; ``frame``: that of the axis, (3, 3)."""
+        angle = np.asarray(data.angle_deg)
+        if data.time_s is not None:
+            elapsed = (np.asarray(data.time_s) - np.min(data.time_s)) / 3600.0
+        else:
+            elapsed = np.linspace(0.0, 1.0, len(angle))
+        return cls(angle, elapsed, senses(angle), frame.T, data.time_s is not None)
+
+    @classmethod
+    def at(cls, angle_deg: Floats) -> Conditions:
+        """Return positions alone: no time passes, and nothing is reversed."""
+        none = np.zeros(len(angle_deg))
+        return cls(angle_deg, none, none, np.eye(3))
+
+
+def senses(angle_deg: Floats) -> Floats:
+    """Sense of the last turn before each row, by the order of rows: +1, -1, 0 before the first."""
+    step = np.concatenate([[0.0], np.sign(np.diff(angle_deg))])
+    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), 0))
+    return np.asarray(step[last])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A candidate error motion.
+
+    ``columns(conditions, values)``: derivative of EX .. EC (µm, arcsec) by each parameter,
+    (n, 6, k). The motion is linear in the parameters that have no grid, and zero where those are.
+    """
+
+    parameters: tuple[Parameter, ...]
+    columns: Callable[[Conditions, Floats], Floats]
+    label: str
+    owner: Owner = Owner.MACHINE
+
+    def motion(self, conditions: Conditions, values: Mapping[str, float]) -> tuple[Floats, Floats]:
+        """Motion, mm and rad (n, 6), and its derivative by each parameter (n, 6, k)."""
+        given = np.array([values[p.name] for p in self.parameters])
+        columns = self.columns(conditions, given) * MOTION_UNIT[:, None]
+        linear = np.array([p.linear for p in self.parameters])
+        return columns[:, :, linear] @ given[linear], columns
+
+
+def catalogue(
+    conditions: Conditions, heights: Floats, asked: Sequence[Any] = ()
+) -> dict[str, Motion]:
+    """All candidates for these positions, and the harmonics that were asked for by name.
+
+    Of causes that these targets cannot tell apart the first is named: the simpler ones first.
+    """
+    positions = np.unique(np.round(conditions.angle_deg, 6))
+    out: dict[str, Motion] = {}
+    for kind in _KINDS:
+        for n in range(1, min(MAX_HARMONIC, max(len(positions) // 3, 1)) + 1):
+            out[f"{kind}_{n}"] = _harmonic(kind, n, heights)
+    for name in asked:
+        kind, _, number = name.rpartition("_") if isinstance(name, str) else ("", "", "")
+        if kind in _KINDS and number.isdecimal() and int(number) > 0:
+            out[str(name)] = _harmonic(kind, int(number), heights)
+    out |= _trends(positions)
+    scale = "scale of the positioning of the axis"
+    out["positioning_scale"] = Motion((Parameter("ppm"),), _scale, scale)
+    if periods := _periods(positions):
+        period = Parameter("period_deg", grid=periods, bounds=(periods[-1], periods[0] * 1.2))
+        parameters = (Parameter("a_arcsec"), Parameter("b_arcsec"), period)
+        out["positioning_cyclic"] = Motion(parameters, _cyclic, "cyclic positioning error")
+    if min(np.sum(conditions.sense > 0), np.sum(conditions.sense < 0)) >= MIN_OF_A_SENSE:
+        out["backlash"] = Motion((Parameter("b_arcsec"),), _backlash, "backlash of the axis")
+    rate = "um_h" if conditions.timed else "total_um"
+    drifts = tuple(Parameter(f"d{a}_{rate}") for a in "xyz")
+    out["drift"] = Motion(drifts, _drift, "drift between instrument and axis", Owner.TIME)
+    return out
+
+
+# --- harmonics
+
+
+def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
+    """E = a cos nθ + b sin nθ for each motion of the kind; positioning a (cos nθ − 1) + b sin nθ.
+
+    A tilt has a pivot on the axis, which targets of different height tell from radial motion.
+    """
+    motions = _KINDS[kind]
+    unit = _UNIT[motions[0]]
+    if len(motions) == 1:
+        names = [f"a{n}_{unit}", f"b{n}_{unit}"]
+    else:
+        names = [f"{c}{a}_{unit}" for a in "xy" for c in "ab"]
+    parameters = [Parameter(name) for name in names]
+    low, high = float(heights.min()), float(heights.max())
+    spread = high - low
+    if kind == "tilt" and spread > 0:
+        grid = tuple(np.linspace(low - spread, high + spread, PIVOTS))
+        bounds = (low - 5 * spread, high + 5 * spread)
+        parameters.append(Parameter("pivot_mm", grid=grid, bounds=bounds))
+    often = {1: "once", 2: "twice"}.get(n, f"{n} times")
+    return Motion(
+        tuple(parameters),
+        partial(_waves, motions, n),
+        f"{_LABELS[kind]} of the axis, {often} a turn",
+    )
+
+
+def _waves(motions: tuple[int, ...], n: int, conditions: Conditions, values: Floats) -> Floats:
+    turn = n * np.radians(conditions.angle_deg)
+    cos, sin = np.cos(turn), np.sin(turn)
+    if motions == (5,):
+        cos = cos - 1.0
+    out = np.zeros((len(turn), len(MOTIONS), 2 * len(motions)))
+    for i, m in enumerate(motions):
+        out[:, m, 2 * i], out[:, m, 2 * i + 1] = cos, sin
+    if len(values) > 2 * len(motions):
+        out = _about_pivot(out, values)
+    return out
+
+
+def _about_pivot(tilt: Floats, values: Floats) -> Floats:
+    """Tilt columns (n, 6, 4), about a point at height ``values[4]`` on the axis, and by it."""
+    pivot = values[4]
+    out = np.concatenate([tilt, np.zeros((*tilt.shape[:2], 1))], axis=2)
+    # ω × (p − pivot z) = ω × p + pivot (−E_B, E_A, 0); arcsec and mm to µm
+    lever = ARCSEC * 1e3
+    out[:, 0, :4] = -lever * pivot * tilt[:, 4]
+    out[:, 1, :4] = lever * pivot * tilt[:, 3]
+    total = tilt @ values[:4]
+    out[:, 0, 4] = -lever * total[:, 4]
+    out[:, 1, 4] = lever * total[:, 3]
+    return out
+
+
+# --- slow and other motions
+
+
+def _trends(positions: Floats) -> dict[str, Motion]:
+    """Slow error motions: polynomials over the range of positions."""
+    travel = (float(positions[0] + positions[-1]) / 2, float(positions[-1] - positions[0]) / 2)
+    degrees = range(1, min(MAX_DEGREE, len(positions) - 2) + 1)
+    out = {}
+    for kind, motions in _KINDS.items():
+        # a shift of position is a shift of the zero; its slope has a name of its own
+        mine = tuple(k for k in degrees if kind != "positioning" or k > 1)
+        if mine:
+            letters = [MOTIONS[m][1].lower() if len(motions) > 1 else "a" for m in motions]
+            names = [
+                f"{a}{k}_{_UNIT[m]}" for a, m in zip(letters, motions, strict=True) for k in mine
+            ]
+            out[f"{kind}_trend"] = Motion(
+                tuple(Parameter(name) for name in names),
+                partial(_trend, motions, mine, travel),
+                f"slow {_LABELS[kind]} of the axis",
+            )
+    return out
+
+
+def _trend(
+    motions: tuple[int, ...],
+    degrees: tuple[int, ...],
+    travel: tuple[float, float],
+    conditions: Conditions,
+    _: Floats,
+) -> Floats:
+    """Legendre polynomials of the position, −1 to 1 over the range measured."""
+    u = (conditions.angle_deg - travel[0]) / max(travel[1], 1e-9)
+    p = np.polynomial.legendre.legvander(u, max(degrees))[:, list(degrees)]
+    out = np.zeros((len(u), len(MOTIONS), len(motions) * len(degrees)))
+    for i, m in enumerate(motions):
+        out[:, m, i * len(degrees) : (i + 1) * len(degrees)] = p
+    return out
+
+
+def _positioning(columns: Floats) -> Floats:
+    """Columns (n, k) of EC as columns of all motions."""
+    out = np.zeros((len(columns), len(MOTIONS), columns.shape[1]))
+    out[:, 5] = columns
+    return out
+
+
+def _scale(conditions: Conditions, _: Floats) -> Floats:
+    return _positioning(np.radians(conditions.angle_deg)[:, None] * 1e-6 / ARCSEC)
+
+
+def _cyclic(conditions: Conditions, values: Floats) -> Floats:
+    a, b, period = values
+    return _positioning(wave(conditions.angle_deg, period, a, b))
+
+
+def _backlash(conditions: Conditions, _: Floats) -> Floats:
+    return _positioning(-conditions.sense[:, None] / 2)
+
+
+def _drift(conditions: Conditions, _: Floats) -> Floats:
+    """Shift of the targets along the instrument's axes, in the frame of the axis."""
+    out = np.zeros((len(conditions.angle_deg), len(MOTIONS), 3))
+    out[:, :3] = conditions.elapsed[:, None, None] * conditions.instrument
+    return out
+
+
+def _periods(positions: Floats) -> tuple[float, ...]:
+    """Periods to try, deg, longest first: a third of the range to two steps, evenly in frequency.
+
+    A period below two steps of an even sweep looks like a longer one, and is named as that.
+    """
+    if len(positions) < 8:
+        return ()
+    span = float(positions[-1] - positions[0])
+    shortest = 2.0 * float(np.median(np.diff(positions)))
+    step = 1.0 / (4.0 * span)
+    count = int((1.0 / shortest - 3.0 / span) / step) + 1
+    if count < 2:
+        return ()
+    return tuple(1.0 / (3.0 / span + step * np.arange(min(count, MAX_PERIODS))))
