@@ -19,6 +19,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import axis_log_twin as twin
+from power import report
 from trunnion import contouring as ct
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.kinds import diagnose
@@ -139,7 +140,7 @@ def main() -> int:
         lines.append(_line(f"**all effects** (≥ {100 * RIGHT:g} %)", total))
     text = "\n".join(lines) + "\n"
     if options.out:
-        options.out.write_text(HEAD + text + f"\nSeed {options.seed}.\n", encoding="utf-8")
+        report.write([HEAD + text, f"Seed {options.seed}."], options.out)
     sys.stdout.write(text)
     missed = (total.runs and total.right < RIGHT * total.runs) or (
         quiet.runs and quiet.right < QUIET * quiet.runs
