@@ -159,7 +159,8 @@ def test_what_cannot_be_seen_has_no_finite_error() -> None:
         lambda x, v: v["k_um"] * x + v["h_um"] * (x > 50),
     )
     d = tn.diagnose(line(4.0 * (X > 50) + noise(6), (blind, half)))
-    assert list(d.not_identifiable) == ["blind"]
+    # "half" changes what the slope of the line does, too: neither has a size of its own.
+    assert set(d.not_identifiable) == {"slope", "blind"}
     assert d.causes[0].std_errors["k_um"] == np.inf
     assert np.isfinite(d.causes[0].std_errors["h_um"])
     assert "nan" not in d.summary().lower()

@@ -201,8 +201,8 @@ def test_a_machine_is_its_entry_in_the_table_of_presets(preset: str, tmp_path: P
     (tmp_path / "setup.toml").write_text(setup.to_toml(), encoding="utf-8")
     setup = tn.read_setup(tmp_path / "setup.toml")
     letters = _core.Machine(preset, 100.0, []).letters
-    turns = {f"{x.lower()}_deg": (90.0, -90.0) for x in letters if x != "C"}
-    plan = tn.plan(setup, c_deg=(0.0, 90.0, 180.0, 270.0), **turns)  # type: ignore[arg-type]
+    turns: dict[str, Any] = {f"{x.lower()}_deg": (90.0, -90.0) for x in letters if x != "C"}
+    plan = tn.plan(setup, c_deg=(0.0, 90.0, 180.0, 270.0), **turns)
     error = next(name for name, unit in _core.Machine(preset, 100.0, []).location_errors)
     data = tn.simulate(plan, setup, {error: 12.0}, noise_um=0.3, seed=4)
     data.to_csv(tmp_path / "touches.csv")

@@ -111,7 +111,8 @@ class PointsModel(BaseModel):
         )
         if self.field is not None:
             named.append(self.field.effect(data, named))
-        self._given: tuple[Any, ...] = tuple(effects) if source is None else source._given
+        given = effects if source is None else source._given
+        self._given: tuple[EffectLike | str, ...] = tuple(given)
         self.effects = with_own(named, self._given, data)
 
     def _check_near(self, deviation: Floats) -> None:

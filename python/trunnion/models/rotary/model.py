@@ -116,7 +116,8 @@ class SweepModel(BaseModel):
         self._check_near(away)
         n = len(data)
         self.readings = Readings(1e3 * away.reshape(-1), np.repeat(np.arange(n), 3), "µm")
-        self._given: tuple[Any, ...] = tuple(effects) if source is None else source._given
+        given = effects if source is None else source._given
+        self._given: tuple[EffectLike | str, ...] = tuple(given)
         self._motions: dict[str, Motion] = (
             catalogue(self._conditions, self._geometry.targets[:, 2], effects)
             if source is None
