@@ -44,7 +44,7 @@ def test_a_simulated_log_is_diagnosed(tmp_path: Path) -> None:
 def test_the_samples_hidden_effect_is_named_by_both_commands(tmp_path: Path) -> None:
     page = tmp_path / "d.html"
     said = run("contour", "diagnose", LOG, SETUP, "--html", str(page))
-    assert "the Y axis has backlash (backlash_y): " in said
+    assert "backlash of the Y axis (backlash_y): " in said
     assert "backlash_y" in page.read_text(encoding="utf-8")
     assert said.startswith(run("diagnose", LOG, SETUP))
     found = json.loads(run("contour", "diagnose", LOG, SETUP, "--json"))
