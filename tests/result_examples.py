@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 import trunnion as tn
-from trunnion import contouring, hybrid, turning
+from trunnion import compensation, contouring, hybrid, turning
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.linear_axes import FieldMotion, Travel
 from trunnion.models.kinds import Kind, kinds
@@ -103,6 +103,36 @@ def groove() -> turning.Finishing:
     return part.finishing("linuxcnc-lathe", access_z_mm=[50.0], feed=100)
 
 
+LOCATION_ERRORS = {"EX0C": 15.0, "EA0A": 20.0}
+
+
+def cross_setup() -> tn.Setup:
+    return cross()[1]
+
+
+def methods() -> tn.Comparison:
+    """Estimates of two methods on the touches of a cross, and one that was refused."""
+    results = {"closed form": tn.closed_form(*cross()), "least squares": tn.identify(*cross())}
+    times = {"closed form": 0.1, "least squares": 1.0}
+    return tn.Comparison(results, times, {"another": "not installed"}, LOCATION_ERRORS)
+
+
+def volumetric(**options: Any) -> tn.VolumetricError:
+    return tn.volumetric_error(cross_setup(), LOCATION_ERRORS, points=(4, 3, 2), **options)
+
+
+def control() -> tn.CncParameters:
+    return tn.cnc_parameters(cross_setup(), LOCATION_ERRORS)
+
+
+def error_map() -> tn.ErrorMap:
+    return tn.error_map(cross_setup(), LOCATION_ERRORS, linear_step_mm=300.0, rotary_step_deg=90.0)
+
+
+def pose_field() -> compensation.PoseField:
+    return next(tn.error_fields(cross_setup(), LOCATION_ERRORS, points=(4, 3, 2)))
+
+
 def crossing() -> turning.Crossing:
     return turning.Crossing((12.0, 9.0), 5.0)
 
@@ -145,4 +175,13 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
         diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
     ),
     "Residuals": lambda: with_outliers().residuals,
+    "Comparison": methods,
+    "VolumetricError": volumetric,
+    "VolumetricError sampled": partial(volumetric, a_deg=(0, 30), rounded=True),
+    "PoseField": pose_field,
+    "ErrorMap": error_map,
+    "CncParameters": control,
+    "Removable": lambda: control().removable[0],
+    "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
+    "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

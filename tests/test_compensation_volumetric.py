@@ -249,3 +249,24 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
             fields.append(plain.fields(model(moved, [], work), turned, poses)[0])
         difference = (fields[0] - fields[1]) / (2 * step)
         np.testing.assert_allclose(rates[:, i], difference, rtol=0, atol=2e-8, err_msg=name)
+
+
+def test_equal_figures_of_different_fields_are_not_equal() -> None:
+    along_x, along_y = (tn.volumetric_error(SETUP, {name: 15.0}) for name in ("EX0C", "EY0C"))
+    assert along_x.max_um == along_y.max_um
+    assert along_x != along_y
+    assert along_x == tn.volumetric_error(SETUP, {"EX0C": 15.0})
+    one, other = (
+        tn.volumetric_error(SETUP, {name: 15.0}, rounded=True) for name in ("EX0C", "EY0C")
+    )
+    assert one != other
+
+
+def test_a_result_from_json_says_that_it_has_no_field() -> None:
+    found = tn.volumetric_error(SETUP, TABLE_2)
+    again = tn.VolumetricError.from_json(found.to_json())
+    assert again == found
+    with pytest.raises(tn.InputError, match="read from JSON"):
+        again.field_um  # noqa: B018
+    with pytest.raises(tn.InputError, match="read from JSON"):
+        again.at([[0.0, 0.0, 0.0]])

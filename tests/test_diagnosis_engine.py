@@ -17,9 +17,10 @@ from scipy import special, stats
 
 import trunnion as tn
 from trunnion.diagnosis import outliers
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Parameter, as_effect
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
-from trunnion.diagnosis.selection import Candidates, search
+from trunnion.diagnosis.selection import search
 from trunnion.machine.effects import Owner
 
 mpl.use("Agg")
@@ -158,7 +159,8 @@ def test_what_cannot_be_seen_has_no_finite_error() -> None:
         lambda x, v: v["k_um"] * x + v["h_um"] * (x > 50),
     )
     d = tn.diagnose(line(4.0 * (X > 50) + noise(6), (blind, half)))
-    assert list(d.not_identifiable) == ["blind"]
+    # "half" changes what the slope of the line does, too: neither has a size of its own.
+    assert set(d.not_identifiable) == {"slope", "blind"}
     assert d.causes[0].std_errors["k_um"] == np.inf
     assert np.isfinite(d.causes[0].std_errors["h_um"])
     assert "nan" not in d.summary().lower()

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from power import report
 from trunnion import Artefact, Diameters, Setup
 
 FloatArray = npt.NDArray[np.float64]
@@ -222,8 +223,4 @@ if __name__ == "__main__":
     parser.add_argument("runs", type=int, nargs="?", default=100)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    made = table(asked.runs)
-    if asked.out is None:
-        print(made, end="")
-    else:
-        asked.out.write_text(made, encoding="utf-8")
+    report.write([table(asked.runs)], asked.out)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from power import report
 from power.study import Case, Tally, part, run, visible
 
 Measure = Callable[[Tally], float]
@@ -120,9 +121,8 @@ def main() -> int:
     if options.each and not options.only:
         lines += ["", *_each(options.each, options.seed)]
     lines += ["", f"Seed {options.seed}; {time.monotonic() - began:.0f} s."]
-    text = "\n".join(lines) + "\n"
     if options.out:
-        options.out.write_text(text, encoding="utf-8")
+        report.write(lines, options.out)
     return 1 if missed else 0
 
 

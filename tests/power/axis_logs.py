@@ -19,6 +19,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 import axis_log_twin as twin
+from power import report
 from trunnion import contouring as ct
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.kinds import diagnose
@@ -45,8 +46,8 @@ of delay in the loop, 0.2 to 2 ms in the log, 1 to 5 µm of friction, 1 to 8 µm
 
 Right: verdict "consistent" where nothing is hidden (promised for white noise: at least 95 %), else
 the effect named or in the alias group of a cause (promised for all: at least 97 %). Nothing else:
-no further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something else.
-Memory: correlation of the noise from one sample (1 ms) to the next.
+no further cause and nothing unexplained. Wrong without a doubt: verdict "explained" by something
+else. Memory: correlation of the noise from one sample (1 ms) to the next.
 
 """
 
@@ -139,7 +140,7 @@ def main() -> int:
         lines.append(_line(f"**all effects** (≥ {100 * RIGHT:g} %)", total))
     text = "\n".join(lines) + "\n"
     if options.out:
-        options.out.write_text(HEAD + text + f"\nSeed {options.seed}.\n", encoding="utf-8")
+        report.write([HEAD + text, f"Seed {options.seed}."], options.out)
     sys.stdout.write(text)
     missed = (total.runs and total.right < RIGHT * total.runs) or (
         quiet.runs and quiet.right < QUIET * quiet.runs

@@ -209,9 +209,12 @@ def _options(kind: Any) -> tuple[Any, ...]:
 
 
 def _fitting(value: Any, kind: Any) -> Any:
-    """Return the dataclass of a union whose fields the values have."""
-    for option in filter(is_dataclass, _options(kind)):
-        if isinstance(value, Mapping) and set(value) == {field.name for field in fields(option)}:
+    """Return the dataclass of a union that the values name, or whose fields they have."""
+    for option in _options(kind) if isinstance(value, Mapping) else ():
+        if not (isinstance(option, type) and is_dataclass(option)):
+            continue
+        names = {field.name for field in fields(option)}
+        if value.get("result") == option.__name__ or set(value) == names:
             return option
     raise InputError(f"got {value!r:.60}, expected the fields of one of {kind}")
 

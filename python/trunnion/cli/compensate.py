@@ -15,7 +15,6 @@ from trunnion.cli.command import Answer, check_outputs, command, one_set_up, sav
 
 if TYPE_CHECKING:
     from trunnion.compensation import (
-        CncParameters,
         Compensation,
         MachineErrors,
         ResidualInterval,
@@ -77,7 +76,7 @@ def compensate(
     at_zero = {name: _field(setup, known, kind, over=False) for name, kind in kinds.items()}
     over = {name: _field(setup, known, kind, over=True) for name, kind in kinds.items()}
     found = {"at_zero": _plain(at_zero), "over_range": _plain(over)}
-    shown: list[Any] = [_table(at_zero, over), _set_to(parameters), _removable(parameters)]
+    shown: list[Any] = [_table(at_zero, over), *parameters.tables()]
     interval = _interval(setup, estimate, seed)
     if interval is not None:
         shown.append(interval.table())
@@ -155,19 +154,6 @@ def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]
         ("", "at zero: max", "rms", "all A/B, C: max", "rms", "direction"),
         rows,
     )
-
-
-def _removable(parameters: CncParameters) -> Table:
-    rows = [
-        (row.name, row.unit, f"{row.before_um:.3f}", f"{row.left_um:.3f}", f"{row.share_left:.1%}")
-        for row in parameters.removable
-    ]
-    title = "What CNC parameters can leave of one unit of each error, µm rms over all A/B, C"
-    return Table.of(title, ("", "unit", "before", "left", "share"), rows)
-
-
-def _set_to(parameters: CncParameters) -> Table:
-    return Table.of("CNC parameters to set", ("", "value"), parameters.set_to())
 
 
 def _plain(fields: dict[str, VolumetricError]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ The file is CSV: one comment line with the resolution, a header, one row a node 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from trunnion.base import report
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
@@ -51,8 +52,8 @@ _CONSTANT_UM = 1e-7
 _EDGE_MM = 1e-6
 
 
-@dataclass(frozen=True)
-class ErrorMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorMap(report.Result):
     """Corrections of X, Y, Z at the nodes of a grid over the positions of all axes.
 
     Attributes
@@ -172,44 +173,43 @@ class ErrorMap:
         return None
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ErrorMap):
-            return NotImplemented
-        mine, theirs = self._axes(), other._axes()
-        return (
-            mine.keys() == theirs.keys()
-            and all(np.array_equal(mine[name], theirs[name]) for name in mine)
-            and self.resolution_um == other.resolution_um
-            and np.array_equal(self.steps, other.steps)
-        )
+        """Whether grid and steps are equal: a file does not hold `interpolation_error_um`."""
+        if isinstance(other, ErrorMap):
+            other = replace(other, interpolation_error_um=self.interpolation_error_um)
+        return super().__eq__(other)
 
-    __hash__ = None  # type: ignore[assignment]  # compared by contents, like an array
+    __hash__ = report.Result.__hash__
 
-    def summary(self) -> str:
-        """Return what the map covers, in plain text."""
-        lines = ["error map: corrections of X, Y, Z over the positions of all axes"]
-        for name, nodes in self._axes().items():
-            what = "any position" if len(nodes) == 1 else f"{nodes[0]:g} .. {nodes[-1]:g}"
-            lines.append(f"  {name:<6} {what} ({len(nodes)} node{'s' if len(nodes) > 1 else ''})")
-        lines.append(f"  least step {self.resolution_um:g} µm")
-        lines.append(f"  largest correction {float(np.abs(self.corrections_um).max()):.4g} µm")
+    # --- what it says
+
+    def sentences(self) -> Sequence[str]:
+        """Largest correction, resolution, how exact the table is."""
+        largest = float(np.abs(self.corrections_um).max())
+        lines = [
+            f"Error map: corrections of X, Y, Z up to {largest:.4g} µm, least step "
+            f"{self.resolution_um:g} µm."
+        ]
         if self.interpolation_error_um is not None:
-            lines.append(f"  table against exact {self.interpolation_error_um:.3g} µm at most")
-        return "\n".join(lines)
+            lines.append(
+                "Deviation from the exact correction at the nodes and in the middle of the cells: "
+                f"{self.interpolation_error_um:.3g} µm at most."
+            )
+        constant = [letter for letter, nodes in self.rotary_deg.items() if len(nodes) == 1]
+        if constant:
+            lines.append(f"The corrections do not depend on {' and '.join(constant)}.")
+        return lines
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "rotary_deg": {letter: nodes.tolist() for letter, nodes in self.rotary_deg.items()},
-            "x_mm": self.x_mm.tolist(),
-            "y_mm": self.y_mm.tolist(),
-            "z_mm": self.z_mm.tolist(),
-            "corrections_um": self.corrections_um.tolist(),
-            "resolution_um": self.resolution_um,
-            "interpolation_error_um": self.interpolation_error_um,
-        }
+    def tables(self) -> tuple[report.Table, ...]:
+        """Range and nodes of each axis; no range where the corrections do not depend on it."""
+        rows: list[tuple[report.Cell, ...]] = []
+        for name, nodes in self._axes().items():
+            ends = (nodes[0], nodes[-1]) if len(nodes) > 1 else (None, None)
+            rows.append((name, *ends, len(nodes)))
+        return (report.Table.of("Nodes of the error map", ("", "from", "to", "nodes"), rows),)
 
-    def _repr_html_(self) -> str:
-        return f"<pre>{self.summary()}</pre>"
+    def derived(self) -> Mapping[str, Any]:
+        """Corrections at the nodes, µm."""
+        return {"corrections_um": self.corrections_um}
 
 
 def _decimals(step: float) -> int | None:

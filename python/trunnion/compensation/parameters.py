@@ -5,15 +5,15 @@ origin of the work. It has no parameter for the direction of an axis, so tilts o
 lines other than about the axis itself stay. :func:`cnc_parameters` finds the parameters that leave
 the least over a range of poses, and says what they can remove and what they cannot.
 
-Equations (22) to (24) of paper 000 do something else: they look for the rotary positions at which
-the nominal machine has the tool direction that the erroneous one has at A = C = 0. Near A = 0 that
-position of C is anything (±49° for the errors of Table 2), and turning C does not right a tilt that
-lies in front of C in the chain, as EB0C does. :func:`printed_zeros` gives them as printed.
+Equations (22) to (24) of Kang, Kim and Jee (2022) do something else: they look for the rotary
+positions at which the nominal machine has the tool direction that the erroneous one has at
+A = C = 0. Near A = 0 that position of C is anything (±49° for the errors of Table 2), and turning C
+does not right a tilt that lies in front of C in the chain, as EB0C does. :func:`printed_zeros`
+gives them as printed.
 """
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -41,8 +42,8 @@ GROUPS = ("zeros", "centres", "work")
 _ROUNDS = 8
 
 
-@dataclass(frozen=True)
-class Removable:
+@dataclass(frozen=True, eq=False, repr=False)
+class Removable(Result):
     """What the best parameters leave of one error, over the poses and the box asked for.
 
     Attributes
@@ -65,9 +66,44 @@ class Removable:
         """`left_um` / `before_um`: 0 is removed, 1 untouched."""
         return self.left_um / self.before_um if self.before_um > 0 else 0.0
 
+    def sentences(self) -> Sequence[str]:
+        """How much of it the parameters leave."""
+        return (
+            f"{self.name}: {self.share_left:.1%} is left, {self.left_um:.3g} of "
+            f"{self.before_um:.3g} µm rms per {_unit(self.unit)}.",
+        )
 
-@dataclass(frozen=True)
-class CncParameters:
+    def tables(self) -> tuple[Table, ...]:
+        """One row: before, left, share."""
+        return (_removable_table((self,)),)
+
+    def derived(self) -> Mapping[str, Any]:
+        """Share that is left."""
+        return {"share_left": self.share_left}
+
+
+def _unit(suffix: str) -> str:
+    """Return the unit that ends a name as people write it."""
+    return suffix.replace("um", "µm")
+
+
+def _removable_table(listed: Sequence[Removable]) -> Table:
+    rows = [
+        (
+            row.name,
+            _unit(row.unit),
+            row.before_um,
+            row.left_um,
+            Shown(row.share_left, f"{row.share_left:.1%}"),
+        )
+        for row in listed
+    ]
+    title = "What CNC parameters can leave of one unit of each error, µm rms over box and poses"
+    return Table.of(title, ("", "unit", "before", "left", "share"), rows, digits=3)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CncParameters(Result):
     """Parameters of a control.
 
     Attributes
@@ -120,54 +156,31 @@ class CncParameters:
             zeros, each(self.centres_um, {}), each(self.work, steps), self.removable
         )
 
-    def set_to(self) -> list[tuple[str, str]]:
-        """Name and value of each parameter, with its unit."""
-        rows = [(f"zero of {k}", f"{v:+.3f} arcsec") for k, v in self.zeros_arcsec.items()]
-        rows += [(f"centre {k}", f"{v:+.3f} µm") for k, v in self.centres_um.items()]
-        rows += [
-            (f"work {k.rsplit('_', 1)[0]}", f"{v:+.3f} {k.rsplit('_', 1)[1].replace('um', 'µm')}")
-            for k, v in self.work.items()
+    def _set(self) -> list[tuple[str, float, str]]:
+        """Label, value and unit of each parameter."""
+        rows = [(f"zero of {name}", value, "arcsec") for name, value in self.zeros_arcsec.items()]
+        rows += [(f"centre {name}", value, "µm") for name, value in self.centres_um.items()]
+        for name, value in self.work.items():
+            label, suffix = name.rsplit("_", 1)
+            rows.append((f"work {label}", value, _unit(suffix)))
+        return rows
+
+    def sentences(self) -> Sequence[str]:
+        """What to set, and the error of which most is left."""
+        listed = ", ".join(f"{label} {value:+.3f} {unit}" for label, value, unit in self._set())
+        lines = [f"CNC parameters: {listed or 'none'}."]
+        if self.removable:
+            worst = max(self.removable, key=lambda row: row.share_left)
+            lines.append(f"Removed least: {worst.sentences()[0]}")
+        return lines
+
+    def tables(self) -> tuple[Table, ...]:
+        """What to set, and what is left of each error where it was asked for."""
+        rows: list[tuple[Cell, ...]] = [
+            (label, Shown(value, f"{value:+.3f}"), unit) for label, value, unit in self._set()
         ]
-        return rows
-
-    def _rows(self) -> list[tuple[str, str]]:
-        rows = self.set_to()
-        rows += [
-            (f"of {r.name}", f"{100 * r.share_left:.1f} % stays ({r.left_um:.3g} of "
-             f"{r.before_um:.3g} µm a {r.unit.replace('um', 'µm')})")
-            for r in self.removable
-        ]  # fmt: skip
-        return rows
-
-    def summary(self) -> str:
-        """Return a table in plain text."""
-        rows = self._rows()
-        width = max((len(name) for name, _ in rows), default=0)
-        return "\n".join(["CNC parameters", *(f"  {n:<{width}}  {v}" for n, v in rows)])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "zeros_arcsec": dict(self.zeros_arcsec),
-            "centres_um": dict(self.centres_um),
-            "work": dict(self.work),
-            "removable": [
-                {
-                    "name": r.name,
-                    "unit": r.unit,
-                    "before_um": r.before_um,
-                    "left_um": r.left_um,
-                    "share_left": r.share_left,
-                }
-                for r in self.removable
-            ],
-        }
-
-    def _repr_html_(self) -> str:
-        body = "".join(
-            f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in self._rows()
-        )
-        return f"<table><caption>CNC parameters</caption>{body}</table>"
+        to_set = Table.of("CNC parameters to set", ("", "value", "unit"), rows)
+        return (to_set, _removable_table(self.removable)) if self.removable else (to_set,)
 
 
 def cnc_parameters(
@@ -339,9 +352,9 @@ class _Fit:
 # --- equations (22) to (24) as printed
 
 
-@dataclass(frozen=True)
-class PrintedZeros:
-    """Equations (22) to (24) of paper 000.
+@dataclass(frozen=True, eq=False, repr=False)
+class PrintedZeros(Result):
+    """Equations (22) to (24) of Kang, Kim and Jee (2022).
 
     Attributes
     ----------
@@ -359,6 +372,25 @@ class PrintedZeros:
     a_deg: tuple[float, float]
     c_deg: tuple[float, float]
     singular: bool
+
+    def sentences(self) -> Sequence[str]:
+        """Both solutions, and where that of C is undefined."""
+        lines = [
+            f"Equations (22) to (24) as printed: A = {a:+.6f}°, C = {c:+.4f}°."
+            for a, c in zip(self.a_deg, self.c_deg, strict=True)
+        ]
+        if self.singular:
+            lines.append("The normal is the Z direction: C is undefined and given as 0.")
+        return lines
+
+    def tables(self) -> tuple[Table, ...]:
+        """Positions of A and C, one row a sign of equation (23)."""
+        rows = [
+            (sign, a, c)
+            for sign, a, c in zip(("upper", "lower"), self.a_deg, self.c_deg, strict=True)
+        ]
+        title = "Rotary positions by equations (22) to (24) as printed, degrees"
+        return (Table.of(title, ("sign of (23)", "A", "C"), rows, digits=6),)
 
     def parameters(self, branch: int = 0, *, turn_work: bool = True) -> CncParameters:
         """As zeros of A and C, subtracted from the commanded positions.

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.base.report import Table
+from trunnion.base.report import Result, Table
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import (
     Known,
@@ -33,8 +32,8 @@ Floats = NDArray[np.float64]
 _BLOCK = 500
 
 
-@dataclass(frozen=True)
-class ResidualInterval:
+@dataclass(frozen=True, eq=False, repr=False)
+class ResidualInterval(Result):
     """Predicted volumetric error after compensation by an uncertain estimate.
 
     Attributes
@@ -58,35 +57,22 @@ class ResidualInterval:
     rms_bound_um: float
     draws: int
 
-    def table(self) -> Table:
+    def sentences(self) -> Sequence[str]:
+        """Bounds on the largest and on the rms error that is left."""
+        return (
+            "Bounds on the volumetric error after compensation, each with "
+            f"{100 * self.level:g} % probability: largest {self.max_bound_um:.4g} µm, rms "
+            f"{self.rms_bound_um:.4g} µm.",
+        )
+
+    def tables(self) -> tuple[Table, ...]:
         """Intervals and bounds."""
-        rows = [
-            (name, f"{low:.4f}", f"{high:.4f}", f"{bound:.4f}")
-            for name, (low, high), bound in (
-                ("largest", self.max_um, self.max_bound_um),
-                ("rms", self.rms_um, self.rms_bound_um),
-            )
-        ]
+        rows = (
+            ("largest", *self.max_um, self.max_bound_um),
+            ("rms", *self.rms_um, self.rms_bound_um),
+        )
         title = f"Volumetric error left, µm, {100 * self.level:g} % of {self.draws} draws"
-        return Table.of(title, ("", "from", "to", "below"), rows)
-
-    def summary(self) -> str:
-        """Return the table as text."""
-        return self.table().text()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {
-            "level": self.level,
-            "max_um": list(self.max_um),
-            "max_bound_um": self.max_bound_um,
-            "rms_um": list(self.rms_um),
-            "rms_bound_um": self.rms_bound_um,
-            "draws": self.draws,
-        }
-
-    def _repr_html_(self) -> str:
-        return self.table().html()
+        return (Table.of(title, ("", "from", "to", "below"), rows),)
 
 
 def residual_interval(

@@ -2,14 +2,13 @@
 
 The points of the box are points of the work: they turn with the table. The error vector is given in
 the workpiece's frame, tool relative to work, in µm; its length does not depend on the frame, and at
-A = C = 0 it is the |p_machine − p| of paper 000 (Table 3, Figs. 11 to 13).
+A = C = 0 it is the |p_machine − p| of Kang, Kim and Jee (2022) (Table 3, Figs. 11 to 13).
 """
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Unpack, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
+from trunnion.base.report import Cell, Result, Table
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -35,9 +35,19 @@ LARGEST_FIELD = 20_000_000
 """Numbers (three a point) that `field_um` holds at most; beyond, poses are taken one by one."""
 
 
-@dataclass(frozen=True)
-class PoseField:
-    """The field at one set of rotary positions."""
+@dataclass(frozen=True, eq=False, repr=False)
+class PoseField(Result):
+    """The field at one set of rotary positions.
+
+    Attributes
+    ----------
+    rotary_deg
+        Letter → position, control's sign.
+    field_um
+        Error vectors, shape (nx, ny, nz, 3), workpiece's frame.
+    direction_arcsec
+        Largest angle between the tool direction on the work and the one that is meant.
+    """
 
     rotary_deg: Mapping[str, float]
     field_um: Floats
@@ -48,9 +58,33 @@ class PoseField:
         """Largest length."""
         return float(np.sqrt(np.max(np.einsum("...i,...i", self.field_um, self.field_um))))
 
+    def sentences(self) -> Sequence[str]:
+        """Pose and largest error."""
+        return (f"Largest volumetric error {self.max_um:.4g} µm at {_pose(self.rotary_deg)}.",)
 
-@dataclass(frozen=True)
-class VolumetricError:
+    def tables(self) -> tuple[Table, ...]:
+        """Largest error and error of the tool direction."""
+        return (_figures(self.max_um, None, self.direction_arcsec),)
+
+    def derived(self) -> Mapping[str, Any]:
+        """Largest length."""
+        return {"max_um": self.max_um}
+
+
+def _pose(rotary_deg: Mapping[str, float]) -> str:
+    return ", ".join(f"{letter} = {value:g}°" for letter, value in rotary_deg.items())
+
+
+def _figures(max_um: float, rms_um: float | None, direction_arcsec: float) -> Table:
+    rows: list[tuple[Cell, ...]] = [("largest", max_um, "µm")]
+    if rms_um is not None:
+        rows.append(("rms", rms_um, "µm"))
+    rows.append(("tool direction, largest", direction_arcsec, "arcsec"))
+    return Table.of("Volumetric error", ("", "value", "unit"), rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VolumetricError(Result):
     """Volumetric error over a box of the work at one or many positions of the rotary axes.
 
     Attributes
@@ -88,8 +122,9 @@ class VolumetricError:
     z_mm: Floats
     ignored: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
-    _fields: Floats | None = None
-    _sampled: Floats | None = None
+    # What the field is computed from on demand; JSON does not hold the field.
+    _fields: Floats | None = field(default=None, compare=False)
+    _sampled: Floats | None = field(default=None, compare=False)
 
     @property
     def grid_shape(self) -> tuple[int, int, int]:
@@ -105,15 +140,21 @@ class VolumetricError:
         Raises
         ------
         InputError
-            If it does not fit in memory; then take poses one by one with `error_fields`.
+            If it does not fit in memory (take poses one by one with `error_fields`), or was read
+            from JSON, which does not hold it.
         """
         shape = (*self.max_by_pose_um.shape, *self.grid_shape, 3)
         if self._sampled is not None:
             return self._sampled.reshape(shape)
-        if self._fields is None or np.prod(shape) > LARGEST_FIELD:
+        if np.prod(shape) > LARGEST_FIELD:
             raise InputError(
                 f"field_um: got {' x '.join(map(str, shape))} numbers, expected at most "
                 f"{LARGEST_FIELD:,}: take the poses one by one with error_fields"
+            )
+        if self._fields is None:
+            raise InputError(
+                "field_um: got a result read from JSON, which does not hold the field, expected "
+                "one of volumetric_error"
             )
         grid = [self.x_mm.tolist(), self.y_mm.tolist(), self.z_mm.tolist()]
         parts = [_core.field_on_grid(field, grid, None) for field in self._fields]
@@ -130,10 +171,14 @@ class VolumetricError:
         Raises
         ------
         InputError
-            If the field was sampled (rounding, tables, all axes): it is known at its nodes only.
+            If the field was sampled (rounding, tables, all axes): it is known at its nodes only;
+            if the result was read from JSON, which does not hold the field.
         """
         if self._fields is None:
-            raise InputError("at: got a sampled field, expected one without rounding and tables")
+            raise InputError(
+                "at: got a sampled field or a result read from JSON, expected one of "
+                "volumetric_error without rounding and tables"
+            )
         points = np.asarray(points_mm, dtype=float)
         if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
             raise InputError(f"points_mm: got shape {points.shape}, expected finite (n, 3)")
@@ -152,59 +197,40 @@ class VolumetricError:
         pairs = zip(self.rotary_deg.items(), index, strict=True)
         return {letter: float(nodes[i]) for (letter, nodes), i in pairs}
 
-    def _rows(self) -> list[tuple[str, str]]:
-        def span(nodes: Floats) -> str:
-            if len(nodes) == 1:
-                return f"{nodes[0]:g}"
-            return f"{nodes[0]:g} .. {nodes[-1]:g} ({len(nodes)})"
+    def __eq__(self, other: object) -> bool:
+        """Whether the figures are equal, and the fields where both hold one (JSON does not)."""
+        equal = super().__eq__(other)
+        if not isinstance(other, VolumetricError) or not equal:
+            return equal
+        pairs = ((self._fields, other._fields), (self._sampled, other._sampled))
+        return all(a is None or b is None or np.array_equal(a, b) for a, b in pairs)
 
-        rows = [(f"{axis} mm", span(n)) for axis, n in zip("xyz", self._nodes(), strict=True)]
-        rows += [(f"{letter} deg", span(nodes)) for letter, nodes in self.rotary_deg.items()]
-        worst = ", ".join(f"{k} = {v:g}°" for k, v in self.worst_pose_deg.items())
-        rows += [
-            ("largest", f"{self.max_um:.4g} µm at {worst}"),
-            ("rms", f"{self.rms_um:.4g} µm"),
-            ("tool direction", f"{float(np.max(self.direction_by_pose_arcsec)):.4g} arcsec"),
+    __hash__ = Result.__hash__
+
+    def sentences(self) -> Sequence[str]:
+        """Largest error and where, rms, and effects that have no influence."""
+        lines = [
+            f"Largest volumetric error {self.max_um:.4g} µm at {_pose(self.worst_pose_deg)}; rms "
+            f"{self.rms_um:.4g} µm."
         ]
         if self.ignored:
-            rows.append(("take no part", ", ".join(self.ignored)))
+            lines.append(f"Do not move the tool on the work: {', '.join(self.ignored)}.")
         if self.idle:
-            rows.append(("move nothing here", ", ".join(self.idle)))
-        return rows
+            lines.append(f"Have no influence at these poses: {', '.join(self.idle)}.")
+        return lines
+
+    def tables(self) -> tuple[Table, ...]:
+        """Largest and rms error, error of the tool direction; then grid and poses."""
+        axes = {f"{axis} mm": n for axis, n in zip("xyz", self._nodes(), strict=True)}
+        axes |= {f"{letter} deg": nodes for letter, nodes in self.rotary_deg.items()}
+        rows = [(name, nodes[0], nodes[-1], len(nodes)) for name, nodes in axes.items()]
+        return (
+            _figures(self.max_um, self.rms_um, float(np.max(self.direction_by_pose_arcsec))),
+            Table.of("Grid of the work and rotary positions", ("", "from", "to", "nodes"), rows),
+        )
 
     def _nodes(self) -> tuple[Floats, Floats, Floats]:
         return self.x_mm, self.y_mm, self.z_mm
-
-    def summary(self) -> str:
-        """Return a table in plain text."""
-        rows = self._rows()
-        width = max(len(name) for name, _ in rows)
-        return "\n".join(
-            ["volumetric error", *(f"  {name:<{width}}  {value}" for name, value in rows)]
-        )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain values for JSON, without the field."""
-        return {
-            "max_um": self.max_um,
-            "rms_um": self.rms_um,
-            "max_by_pose_um": self.max_by_pose_um.tolist(),
-            "rms_by_pose_um": self.rms_by_pose_um.tolist(),
-            "direction_by_pose_arcsec": self.direction_by_pose_arcsec.tolist(),
-            "rotary_deg": {letter: nodes.tolist() for letter, nodes in self.rotary_deg.items()},
-            "x_mm": self.x_mm.tolist(),
-            "y_mm": self.y_mm.tolist(),
-            "z_mm": self.z_mm.tolist(),
-            "ignored": list(self.ignored),
-            "idle": list(self.idle),
-        }
-
-    def _repr_html_(self) -> str:
-        body = "".join(
-            f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
-            for name, value in self._rows()
-        )
-        return f"<table><caption>volumetric error</caption>{body}</table>"
 
 
 def volumetric_error(
@@ -295,12 +321,12 @@ def volumetric_error(
         keep = len(task.poses) * count * 3 <= LARGEST_FIELD
         sampled = np.empty((len(task.poses), count, 3)) if keep else None
         fields = None
-        for i, (field, direction) in enumerate(task.sampled_fields()):
-            lengths = np.einsum("ij,ij->i", field, field)
+        for i, (vectors, direction) in enumerate(task.sampled_fields()):
+            lengths = np.einsum("ij,ij->i", vectors, vectors)
             largest[i], squares[i] = np.sqrt(lengths.max()), lengths.mean()
             directions[i] = direction
             if sampled is not None:
-                sampled[i] = field
+                sampled[i] = vectors
     return VolumetricError(
         max_um=float(largest.max()),
         rms_um=float(np.sqrt(squares.mean())),
@@ -346,9 +372,9 @@ def error_fields(
         )
     else:
         each = task.sampled_fields()
-    for pose, (field, direction) in zip(task.poses, each, strict=True):
+    for pose, (vectors, direction) in zip(task.poses, each, strict=True):
         rotary = {k: float(q) for k, q in chain.to_control(pose).items()}
-        yield PoseField(rotary, field.reshape(shape), direction)
+        yield PoseField(rotary, vectors.reshape(shape), direction)
 
 
 @dataclass(frozen=True)

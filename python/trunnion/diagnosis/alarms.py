@@ -8,10 +8,10 @@ from scipy import special
 
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import Candidates
 
 __all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import Dictionary
-from trunnion.diagnosis.selection import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 
 __all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
 

@@ -12,9 +12,9 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.candidates import DEPENDENT
 from trunnion.diagnosis.fit import Fit, Flags, Whiten
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.selection import DEPENDENT
 
 __all__ = ["cross_validated"]
 
@@ -127,15 +127,15 @@ def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: sli
     a, y = problem.white[part], problem.y[part]
     matrix = gram - a.T @ a
     b = rhs - a.T @ y
-    inverse, rest = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
-    inverse, rest = frame @ inverse @ frame.T, frame @ rest
+    inverse, unknown = _pseudo_inverse(frame.T @ matrix[:p, :p] @ frame)
+    inverse, unknown = frame @ inverse @ frame.T, frame @ unknown
     cross = matrix[:p, p:]
     effect = _pseudo_inverse(matrix[p:, p:] - cross.T @ inverse @ cross)[0] @ (
         b[p:] - cross.T @ inverse @ b[:p]
     )
     beta = np.concatenate([inverse @ (b[:p] - cross @ effect), effect])
-    if rest.shape[1]:
-        beta[:p] += rest @ linear_fit(a[:, :p] @ rest, y - a @ beta).solution
+    if unknown.shape[1]:
+        beta[:p] += unknown @ linear_fit(a[:, :p] @ unknown, y - a @ beta).solution
     return np.asarray(problem.y_raw[part] - problem.raw[part] @ beta)
 
 
@@ -150,7 +150,7 @@ def _frame(gram: Array) -> Array:
 
 
 def _pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
-    """Inverse over what is identified of a Gram matrix of unit columns, and a basis of the rest."""
+    """Inverse of a Gram matrix of unit columns where that is possible, and a basis elsewhere."""
     if not matrix.size:
         return matrix, matrix
     w, v = np.linalg.eigh(matrix)

@@ -68,10 +68,13 @@ def _case(model: Model) -> Case:
     """Fit the model without effects, and linearise the candidates there."""
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
-        bad = model.readings.rows[~np.isfinite(model.readings.values)]
-        raise DataError(f"readings of row {bad[0]} are not finite; a number is expected")
+        bad = int(np.argmin(np.isfinite(model.readings.values)))
+        raise DataError(
+            f"reading of row {model.readings.rows[bad]}: got {model.readings.values[bad]}, "
+            "expected a finite number"
+        )
     if n <= p:
-        raise DataError(f"{n} readings for {p} unknowns; more readings than unknowns are expected")
+        raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)

@@ -8,10 +8,11 @@ from scipy import special
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
-from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Candidates, Found, search
+from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
 
 __all__ = ["best_score", "explain"]
 

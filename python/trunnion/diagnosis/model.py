@@ -38,6 +38,7 @@ __all__ = [
     "Model",
     "Nuisance",
     "Readings",
+    "Scaling",
     "Uncertainty",
     "identity",
 ]
@@ -144,6 +145,17 @@ class Uncertainty:
             "sigma_um": self.sigma,
             "degrees_of_freedom": float(self.degrees_of_freedom),
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Whiten readings of different noise: divide each by its own, ``scale`` (n,)."""
+
+    scale: Floats
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Divide columns (n, ...)."""
+        return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
 
 
 class Model(Protocol):

@@ -76,33 +76,34 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
     dof = n - float(leverage.sum())
     size = np.abs(r) / np.sqrt(np.maximum(1.0 - leverage, 0.05))
     order = np.argsort(-size)
+    ordered = size[order]
     most = min(int(MAX_SHARE * n), n - 5)
     tried = max(most, 1)
     for k in range(most, 0, -1):
-        x = size[order[k - 1]]
+        x = ordered[k - 1]
         # The tail itself leaves gaps: those of a tail of index 3 are exponential on a log scale
         # (Rényi), and readings of one kind end without one.
-        if x <= 0 or (size[order[k]] / x) ** (3.0 * k) > GAP_LEVEL:
+        if x <= 0 or (ordered[k] / x) ** (3.0 * k) > GAP_LEVEL:
             continue
-        rest = size[order[k:]]
-        mad = 0.5 * (rest[(len(rest) - 1) // 2] + rest[len(rest) // 2])  # they are in order
+        others = ordered[k:]
+        mad = 0.5 * (others[(len(others) - 1) // 2] + others[len(others) // 2])  # they are in order
         if mad <= 0 or x < 3.5 * mad / 0.6745:
             continue
         scale = mad / _MAD
-        t = rest[:, None] / scale
+        t = others[:, None] / scale
         bulk = (
-            len(rest) * (_NORM - np.log(scale))
+            len(others) * (_NORM - np.log(scale))
             - ((_NU + 1) / 2 * np.log1p(t * t / _NU)).sum(axis=0)
         ) * (dof / n)
-        # For the group: without outliers k readings of the same noise lie beyond the rest, which
-        # speaks for heavy tails. For each alone: the noise that the rest shows.
+        # For the group: without outliers k readings of the same noise lie beyond the others, which
+        # speaks for heavy tails. For each alone: the noise that the others show.
         beyond = (
-            k * np.log(np.maximum(2 * special.stdtr(_NU, -rest[0] / scale), 1e-300)) * (dof / n)
+            k * np.log(np.maximum(2 * special.stdtr(_NU, -others[0] / scale), 1e-300)) * (dof / n)
         )
         tail = 2 * special.stdtr(_NU, -x / scale)
         chance = _weights(bulk + beyond) @ special.bdtrc(k - 1, n, tail)
         if chance < level / tried:
-            alone = 2 * special.stdtr(_NU, -size[order[:k], None] / scale) @ _weights(bulk)
+            alone = 2 * special.stdtr(_NU, -ordered[:k, None] / scale) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
 

@@ -43,7 +43,9 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
     if not isinstance(model.readings.unit, str):
         # Where units are mixed the fit is in units of the noise of each reading.
         sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
-    absorbed = {model.effects[i].id for i in e.candidates.invisible if i < len(model.effects)}
+    absorbed = {
+        model.effects[i].id for i in e.candidates.not_identifiable if i < len(model.effects)
+    }
     named = absorbed.union(f.effects, *(a.causes for a in alternatives))
     names = [x.name for x in model.nuisance]
     std = _errors_std(model, f, variance)

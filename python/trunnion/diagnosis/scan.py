@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.candidates import ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
-from trunnion.diagnosis.model import Covariate, Model, identity
-from trunnion.diagnosis.selection import ROUNDING, storage
+from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
 
 __all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
 
@@ -165,6 +165,8 @@ class _Part:
         """Return the part with its columns, given for some of n readings, whitened."""
         if whiten is identity:
             return self
+        if isinstance(whiten, Scaling):
+            return _Part(self.first, self.functions, self.components / whiten.scale[rows])
         k = self.functions.shape[1]
         products = self.functions[:, None] * self.components[None, :, None]
         full = np.zeros((n, len(self) * k))
@@ -198,8 +200,8 @@ class _Part:
         flat = self.functions.reshape(m * k, n)
         out = np.empty((m, len(self.components), k, r.shape[1]))
         for i, c in enumerate(self.components):
-            weighted = (c[:, None] * r).astype(flat.dtype, copy=False)
-            out[:, i] = (flat @ weighted).reshape(m, k, -1) * self.scale[:, i, :, None]
+            products = inner(flat, c[:, None] * r).reshape(m, k, -1)
+            out[:, i] = products * self.scale[:, i, :, None]
         return out.reshape(-1, k, r.shape[1])
 
     def block(self, number: int) -> Array:

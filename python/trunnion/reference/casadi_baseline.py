@@ -726,7 +726,8 @@ def _check_near(residuals: Floats) -> None:
         where = "passes it by" if not np.isfinite(off) else f"{abs(off):.3f} mm from it"
         raise DataError(
             f"touch {far[0]}: got a position that is not on the modelled surface ({where}), "
-            f"expected one within {_FAR_MM:g} mm; {len(far)} of {len(residuals)} touches are like this"
+            f"expected one within {_FAR_MM:g} mm; {len(far)} of {len(residuals)} touches are "
+            "like this"
         )
 
 

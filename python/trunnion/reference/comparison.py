@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from trunnion.base.report import Table, number
+from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.data.touches import Touches
 from trunnion.probing.closed_form import closed_form
 from trunnion.probing.identify import identify
-from trunnion.probing.result import IdentificationResult
+from trunnion.probing.result import ClosedFormResult, IdentificationResult
 from trunnion.reference import casadi_baseline
 from trunnion.setup import Setup
 
 __all__ = ["Comparison", "compare_methods"]
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
     """What each method makes of the same touches.
 
     Attributes
@@ -36,41 +36,51 @@ class Comparison:
         True location errors where they are known, µm and arcsec.
     """
 
-    results: Mapping[str, IdentificationResult]
+    results: Mapping[str, ClosedFormResult | IdentificationResult]
     time_ms: Mapping[str, float]
     refused: Mapping[str, str]
     truth: Mapping[str, float] | None = None
 
-    def table(self) -> Table:
-        """One row a method: estimates (off the truth where it is known), what it sees, its time."""
-        first = next(iter(self.results.values()))
-        names = list(first.errors)
-        rows = []
-        for method, result in self.results.items():
-            truth = self.truth or {}
-            cells = [
-                number(result.errors[name] - truth.get(name, 0.0))
-                if np.isfinite(result.std_errors.get(name, 0.0))
-                else "–"
-                for name in names
-            ]
-            seen = sum(np.isfinite(error) for error in result.std_errors.values())
-            placement = "yes" if result.placement is not None else "no"
-            rows.append((method, *cells, placement, str(seen), f"{self.time_ms[method]:.3f}"))
-        what = "estimate − truth" if self.truth is not None else "estimates"
-        return Table.of(
-            f"Location errors, {what} (µm, arcsec)",
-            ("method", *names, "placement", "parameters seen", "time ms"),
-            rows,
+    def sentences(self) -> Sequence[str]:
+        """Methods that estimate, and why one is missing."""
+        return (
+            f"Methods that estimate from these touches: {', '.join(self.results) or 'none'}.",
+            *(f"{method}: {reason}" for method, reason in self.refused.items()),
         )
 
-    def summary(self) -> str:
-        """Table and refusals as text."""
-        lines = [f"{method}: {reason}" for method, reason in self.refused.items()]
-        return "\n".join([self.table().text(150), *lines])
+    def _off(self, method: str) -> dict[str, float | None]:
+        """Estimates, less the truth where it is known; None for what is not identifiable."""
+        result, truth = self.results[method], self.truth or {}
+        return {
+            name: value - truth.get(name, 0.0)
+            if np.isfinite(result.std_errors.get(name, 0.0))
+            else None
+            for name, value in result.errors.items()
+        }
 
-    def _repr_html_(self) -> str:
-        return self.table().html()
+    def tables(self) -> tuple[Table, ...]:
+        """Estimates (less the truth where it is known), then what a method sees and its time."""
+        names = [name for result in self.results.values() for name in result.errors]
+        columns = list(dict.fromkeys(names))
+        off = {method: self._off(method) for method in self.results}
+        what = "estimate − truth" if self.truth is not None else "estimates"
+        rows: list[tuple[Cell, ...]] = []
+        for method, result in self.results.items():
+            seen = sum(bool(np.isfinite(error)) for error in result.std_errors.values())
+            time_ms = self.time_ms[method]
+            rows.append(
+                (method, result.placement is not None, seen, Shown(time_ms, f"{time_ms:.3f}"))
+            )
+        return (
+            Table.of(
+                f"Location errors, {what} (µm, arcsec)",
+                ("method", *columns),
+                [(method, *(off[method].get(name) for name in columns)) for method in off],
+            ),
+            Table.of(
+                "Methods", ("method", "placement", "identifiable parameters", "time ms"), rows
+            ),
+        )
 
 
 def compare_methods(

@@ -21,7 +21,14 @@ from trunnion.diagnosis.effect import (
     lengths,
     with_own,
 )
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import (
+    BaseModel,
+    Covariate,
+    Nuisance,
+    Readings,
+    Uncertainty,
+    identity,
+)
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.effects import (
@@ -165,9 +172,9 @@ class PointsModel(BaseModel):
         columns = effect.columns(values).reshape(n, d, -1)
         out = np.empty_like(columns)
         for g in range(len(self._frames)):
-            mine = self._group == g
+            mine = self._group == g if len(self._frames) > 1 else slice(None)
             turn = rotation(self._own_part(nuisance, g)[d:])[0]
-            out[mine] = np.einsum("ij,njk->nik", turn, columns[mine])
+            out[mine] = np.moveaxis(np.tensordot(columns[mine], turn, ([1], [1])), -1, 1)
         return out.reshape(n * d, -1)
 
     def _shifted(self, effects: EffectValues) -> Floats:
@@ -255,7 +262,7 @@ class PointsModel(BaseModel):
         """
         feature = variance_components(residuals, self.replicates)
         if feature is None:
-            return lambda a: a
+            return identity
         label, between, within = feature
         count = np.bincount(label)
         mine = np.where(count > 1, np.sqrt(within / (within + count * between)), 1.0)

@@ -21,7 +21,15 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     with_own,
 )
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import (
+    BaseModel,
+    Covariate,
+    Nuisance,
+    Readings,
+    Scaling,
+    Uncertainty,
+    identity,
+)
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
@@ -293,7 +301,7 @@ class SweepModel(BaseModel):
         ]
         d = np.concatenate(second) if second else np.zeros((0, 3))
         if len(d) < 6 or not np.all(np.any(d, axis=0)):
-            return lambda a: a
+            return identity
         size = np.mean(d * d, axis=0)
         freedom = 18.0 / 35.0 * len(d)  # second differences of white noise are correlated
         radial, tangential, axial = map(float, size)
@@ -303,11 +311,7 @@ class SweepModel(BaseModel):
                 radial = axial = tangential = (2 * radial + tangential) / 3
         scale = np.tile(np.sqrt([radial, tangential, axial]), len(r))
         scale = scale / np.sqrt(np.mean(scale**2))
-
-        def whiten(a: Floats) -> Floats:
-            return np.asarray(a / scale.reshape(-1, *(1,) * (a.ndim - 1)))
-
-        return whiten
+        return Scaling(scale)
 
     def _in_order(self, target: int) -> Integers:
         mine = np.flatnonzero(self._target == target)

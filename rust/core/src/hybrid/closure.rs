@@ -92,6 +92,7 @@ impl Closure {
     }
 
     /// What every derivative of the weighted G needs at a posture.
+    #[inline]
     pub(super) fn loops(&self, posture: &Posture) -> Loops {
         let sides = [0, 1].map(|side| {
             let (seat, end) = (&posture.seats[side], &posture.ends[side]);

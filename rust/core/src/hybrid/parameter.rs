@@ -66,6 +66,7 @@ impl Place {
 
     /// 0 to 17.
     #[must_use]
+    #[inline]
     pub const fn index(self) -> usize {
         match self {
             Self::Base(leg) => 5 * leg,

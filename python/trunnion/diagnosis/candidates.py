@@ -1,0 +1,341 @@
+"""Columns of all candidate causes, after the nuisance parameters took what they can.
+
+Everything here is linear algebra on arrays. Columns have unit length before the nuisance is taken
+out and are orthonormal by block afterwards, a block being one candidate at one value of its
+nonlinear parameters.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from trunnion.base.units import Floats as Array
+from trunnion.base.units import Integers as IntArray
+
+__all__ = [
+    "BATCH_NUMBERS",
+    "DEPENDENT",
+    "MAX_DOUBLES",
+    "ROUNDING",
+    "Candidates",
+    "inner",
+    "storage",
+]
+
+Flags: TypeAlias = NDArray[np.bool_]
+Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
+
+# Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
+# length). Exact dependencies of a perfect machine are broken in second order by the errors of the
+# real one (1e-3 rad), which helps nobody: the parameter would have to be a thousand times as large.
+DEPENDENT = 1e-5
+NAMING_LEVEL = 0.01
+ROUNDING = 1e-10  # of the longest column: sin 180°
+MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
+BATCH_NUMBERS = 1 << 21  # numbers that are worked on at once
+NONE = np.zeros(0, dtype=np.intp)
+
+
+class Candidates:
+    """Columns of all candidates, after the nuisance parameters took what they can.
+
+    Parameters
+    ----------
+    variants:
+        For each candidate its columns, shape (v, n, k): v = 1 for a linear candidate, else one
+        entry for each value of its nonlinear parameters.
+    basis:
+        Orthonormal basis of what the nuisance parameters absorb, shape (n, p).
+    level:
+        Family-wise level at which a cause is named: shared by the candidates that are identifiable.
+    own_level:
+        For each candidate a level of its own, or 0 for its share of ``level``.
+    own_price:
+        For each candidate what is added to its penalty.
+    """
+
+    def __init__(
+        self,
+        variants: Sequence[Array],
+        basis: Array,
+        level: float = NAMING_LEVEL,
+        own_level: Array | None = None,
+        own_price: Array | None = None,
+    ) -> None:
+        numbers = sum(v.size for v in variants)
+        self._build(enumerate(variants), len(variants), numbers, basis)
+        self._complete(basis, level, own_level, own_price)
+
+    @classmethod
+    def of_pieces(
+        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Array
+    ) -> "Candidates":
+        """Candidates of which not all columns are there at a time.
+
+        ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
+        candidates; ``numbers``: of all pieces together.
+        """
+        new = object.__new__(cls)
+        new._build(pieces, count, numbers, basis)
+        new._complete(basis, NAMING_LEVEL, None, None)
+        return new
+
+    def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Array) -> None:
+        """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
+        self.count = count
+        n, p = basis.shape
+        self.dof = n - p
+        kind = storage(numbers)
+        parts: list[Array] = []
+        owner, rank, start = [NONE], [NONE], [NONE]
+        filled = 0
+        for batch in _batches(pieces):
+            longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for _, v in batch))
+            some = _orthonormal_blocks([v for _, v in batch], basis, ROUNDING * longest)
+            parts.append(np.asarray(some[0].astype(kind, copy=False)))
+            owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
+            rank.append(some[1])
+            start.append(some[2] + filled)
+            filled += len(some[0])
+        self._parts: tuple[Array, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
+        self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
+        self._keep(self.rank > 0)
+
+    def beside(
+        self, variants: Sequence[Array], own_level: Array, own_price: Array | None = None
+    ) -> "Candidates":
+        """Return these candidates and further ones, numbered after them.
+
+        ``own_level``, ``own_price``: of the further ones only.
+        """
+        new = object.__new__(Candidates)
+        new._build(enumerate(variants), len(variants), 0, self._basis)
+        new.owner = np.concatenate([self.owner, new.owner + self.count])
+        new.variant = np.concatenate([self.variant, new.variant])
+        new.rank = np.concatenate([self.rank, new.rank])
+        new.start = np.concatenate([self.start, new.start + self.width])
+        new._parts = (*self._parts, *new._parts)
+        new.count += self.count
+        none = np.zeros(self.count)
+        price = np.zeros(len(variants)) if own_price is None else own_price
+        new._complete(
+            self._basis,
+            self._shared_level,
+            np.concatenate([none, own_level]),
+            np.concatenate([none, price]),
+            self.multiplicity,
+        )
+        return new
+
+    def _complete(
+        self,
+        basis: Array,
+        level: float,
+        own_level: Array | None,
+        own_price: Array | None,
+        multiplicity: float | None = None,
+    ) -> None:
+        """Group the blocks and price them."""
+        self._basis, self._shared_level = basis, level
+        self.identifiable = np.unique(self.owner)
+        self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
+        self._gram_rows: dict[int, Array] = {}
+        self._group()
+        own = np.zeros(self.count) if own_level is None else own_level
+        shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
+        self.level = np.where(own > 0, own, level / max(shared, 1))
+        self.multiplicity = float(shared)
+        self.places = self._places()
+        self.penalty = special.chdtri(self.rank, self.level[self.owner] / self.places)
+        if own_price is not None:
+            self.penalty = self.penalty + own_price[self.owner]
+
+    def _keep(self, kept: Flags) -> None:
+        """Drop blocks."""
+        self.owner, self.variant = self.owner[kept], self.variant[kept]
+        self.rank, self.start = self.rank[kept], self.start[kept]
+
+    @property
+    def width(self) -> int:
+        """Count of columns."""
+        return sum(len(part) for part in self._parts)
+
+    def columns(self, block: int) -> Array:
+        """Columns of a block, one a row, shape (k, n)."""
+        first = int(self.start[block])
+        for part in self._parts:
+            if first < len(part):
+                return part[first : first + int(self.rank[block])]
+            first -= len(part)
+        return np.zeros((0, 0))
+
+    def gram_rows(self, block: int) -> Array:
+        """Inner products of a block's columns with all columns, shape (k, M)."""
+        self.prepare([block])
+        return self._gram_rows[block]
+
+    def prepare(self, blocks: Iterable[int]) -> None:
+        """Calculate :meth:`gram_rows` of several blocks at once."""
+        missing = [b for b in dict.fromkeys(blocks) if b not in self._gram_rows]
+        if missing:
+            some = [self.columns(b) for b in missing]
+            rows = self.products(np.concatenate(some).T).T
+            ends = np.cumsum([len(x) for x in some])
+            self._gram_rows |= dict(zip(missing, np.split(rows, ends[:-1]), strict=True))
+
+    def _group(self) -> None:
+        """Find candidates whose columns span the same: one stands for all of them."""
+        self.alike: dict[int, list[int]] = {}
+        single = np.bincount(self.owner, minlength=self.count) == 1
+        alone = self.identifiable[single[self.identifiable]]
+        at = np.searchsorted(self.owner, alone)
+        rank = self.rank[at]
+        if len(alone):
+            some = np.concatenate([self.columns(int(b)) for b in at])
+            squares = inner(some, some.T) ** 2
+            first = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+            overlap = np.add.reduceat(np.add.reduceat(squares, first, axis=0), first, axis=1)
+            same = (np.abs(overlap - rank) < DEPENDENT) & (rank == rank[:, None])
+        place = {int(j): i for i, j in enumerate(alone)}
+        for j in map(int, self.identifiable):
+            home = j
+            if single[j]:
+                homes = (i for i in self.alike if single[i] and same[place[i], place[j]])
+                home = next(homes, j)
+            self.alike.setdefault(home, []).append(j)
+        self.leaders = np.array(sorted(self.alike), dtype=np.intp)
+        self._keep(np.isin(self.owner, self.leaders))
+
+    def span(self, block: int) -> slice:
+        """Columns of a block."""
+        return slice(int(self.start[block]), int(self.start[block] + self.rank[block]))
+
+    def _places(self) -> Array:
+        """How many independent places the nonlinear parameters of each block's candidate have.
+
+        Going through the values of a nonlinear parameter the gain rises above u about
+        ``L / π · sqrt(π u / 2)`` times as often as at one place (Davies 1977, 1987), L being the
+        length of the curve that the unit column draws; never more often than there are places.
+        """
+        out = np.ones(len(self.owner))
+        for j in map(int, self.leaders):
+            blocks = np.flatnonzero(self.owner == j)
+            if len(blocks) < 2:
+                continue
+            length = 0.0
+            for a, b in itertools.pairwise(map(int, blocks)):
+                g = inner(self.columns(a), self.columns(b).T)
+                overlap = np.sqrt(np.sum(g * g) / max(g.shape))
+                length += float(np.arccos(min(overlap, 1.0)))
+            u = special.chdtri(1, self.level[j])
+            out[blocks] = min(float(len(blocks)), 1.0 + length / np.pi * np.sqrt(np.pi * u / 2))
+        return out
+
+    def products(self, r: Array) -> Array:
+        """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
+        return np.concatenate([inner(part, r) for part in self._parts])
+
+    def gains(self, r: Array) -> Array:
+        """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
+        z2 = self.products(r) ** 2
+        total = np.concatenate([np.zeros((1, *z2.shape[1:])), np.cumsum(z2, axis=0)])
+        return np.asarray(total[self.start + self.rank] - total[self.start])
+
+    @cached_property
+    def by_rank(self) -> list[tuple[int, IntArray, IntArray]]:
+        """Blocks of each rank k: (k, block numbers (b,), column numbers (b, k))."""
+        out = []
+        for k in np.unique(self.rank):
+            blocks = np.flatnonzero(self.rank == k)
+            out.append((int(k), blocks, self.start[blocks][:, None] + np.arange(k)))
+        return out
+
+    @cached_property
+    def first_of_leader(self) -> IntArray:
+        """Number of the first block of each leader; blocks of one candidate are neighbours."""
+        return np.searchsorted(self.owner, self.leaders)
+
+
+def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
+    """Pieces, so many at a time as have not too many numbers together."""
+    batch: list[Piece] = []
+    for piece in pieces:
+        batch.append(piece)
+        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+def _orthonormal_blocks(
+    variants: Sequence[Array], basis: Array, least: float
+) -> tuple[Array, IntArray, IntArray]:
+    """Orthonormalise the columns of each block beside the basis; drop what is dependent.
+
+    Columns no longer than ``least`` count as zero. Returns the columns, one a row, shape (M, n),
+    the rank of each block and where it starts.
+    """
+    width = np.array([v.shape[2] for v in variants for _ in v], dtype=np.intp)
+    rank = np.zeros(len(width), dtype=np.intp)
+    start = np.zeros(len(width), dtype=np.intp)
+    out: list[Array] = []
+    filled = 0
+    for k in np.unique(width):
+        x = np.concatenate([v.transpose(0, 2, 1) for v in variants if v.shape[2] == k])
+        size = np.sqrt(np.einsum("bkn,bkn->bk", x, x))
+        x /= np.where(size > least, size, np.inf)[:, :, None]
+        x -= (x @ basis) @ basis.T
+        x, some = _orthonormal(x)
+        rank[width == k] = some
+        start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
+        out.append(x[np.arange(k) < some[:, None]])
+        filled += len(out[-1])
+    return np.concatenate(out) if out else np.zeros((0, len(basis))), rank, start
+
+
+def _orthonormal(x: Array) -> tuple[Array, IntArray]:
+    """Orthonormalise blocks of rows, shape (b, k, n), largest first; what is dependent last."""
+    if x.shape[1] == 1:
+        s2 = np.einsum("bkn,bkn->bk", x, x)
+        seen = s2 > DEPENDENT
+        x /= np.sqrt(np.where(seen, s2, 1.0))[:, :, None]
+        return x, seen.sum(axis=1)
+    w, u = np.linalg.eigh(x @ x.transpose(0, 2, 1))
+    w, u = w[:, ::-1], u[:, :, ::-1]
+    seen = w > DEPENDENT
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
+    return np.asarray((u * scale[:, None, :]).transpose(0, 2, 1) @ x), seen.sum(axis=1)
+
+
+def _squares(v: Array) -> Array:
+    """Squared length of every column of variants (v, n, k)."""
+    return np.asarray(np.einsum("vnk,vnk->vk", v, v))
+
+
+def inner(columns: Array, r: Array) -> Array:
+    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
+
+    Sums of many numbers in single precision would make columns look independent that are not.
+    """
+    if columns.dtype == np.float64:
+        return np.asarray(columns @ r)
+    r = r.astype(np.float64, copy=False)
+    most = max(1, BATCH_NUMBERS // columns.shape[1])
+    pieces = np.split(columns, range(most, len(columns), most))
+    return np.concatenate([piece.astype(np.float64) @ r for piece in pieces])
+
+
+def storage(numbers: int) -> type[np.float32 | np.float64]:
+    """Precision in which so many numbers of unit columns are kept.
+
+    Single where there are many: its rounding, 6e-8 of a column, is far below any size that decides,
+    as long as sums are in double precision (:func:`inner`).
+    """
+    return np.float64 if numbers <= MAX_DOUBLES else np.float32

@@ -1,0 +1,86 @@
+"""Diagnosis is linear in readings, and its numbers depend neither on storage nor on threads."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+import trunnion as tn
+from power.measured_twin import make_sweep
+from trunnion.diagnosis import candidates, case
+from trunnion.diagnosis.effect import Effect, Parameter
+from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
+
+
+def line(n: int, outliers: int = 0) -> LinearModel:
+    """A line with a step, n readings, each a class, a group and a moment of its own."""
+    rng = np.random.default_rng(n)
+    x = np.linspace(0.0, 1.0, n)
+    y = 3.0 * x + 0.5 * (x > 0.4) + rng.standard_normal(n)
+    y[rng.choice(n, outliers, replace=False)] += 50.0
+    step = Effect("step", (Parameter("h_um"),), lambda v: v["h_um"] * (x > 0.4))
+    wave = Effect(
+        "wave",
+        (Parameter("a_um"), Parameter("pitch_mm", grid=tuple(np.geomspace(0.05, 0.2, 12)))),
+        lambda v: v["a_um"] * np.sin(2 * np.pi * x / v["pitch_mm"]),
+    )
+    return LinearModel(
+        x,
+        Readings(y, np.arange(n), "µm"),
+        [Nuisance("offset", "µm"), Nuisance("slope", "µm")],
+        np.stack([np.ones(n), x], axis=1),
+        effects=[step, wave],
+        covariates=[
+            Covariate("position", x, sequence=True),
+            Covariate("part", np.arange(n), classes=True),
+        ],
+        groups=np.arange(n),
+        replicates=np.arange(n) // 2,
+    )
+
+
+@pytest.mark.parametrize("outliers", [0, 10])
+def test_memory_is_linear_in_readings(outliers: int) -> None:
+    """Three times the readings take three times the memory; an n x n array nine times."""
+    peaks = []
+    for n in (10_000, 30_000):
+        model = line(n, outliers)
+        tracemalloc.start()
+        d = tn.diagnose(model)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert [c.id for c in d.causes] == ["step"]
+        assert len(d.outliers) == outliers
+    assert peaks[1] < 4 * peaks[0]
+
+
+def _numbers(d: tn.Diagnosis) -> list[float]:
+    numbers = [d.sigma, d.p_value, *d.errors_after.values()]
+    return [*numbers, *(v for c in d.causes for v in (*c.parameters.values(), c.p_value))]
+
+
+@pytest.mark.parametrize("hidden", [(), ("axial_2",), ("radial_3", "tilt_2")])
+def test_many_readings_are_stored_in_single_precision_with_the_same_result(
+    hidden: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = tn.Sweep(**make_sweep(5, hidden, targets=1).columns)
+    usual = tn.diagnose(data)
+    monkeypatch.setattr(candidates, "MAX_DOUBLES", 0)
+    monkeypatch.setattr(case, "MAX_DOUBLES", 0)
+    monkeypatch.setattr(candidates, "BATCH_NUMBERS", 2000)
+    monkeypatch.setattr(case, "BATCH_NUMBERS", 2000)
+    d = tn.diagnose(data)
+    assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
+    np.testing.assert_allclose(_numbers(d), _numbers(usual), rtol=1e-5, atol=1e-9)
+
+
+def test_numbers_do_not_depend_on_blas_threads() -> None:
+    model = line(2000)
+    seen = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, user_api="blas"):
+            seen.append(tn.diagnose(model).to_dict())
+    assert seen[0] == seen[1]
