@@ -11,7 +11,7 @@ RUNS = 12
 
 
 def no_worse(good: int, count: int, expected: float) -> bool:
-    """Whether this many good ones of count speak against a rate of at least expected (1 in 1000)."""
+    """Whether this many good ones of count speak against a rate of at least that (1 in 1000)."""
     return good >= stats.binom.ppf(0.001, count, expected)
 
 
