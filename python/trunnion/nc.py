@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program
+from trunnion.base.arguments import checked
 
 __all__ = ["DIALECTS", "Moves", "Program", "follow"]
 
@@ -79,6 +80,7 @@ class Moves:
         return len(self.code)
 
 
+@checked
 def follow(
     program: Program,
     *,

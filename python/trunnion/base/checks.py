@@ -157,8 +157,13 @@ def floats(what: str, value: object) -> Floats:
         found = None
     if found is None:
         raise InputError(f"{what}: got {shown(value)}, expected numbers")
-    if not np.isfinite(found).all():
-        raise InputError(f"{what}: got {shown(value)}, expected finite numbers")
+    bad = ~np.isfinite(found)
+    if bad.any() and found.ndim == 2:
+        row = int(np.argmax(bad.any(axis=1)))
+        raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
+    if bad.any():
+        at = f"[{int(np.argmax(bad))}]" if found.ndim == 1 and found.size > 1 else ""
+        raise InputError(f"{what}{at}: got {shown(value)}, expected finite numbers")
     return found
 
 

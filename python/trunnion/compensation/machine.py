@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import (
@@ -75,6 +76,7 @@ class MachineErrors:
     ignored: tuple[str, ...] = ()
 
     @classmethod
+    @checked
     def of(
         cls,
         setup: Setup,

@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
+from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
@@ -91,6 +92,7 @@ class ErrorMap(report.Result):
         rotary = {f"{letter.lower()}_deg": nodes for letter, nodes in self.rotary_deg.items()}
         return {**rotary, "x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
 
+    @checked
     def correction_um(self, position_mm: ArrayLike, rotary_deg: Mapping[str, ArrayLike]) -> Floats:
         """Correction at axis positions: linear (n, 3) in mm, rotary by letter, control's sign.
 
@@ -133,6 +135,7 @@ class ErrorMap(report.Result):
         found: Floats = RegularGridInterpolator(tuple(grid), table)(queries[:, used])
         return found
 
+    @checked
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """Nominal commands plus the correction at them, rounded to the map's resolution."""
         chain = Chain(setup)
@@ -220,6 +223,7 @@ def _decimals(step: float) -> int | None:
     return None
 
 
+@checked
 def error_map(
     setup: Setup,
     errors: Known,
@@ -429,6 +433,7 @@ class MapRows(Table):
                 )
 
 
+@checked
 def read_error_map(path: str | PathLike[str]) -> ErrorMap:
     """Read an error map; see the module for the file.
 

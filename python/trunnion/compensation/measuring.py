@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
 from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors
@@ -68,6 +69,7 @@ class _Axes:
         return shown
 
 
+@checked
 def remeasure(
     plan: Touches,
     setup: Setup,

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.compensation.control import ModelCompensation
@@ -75,6 +76,7 @@ class ResidualInterval(Result):
         return (Table.of(title, ("", "from", "to", "below"), rows),)
 
 
+@checked
 def residual_interval(
     setup: Setup,
     estimate: Known,

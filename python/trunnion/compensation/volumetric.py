@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
 from trunnion.compensation.control import Belief, Compensation, control_commands
@@ -165,6 +166,7 @@ class VolumetricError(Result):
         """Lengths of the error vectors, shape (poses ..., nx, ny, nz)."""
         return cast(Floats, np.linalg.norm(self.field_um, axis=-1))
 
+    @checked
     def at(self, points_mm: ArrayLike, *, threads: int | None = 1) -> Floats:
         """Error vectors at points of the work (n, 3), shape (poses ..., n, 3), µm.
 
@@ -233,6 +235,7 @@ class VolumetricError(Result):
         return self.x_mm, self.y_mm, self.z_mm
 
 
+@checked
 def volumetric_error(
     setup: Setup,
     errors: Known = None,
@@ -339,6 +342,7 @@ def volumetric_error(
     )
 
 
+@checked
 def error_fields(
     setup: Setup,
     errors: Known = None,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import floats
 from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
@@ -78,6 +79,7 @@ class Margins(Result):
         return tuple(tables)
 
 
+@checked
 def margins(
     servo: Servo | None = None,
     *,

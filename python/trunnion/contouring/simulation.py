@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
@@ -77,9 +78,10 @@ class Feed:
 
     def __post_init__(self) -> None:
         """Check the feed, in its own unit, and that a dwell follows a stop."""
+        check_fields(self)
         if self.dwell_s and not self.decelerate:
             raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, expected it too")
-        if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
+        if not self.feed_mm_min > 0:
             raise InputError(
                 f"feed: got {self.feed_mm_min:g} mm/min, expected a finite number above 0"
             )
@@ -181,6 +183,7 @@ class ContourRun(Result):
             "tangent_max_arcsec": top(self.tangent_arcsec),
         }
 
+    @checked
     def axis_log(
         self,
         *,
@@ -323,6 +326,7 @@ def _name(controller: Controller) -> str:
     return controller
 
 
+@checked
 def simulate(
     path: Path,
     feed: Feed | float,
@@ -439,6 +443,7 @@ class ContourSweep(Result):
         return Table.of(title, ("controller", "path", "feed mm/min", *columns.values()), rows)
 
 
+@checked
 def sweep(
     paths: Sequence[Path],
     feeds_mm_min: Sequence[float] | Array,

@@ -7,6 +7,7 @@ from os import PathLike
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.files.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -44,10 +45,12 @@ class AxisLog(Table):
         """Letters of the axes that the log has, in the order x y z a b c."""
         return tuple(axis for axis in UNIT_OF_AXIS if _name(axis, "cmd") in self.columns)
 
+    @checked
     def commanded(self, axis: str) -> Float:
         """Return the commanded positions of an axis, mm or deg."""
         return self.columns[_name(axis, "cmd")]
 
+    @checked
     def actual(self, axis: str) -> Float:
         """Return the actual positions of an axis, mm or deg."""
         return self.columns[_name(axis, "act")]

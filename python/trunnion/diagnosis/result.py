@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import (
     Cell,
@@ -151,6 +152,7 @@ class Diagnosis(Result):
         model: Model = kinds.model_of(self.data, self.setup, self.candidates)
         return model
 
+    @checked
     def score(self, other: Any) -> Gain:
         """Gain on data that the diagnosis has not seen.
 

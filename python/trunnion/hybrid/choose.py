@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.identifiability import design
@@ -18,6 +19,7 @@ __all__ = ["choose_poses"]
 Floats = NDArray[np.float64]
 
 
+@checked
 def choose_poses(
     candidates: Ballbar,
     mechanism: Mechanism,

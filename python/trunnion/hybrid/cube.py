@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.hybrid.mechanism import Mechanism
@@ -134,6 +135,7 @@ class CubeStudy(Result):
                 return change
         raise InputError(f"error {error!r}: expected one of {[c.error for c in self.changes]}")
 
+    @checked
     def below(self, ratio: float = 0.2) -> int:
         """Count the errors whose edges change by less than this fraction of the rigid motion."""
         return sum(change.ratio < ratio for change in self.changes)
@@ -184,6 +186,7 @@ def _circles(radius_mm: float) -> tuple[Floats, Floats]:
     return units * radius_mm, units
 
 
+@checked
 def cube_study(
     mechanism: Mechanism,
     errors: Sequence[str] | Mapping[str, float] = PAPER_ERRORS,
@@ -236,6 +239,7 @@ def cube_study(
     return CubeStudy(side_mm, centre, way, tuple(changes))
 
 
+@checked
 def transformed_cube(
     mechanism: Mechanism, error: str, amount: float = 10.0, **cube: Any
 ) -> CubeChange:

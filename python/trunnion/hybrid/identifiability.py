@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.data.ballbar import Ballbar
@@ -67,6 +68,7 @@ class Identifiability(Result):
     std_errors: dict[str, float]
     direction_errors: Floats
 
+    @checked
     def well_determined(self, within: float = MAX_WELL_DETERMINED_UM) -> int:
         """Count the combinations with a standard error below this, µm or arcsec."""
         return int(np.sum(self.direction_errors < within))
@@ -103,6 +105,7 @@ class Identifiability(Result):
         return {"not_identifiable": self.not_identifiable}
 
 
+@checked
 def identifiability(
     plan: Ballbar,
     mechanism: Mechanism,

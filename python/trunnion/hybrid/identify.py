@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
 from trunnion.data.ballbar import Ballbar
@@ -90,6 +91,7 @@ class BallbarIdentification(Estimate):
         )
 
 
+@checked
 def identify_ballbar(
     data: Ballbar,
     mechanism: Mechanism,

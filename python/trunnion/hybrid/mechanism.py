@@ -45,6 +45,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion._core import Hybrid, hybrid_example
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
@@ -130,6 +131,7 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         """Check by building the core's object."""
+        check_fields(self)
         keys = _dimension_keys()
         for name in self.dimensions:
             if name not in keys:
@@ -166,6 +168,7 @@ class Mechanism:
         return Hybrid(values, list(self.home_mm), list(self.errors.items()), list(self.closure_mm))
 
     @classmethod
+    @checked
     def from_setup(cls, setup: Setup) -> Mechanism:
         """Read the table ``[hybrid]`` of a set-up.
 
@@ -182,6 +185,7 @@ class Mechanism:
         with section.placed():
             return cls(dimensions=given, **values)
 
+    @checked
     def with_errors(self, errors: Mapping[str, float]) -> Mechanism:
         """Return the same machine with these errors (µm, arcsec) instead of its own."""
         return replace(self, errors=dict(errors))
@@ -197,6 +201,7 @@ class Mechanism:
         first, second, third = self._core.home_legs_mm
         return (first, second, third)
 
+    @checked
     def forward(self, joints: ArrayLike, *, threads: int | None = 1) -> Forward:
         """Solve the loops: G(Y, E) = 0, then the way to the tool through leg 2.
 
@@ -217,6 +222,7 @@ class Mechanism:
         array = joints_array(joints)
         return Forward.of_rows(array, self._core.forward(array, threads))
 
+    @checked
     def sensitivity(
         self,
         joints: ArrayLike,
@@ -253,6 +259,7 @@ class Mechanism:
             passive=rates[:, 12:20],
         )
 
+    @checked
     def inverse(
         self,
         tip_mm: ArrayLike,
@@ -303,6 +310,7 @@ class Mechanism:
         )
         return rows[:, :5]
 
+    @checked
     def constraint(self, joints: ArrayLike) -> Constraint:
         """Rank, mobility and self-stress of the loops at one pose, (5,)."""
         pose = _one_pose(joints)
@@ -315,6 +323,7 @@ class Mechanism:
             jacobian=jacobian,
         )
 
+    @checked
     def strain(
         self, joints: ArrayLike, parameters: Sequence[str], *, threads: int | None = 1
     ) -> Floats:
@@ -328,6 +337,7 @@ class Mechanism:
         rows = self._core.strain(array, names, threads)
         return rows.reshape(len(array), 2, 5, len(names))
 
+    @checked
     def closure_dependence(
         self,
         joints: ArrayLike,
@@ -368,6 +378,7 @@ class Mechanism:
             spread_um=spread,
         )
 
+    @checked
     def ballbar(
         self,
         joints: ArrayLike,

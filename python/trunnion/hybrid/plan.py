@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 PLANES: Mapping[str, tuple[int, int]] = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0), "XZ": (0, 2)}
 
 
+@checked
 def ballbar_plan(
     mechanism: Mechanism,
     centre_mm: ArrayLike,

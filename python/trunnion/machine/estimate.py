@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.report import Result, Table, plain
 from trunnion.base.units import Floats, unit_of
@@ -260,6 +261,7 @@ def in_words(combination: Mapping[str, float]) -> str:
     return f"Not identifiable: {' together with '.join(parts)}."
 
 
+@checked
 def read_estimate(path: str | PathLike[str]) -> Estimate:
     """Read an estimate: the dictionary of a result, or names and values alone.
 

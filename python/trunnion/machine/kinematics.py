@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import array, choose
 from trunnion.base.errors import InputError
 from trunnion.machine.chain import Chain
@@ -40,6 +41,7 @@ class AxisSolution(NamedTuple):
     singular: NDArray[np.bool_]
 
 
+@checked
 def forward_kinematics(
     setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
 ) -> tuple[Floats, Floats]:
@@ -62,6 +64,7 @@ def forward_kinematics(
     return tools[:, :3], tools[:, 3:]
 
 
+@checked
 def kinematic_jacobian(
     setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
 ) -> Floats:
@@ -78,6 +81,7 @@ def kinematic_jacobian(
     return machine.jacobian(array("axes", axes, width)).reshape(-1, 6, width)
 
 
+@checked
 def inverse_kinematics(
     setup: Setup,
     point_mm: ArrayLike,

@@ -47,6 +47,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
@@ -327,6 +328,7 @@ class DiameterLaw(Estimate):
     offset_um: Mapping[str, float]
     source: DiameterModel = field(compare=False, repr=False)
 
+    @checked
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Floats:
         """Predict the error of the diameter along a planned pass.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table, plain
 from trunnion.base.units import Floats
@@ -88,6 +89,7 @@ class NextPass(Result):
             raise InputError(f"NextPass: got values that do not fit its fields: {error}") from error
 
 
+@checked
 def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     """Say which further pass distinguishes the alternatives of a diagnosis of diameters.
 

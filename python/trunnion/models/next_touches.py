@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -113,6 +114,7 @@ class Prospect(Result):
             raise InputError(f"Prospect: got values that do not fit its fields: {error}") from error
 
 
+@checked
 def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     """Plan the n touches that best distinguish a diagnosis' alternatives, or sharpen its cause.
 
@@ -128,6 +130,7 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     return prospect(d, n).plan
 
 
+@checked
 def prospect(d: Diagnosis, n: int = 8) -> Prospect:
     """Plan as :func:`next_touches`, and say what the touches are expected to show.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, UnknownNameError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
@@ -37,6 +38,7 @@ SEES_SEPARATING = (
 )
 
 
+@checked
 def closed_form(
     data: Touches,
     setup: Setup,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -131,6 +132,7 @@ class Observability(Result):
         return {"not_identifiable": list(self.not_identifiable)}
 
 
+@checked
 def observability(
     plan: Touches,
     setup: Setup,

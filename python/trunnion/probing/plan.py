@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, artefact_dimensions
@@ -21,6 +22,7 @@ MAX_STOPS = 100_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 
+@checked
 def plan(
     setup: Setup,
     c_deg: Sequence[float] = (0, 90, 180, 270),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from trunnion.base.arguments import checked
 from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.estimate import Estimate
@@ -124,6 +125,7 @@ class IdentificationResult(Estimate):
         correlations: Floats = self.covariance * np.outer(scale, scale)
         return correlations
 
+    @checked
     def interval(self, name: str, coverage: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a parameter, by Student's t."""
         half = self.std_errors[name] * float(

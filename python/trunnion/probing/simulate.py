@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
@@ -20,6 +21,7 @@ __all__ = ["simulate"]
 OFF_SURFACE_MM = 5.0
 
 
+@checked
 def simulate(
     plan: Touches,
     setup: Setup,

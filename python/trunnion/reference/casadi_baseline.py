@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import named_combination
@@ -97,6 +98,7 @@ _SLIP_TIME = "setup_shift.t0_s"
 _TIME_CONSTANT = "warmup_z.tau_min"
 
 
+@checked
 def identify(
     data: Touches,
     setup: Setup,
@@ -159,6 +161,7 @@ def identify(
     return _result(model, rows, best, solver)
 
 
+@checked
 def linearise(
     data: Touches,
     setup: Setup,

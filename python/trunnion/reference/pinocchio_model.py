@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import UnknownNameError
 from trunnion.setup.names import canonical_error_name
 
@@ -31,6 +32,7 @@ _ERRORS = {
 }
 
 
+@checked
 def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> Any:
     """Build a `pin.Model` of the machine, in mm and rad, with its errors as joint placements.
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import UnknownNameError
 
 __all__ = ["canonical_error_name", "effect_ids", "is_code", "iso_codes"]
@@ -11,6 +12,7 @@ __all__ = ["canonical_error_name", "effect_ids", "is_code", "iso_codes"]
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
 
 
+@checked
 def canonical_error_name(text: str) -> str:
     """Spell the name of a location error as ISO 230-1 does, with a digit zero: ``EA0A``.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.studies.description import Description
 from trunnion.studies.store import Blocks, Journal
@@ -66,6 +67,7 @@ def journal_of(target: Path) -> Journal:
     return Journal(target.with_name(target.name + ".part"))
 
 
+@checked
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a sweep from its file, finished or still running; samples not done yet are missing.
 

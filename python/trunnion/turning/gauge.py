@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.errors import DataError, InputError
 
 __all__ = ["Gauge"]
@@ -41,6 +42,7 @@ class Gauge:
     response_s: float = 0.02
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("range_um", "rate_hz"):
             if not getattr(self, name) > 0:
                 raise InputError(f"{name}: got {getattr(self, name)}, expected more than zero")
@@ -48,6 +50,7 @@ class Gauge:
             if not getattr(self, name) >= 0:
                 raise InputError(f"{name}: got {getattr(self, name)}, expected not below zero")
 
+    @checked
     def feed_limit_mm_min(
         self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
     ) -> float:
@@ -72,6 +75,7 @@ class Gauge:
             limit = min(limit, lag_um / (slope_um_mm * self.response_s))
         return 60.0 * limit
 
+    @checked
     def read(
         self,
         z_mm: npt.ArrayLike,

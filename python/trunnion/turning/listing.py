@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.nc import follow
@@ -44,6 +45,7 @@ class Crossing(Result):
         return (Table.of("Crossing", columns, [("1", *self.z_mm, self.level_um)], digits=3),)
 
 
+@checked
 def crossings(
     listing: Program,
     *,

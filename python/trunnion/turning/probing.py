@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import finite, floats
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -40,6 +41,9 @@ class TurningProbe:
     ball_diameter_mm: float = 3.175
     contact_angle_deg: float = 89.0
     body_diameter_mm: float = 4.9
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -114,6 +118,7 @@ class ProbePath(Result):
     def _core(self) -> TurnedProbePath:
         return self.profile.core.probe_path(**self.options)
 
+    @checked
     def contact_z_mm(self, interval: int, z_mm: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Z of the point of contact for centres at `z_mm` (equation of 2.3(5)).
 
@@ -123,6 +128,7 @@ class ProbePath(Result):
         z = np.atleast_1d(floats("z_mm", z_mm))
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
+    @checked
     def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
         if finite("pitch_mm", pitch_mm) <= 0:
@@ -134,6 +140,7 @@ class ProbePath(Result):
             rows.append(np.c_[np.full(count, index), z, self.contact_z_mm(index, z)])
         return np.concatenate(rows) if rows else np.empty((0, 3))
 
+    @checked
     def program(
         self,
         dialect: str,
@@ -195,6 +202,7 @@ def interval_table(intervals: Sequence[Interval]) -> Table:
     return Table.of("Ball centre (Z, diameter), mm", columns, rows, digits=3)
 
 
+@checked
 def probe_path(
     profile: Profile,
     probe: TurningProbe | None = None,

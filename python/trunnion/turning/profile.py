@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProfile
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 
@@ -43,6 +44,9 @@ class Corner:
     x_mm: float
     kind: Kind = "sharp"
     radius_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,6 +91,7 @@ class Profile:
     core: TurnedProfile
 
     @classmethod
+    @checked
     def from_points(cls, points: Iterable[Corner | tuple[float, float]]) -> Profile:
         """From input points.
 
@@ -109,6 +114,7 @@ class Profile:
         )
 
     @classmethod
+    @checked
     def from_program(
         cls,
         program: Program,
@@ -156,6 +162,7 @@ class Profile:
         """
         return self.core.elements()
 
+    @checked
     def path(
         self,
         follows: Follows,
@@ -165,14 +172,17 @@ class Profile:
         """Give what a program that cuts this profile holds; same columns as `elements`."""
         return self.core.path(follows, nose_mm, convex)
 
+    @checked
     def radius_mm(self, z_mm: float) -> float | None:
         """Radius at z; the larger one at a wall; None beside the part."""
         return self.core.radius_at(z_mm)
 
+    @checked
     def outline_mm(self, step_mm: float = 0.2) -> npt.NDArray[np.float64]:
         """Points (z, x) along the contour, arcs divided to `step_mm`, for drawing; shape (m, 2)."""
         return outline(self.elements, step_mm)
 
+    @checked
     def finishing(
         self,
         dialect: str,

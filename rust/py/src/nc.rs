@@ -8,7 +8,7 @@ use trunnion_core::nc::follow::{moves, moves_of};
 use trunnion_core::nc::path::{FeedMode, Motion, Plane, Position, Side, Start};
 use trunnion_core::nc::{Dialect, Item, Program};
 
-use crate::arrays::{array, matrix};
+use crate::arrays::{array, finite, matrix};
 use crate::errors::IntoPy;
 
 /// A part program: blocks of words and comments in the spelling of a dialect.
@@ -88,8 +88,8 @@ impl PyProgram {
         &self,
         py: Python<'py>,
         blocks: Option<(usize, usize)>,
-        start: Option<[f64; 6]>,
-        feed: Option<f64>,
+        #[pyo3(from_py_with = finite)] start: Option<[f64; 6]>,
+        #[pyo3(from_py_with = finite)] feed: Option<f64>,
         machine_codes: Vec<(char, f64)>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let start = Start { position: start.map(|axes| Position { axes }), feed, machine_codes };
@@ -107,7 +107,7 @@ impl PyProgram {
         let small = |of: fn(&trunnion_core::nc::path::Move) -> i64| -> Bound<'py, PyArray1<i64>> {
             PyArray1::from_iter(py, each.clone().map(of))
         };
-        dict.set_item("begin", array(py, path.start.axes.to_vec()))?;
+        dict.set_item("begin", array(py, path.start.axes.to_vec())?)?;
         dict.set_item("start", rows(|m| m.from)?)?;
         dict.set_item("end", rows(|m| m.to)?)?;
         let centres = each.clone().flat_map(|m| match m.motion {
@@ -115,7 +115,7 @@ impl PyProgram {
             _ => [0.0; 2],
         });
         dict.set_item("centre", matrix(py, centres.collect(), 2)?)?;
-        dict.set_item("feed", array(py, each.clone().map(|m| m.feed).collect()))?;
+        dict.set_item("feed", array(py, each.clone().map(|m| m.feed).collect())?)?;
         dict.set_item("code", small(|m| code(m.motion)))?;
         dict.set_item("plane", small(|m| plane(m.motion)))?;
         dict.set_item("feed_mode", small(|m| feed_mode(m.feed_mode)))?;

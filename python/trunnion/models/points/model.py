@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.smooth import Modes, SmoothField
 from trunnion.base.units import Floats, Integers
@@ -368,6 +369,7 @@ class ExtendedPoints(Estimate):
     features: FeatureScatter | None
     source: PointsModel = field(compare=False, repr=False)
 
+    @checked
     def error_um(
         self,
         points: Points,

@@ -101,6 +101,14 @@ pub fn check(model: &TouchModel, moves: &Moves, start: &[f64], options: &Options
             options.priors.len()
         )));
     }
+    if !(options.sigma.is_finite() && options.sigma >= 0.0) {
+        return Err(Error::input("standard deviation, mm", options.sigma, "finite, 0 or above"));
+    }
+    if let Loss::Huber(limit) = options.loss
+        && !(limit.is_finite() && limit > 0.0)
+    {
+        return Err(Error::input("limit of Huber's loss", limit, "finite and above 0"));
+    }
     if !options.priors.is_empty() && options.sigma <= 0.0 {
         return Err(Error::input(
             "priors",
