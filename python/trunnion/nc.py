@@ -85,7 +85,7 @@ def follow(
     program: Program,
     *,
     blocks: tuple[int, int] | None = None,
-    start: Sequence[float] | None = None,
+    start: tuple[float, float, float, float, float, float] | None = None,
     feed: float | None = None,
     machine_codes: Sequence[tuple[str, float]] = (),
 ) -> Moves:

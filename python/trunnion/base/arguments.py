@@ -18,7 +18,7 @@ import functools
 import inspect
 import sys
 import types
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
@@ -76,8 +76,10 @@ def check_fields(made: Any) -> None:
     InputError
         A field holds what its annotation does not allow.
     """
-    kind: Hashable = type(made)
-    for name, take in _field_takes(kind).items():
+    kind: Any = type(made)
+    if kind not in _FIELDS:
+        _FIELDS[kind] = _field_takes(kind)
+    for name, take in _FIELDS[kind].items():
         value = getattr(made, name)
         found = take(f"{type(made).__name__}.{name}", value)
         if found is not value:
@@ -101,7 +103,9 @@ def _takes(function: Callable[..., Any]) -> tuple[inspect.Signature, dict[str, T
     return signature, takes
 
 
-@functools.cache
+_FIELDS: dict[Any, dict[str, Take]] = {}
+
+
 def _field_takes(kind: Any) -> dict[str, Take]:
     room = sys.modules[kind.__module__]
     found = {}
@@ -141,7 +145,7 @@ def taker(hint: Any) -> Take | None:
     if origin in (Union, types.UnionType):
         return _union(args)
     if origin is Literal:
-        return lambda what, value: choose(what, value, args) if value not in args else value
+        return lambda what, value: choose(what, value, args)
     if hint in _PLAIN:
         return _PLAIN[hint]
     if origin is np.ndarray or hint is np.ndarray:
@@ -283,7 +287,8 @@ def _tuple(args: tuple[Any, ...]) -> Take:
     takes = [taker(arg) for arg in args]
 
     def check(what: str, value: Any) -> Any:
-        if not isinstance(value, tuple | list | np.ndarray) or len(value) != len(takes):
+        listed = isinstance(value, tuple | list) or (isinstance(value, np.ndarray) and value.ndim)
+        if not listed or len(value) != len(takes):
             return _refused(what, value, f"{len(takes)} values")
         for index, (take, item) in enumerate(zip(takes, value, strict=True)):
             if take is not None:

@@ -11,7 +11,8 @@ import html
 import importlib
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from numbers import Real
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args
 
 import numpy as np
 
-from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +37,7 @@ __all__ = [
     "Shown",
     "Table",
     "class_named",
+    "fitting",
     "measured",
     "number",
     "page",
@@ -192,7 +194,7 @@ def _converter() -> Converter:
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
     )
-    converter.register_structure_hook(float, lambda value, _: float(value))
+    converter.register_structure_hook(float, lambda value, _: _stored_number(value))
     converter.register_structure_hook_func(
         lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
     )
@@ -223,7 +225,21 @@ def _array(value: Any, kind: Any) -> Any:
     """Return nested lists as an array of the annotated type of number."""
     scalar = next(iter(get_args(get_args(kind)[-1])), None) if get_args(kind) else None
     dtype = scalar if isinstance(scalar, type) and issubclass(scalar, np.generic) else None
-    return np.asarray(value, dtype=None if dtype is np.generic else dtype)
+    found = np.asarray(value, dtype=None if dtype is np.generic else dtype)
+    if found.dtype.kind == "f" and np.isnan(found).any():
+        raise InputError("got nan, expected numbers")
+    return found
+
+
+def _stored_number(value: Any) -> float:
+    """Return a number as `plain` stores it."""
+    infinite = isinstance(value, str) and value in ("inf", "-inf")
+    if not infinite and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise InputError(f"got {value!r:.60}, expected a number")
+    number = float(value)
+    if number != number:
+        raise InputError("got nan, expected a number")
+    return number
 
 
 def plain(value: Any) -> Any:
@@ -258,16 +274,55 @@ def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
         It is not JSON; the message names line and column.
     """
     text, where = str(source), "JSON"
-    if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
-        text, where = Path(source).read_text(encoding="utf-8"), str(source)
+    if not isinstance(source, str | PathLike):
+        raise InputError(f"source: got {type(source).__name__}, expected JSON text or a path")
+    if isinstance(source, PathLike) or not text.lstrip().startswith(("{", "[", '"')):
+        if "\n" in text or "\0" in text or len(text) > MAX_PATH:
+            raise FileFormatError(f"{where}:1:1: got {text[:20]!r}, expected a table {{...}}")
+        where = text
+        raw = Path(source).read_bytes()
+        try:
+            text = raw.decode("utf-8")
+        except UnicodeDecodeError as error:
+            line = raw.count(b"\n", 0, error.start) + 1
+            column = error.start - raw.rfind(b"\n", 0, error.start)
+            raise FileFormatError(
+                f"{where}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, expected UTF-8"
+            ) from None
     try:
-        return json.loads(text), where
+        return json.loads(text, parse_constant=_no_constant), where
     except json.JSONDecodeError as error:
         raise FileFormatError(
             f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
         ) from error
-    except RecursionError as error:
-        raise FileFormatError(f"{where}: {error}") from error
+    except (ValueError, RecursionError) as error:  # nan, thousands of digits, of brackets
+        raise FileFormatError(f"{where}:1:1: {error}") from None
+
+
+MAX_PATH = 4000
+"""Characters of a path; more is text."""
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"got {name}, expected JSON: numbers are finite there")
+
+
+@contextmanager
+def fitting(what: str) -> Iterator[None]:
+    """Make an InputError of what stored values of another shape lead to, whatever it is."""
+    try:
+        yield
+    except TrunnionError:
+        raise
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as error:
+        raise InputError(f"{what}: got values that do not fit its fields: {error}") from error
 
 
 def same(first: Any, second: Any) -> bool:
@@ -406,8 +461,11 @@ class Result:
         """
         values, where = read_json(source)
         try:
-            return cls.from_dict(values)
-        except (InputError, RecursionError) as error:
+            with fitting(cls.__name__):
+                found = cls.from_dict(values)
+                found.summary()  # arrays that do not fit each other are found here
+                return found
+        except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
     def to_dataframe(self) -> pd.DataFrame:

@@ -34,8 +34,6 @@ __all__ = [
 ]
 
 Floats: TypeAlias = NDArray[np.float64]
-Known: TypeAlias = "MachineErrors | Estimate | Mapping[str, float] | None"
-"""What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""
 Effects: TypeAlias = Estimate | Mapping[Any, Mapping[str, float]] | None
 """Effects as id (or a user's own) → parameter → value, or the estimate that has them."""
 
@@ -160,6 +158,10 @@ class MachineErrors:
                 )
             moved += 1e-3 * change
         return moved
+
+
+Known: TypeAlias = MachineErrors | Estimate | Mapping[str, float] | None
+"""What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""
 
 
 def _refuse_unseen(std_errors: Mapping[str, float], used: set[str]) -> None:

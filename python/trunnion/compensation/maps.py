@@ -27,6 +27,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
 from trunnion.base.arguments import checked
+from trunnion.base.checks import count_of
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
@@ -287,8 +288,7 @@ def error_map(
     box = list(where.ends())
     low, high = _reach(setup, rotary, box)
     linear = [
-        np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
-        for lo, hi in zip(low, high, strict=True)
+        _nodes("linear_step_mm", lo, hi, linear_step_mm) for lo, hi in zip(low, high, strict=True)
     ]
     count = np.prod([len(nodes) for nodes in (*rotary.values(), *linear)])
     if count > LARGEST_MAP:
@@ -313,14 +313,20 @@ def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
         raise InputError(f"{name}: got {given!r}, expected (low, high), rising nodes or a number")
     if len(nodes) != 2:
         return nodes
-    return np.linspace(nodes[0], nodes[1], max(2, int(np.ceil((nodes[1] - nodes[0]) / step)) + 1))
+    return _nodes(name, nodes[0], nodes[1], step)
+
+
+def _nodes(what: str, low: float, high: float, step: float) -> Floats:
+    """Return evenly spaced nodes, at most `step` apart."""
+    count_of(what, high - low, step, LARGEST_MAP)
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / step)) + 1))
 
 
 def _reach(setup: Setup, rotary: Mapping[str, Floats], box: list[Floats]) -> tuple[Floats, Floats]:
     """Lowest and highest X, Y, Z that reach the box of the work; rounded outward on a range."""
     # Every degree: an arc of radius 300 mm rises 0.012 mm between two of them.
     dense = {
-        letter: np.linspace(nodes[0], nodes[-1], int(np.ceil(nodes[-1] - nodes[0])) + 1)
+        letter: _nodes(f"{letter.lower()}_deg", nodes[0], nodes[-1], 1.0)
         for letter, nodes in rotary.items()
     }
     poses = pose_grid(setup, dense)

@@ -9,6 +9,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.checks import whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
@@ -109,12 +110,15 @@ def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     if nodes.ndim == 0:
         nodes = nodes[None]
     if len(nodes) == 2 and nodes[0] < nodes[1]:
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InputError(f"points along {name}: got {count!r}, expected a whole number from 2")
+        whole(f"points along {name}", count, 2, 100_000)
         return np.linspace(nodes[0], nodes[1], int(count))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
     return nodes
+
+
+LARGEST = 1e5
+"""Of coordinates, mm, and rotary positions, deg."""
 
 
 def _numbers(name: str, given: ArrayLike) -> Floats:
@@ -124,4 +128,6 @@ def _numbers(name: str, given: ArrayLike) -> Floats:
         values = np.array(np.nan)
     if not np.all(np.isfinite(values)):
         raise InputError(f"{name}: got {given!r}, expected finite numbers")
+    if np.any(np.abs(values) > LARGEST):
+        raise InputError(f"{name}: got {given!r}, expected numbers within ±{LARGEST:g}")
     return values

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import trunnion._core as _core
 from trunnion.base.arguments import checked
-from trunnion.base.checks import floats
+from trunnion.base.checks import line
 from trunnion.base.report import Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
@@ -103,7 +103,7 @@ def margins(
     along = np.zeros((0, 2))
     if path is not None and gains is not None:
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
-        points = span if u is None else np.atleast_1d(floats("u", u))
+        points = span if u is None else line("u", u)
         along = _core.contour_path_margins(
             path.core,
             points,

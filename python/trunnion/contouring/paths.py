@@ -21,7 +21,7 @@ from scipy.interpolate import make_interp_spline
 import trunnion.nc as nc
 from trunnion._core import ContourPath
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import floats
+from trunnion.base.checks import array, floats
 from trunnion.base.errors import InputError, ProgramError
 
 __all__ = ["Path"]
@@ -205,7 +205,7 @@ class Path:
     def shifted(self, offset_mm: Sequence[float]) -> "Path":
         """Return the same path elsewhere on the table."""
         moved = self.coefficients.copy()
-        moved[:, 0, :3] += np.asarray(offset_mm, dtype=np.float64)
+        moved[:, 0, :3] += array("offset_mm", np.asarray(offset_mm), 3, rows=1)
         return replace(self, coefficients=moved)
 
     @property

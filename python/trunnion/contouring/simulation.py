@@ -459,6 +459,8 @@ def sweep(
     ``feed`` gives what is the same for all feeds (acceleration, deceleration, limit); other
     parameters as in `simulate`. The interpreter lock is released.
     """
+    if np.ndim(feeds_mm_min) != 1:
+        raise InputError(f"feeds_mm_min: got {feeds_mm_min!r}, expected a list of feeds")
     if isinstance(paths, Path):
         raise InputError("paths: got one Path, expected a sequence of them")
     servo = Servo.paper() if servo is None else servo

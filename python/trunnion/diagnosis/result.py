@@ -17,6 +17,7 @@ from trunnion.base.report import (
     Shown,
     Table,
     class_named,
+    fitting,
     measured,
     number,
     plain,
@@ -204,7 +205,8 @@ class Diagnosis(Result):
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
         made = super().from_dict(given)
-        return replace(made, model=made._model(values.get("model")))
+        with fitting(cls.__name__):
+            return replace(made, model=made._model(values.get("model")))
 
     def _model(self, stored: Any) -> Any:
         """Return `model` from what JSON holds of it; what it does is code, made anew of the data.

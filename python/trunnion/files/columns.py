@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import shown
+from trunnion.base.units import unit_of
 
 __all__ = [
     "Column",
@@ -55,6 +56,10 @@ _WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
 _DIGITS = re.compile(r"[+-]?(?:0[0-9].*|[0-9]{16,})")
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _BREAK = re.compile(r"[\n\r\0]")
+
+
+LARGEST = {"mm": 1e6, "µm": 1e9, "deg": 1e6, "s": 1e12, "mm/min": 1e9}
+"""Beyond these no machine is meant, and an angle would lose its arcseconds to rounding."""
 
 
 class ColumnError(Exception):
@@ -139,6 +144,8 @@ class _Numeric(Column[T]):
             self.refuse(values, bad, self.expected)
             numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
         bad = ~np.isfinite(numbers)
+        most = LARGEST.get(unit_of(self.name), np.inf)
+        self.refuse(values, ~bad & (np.abs(numbers) > most), f"a number within ±{most:g}")
         if self.positive:
             bad |= ~(numbers > 0.0)
         if self.minimum is not None:

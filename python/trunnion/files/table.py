@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAli
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
-from trunnion.base.report import plain, read_json
+from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.report import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 
@@ -392,11 +392,16 @@ class Table:
         if not isinstance(values, Mapping) or values.get("data") != cls.__name__:
             got = values.get("data") if isinstance(values, Mapping) else type(values).__name__
             raise InputError(f"data: got {got!r}, expected {cls.__name__!r}")
-        made = cls(values.get("columns", {}))
-        if (origin := values.get("origin")) is None:
-            return made
-        file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
-        return cls._of(made._columns, Origin(tuple(origin["files"]), file, line))
+        with fitting(cls.__name__):
+            made = cls(values.get("columns", {}))
+            if (origin := values.get("origin")) is None:
+                return made
+            file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
+            files = tuple(map(str, origin["files"]))
+            named = len(files) > file.max(initial=-1) and file.min(initial=0) >= -1
+            if not named or not file.shape == line.shape == (len(made),):
+                raise InputError(f"origin: got {plain(origin)!r:.60}, expected file and line a row")
+            return cls._of(made._columns, Origin(files, file, line))
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:
@@ -410,7 +415,7 @@ class Table:
         values, where = read_json(source)
         try:
             return cls.from_description(values)
-        except (InputError, KeyError, TypeError, ValueError) as error:
+        except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
     def __repr__(self) -> str:

@@ -12,7 +12,7 @@ from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.identifiability import design
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 
 __all__ = ["choose_poses"]
 
@@ -56,7 +56,7 @@ def choose_poses(
     ndarray of int
         Rows of `candidates`, in order: ``candidates[rows]`` is the plan.
     """
-    names = tuple(error_name(p) for p in parameters)
+    names = error_names(parameters)
     label = np.arange(len(candidates)) if blocks is None else np.asarray(blocks)
     if label.shape != (len(candidates),):
         raise InputError(f"blocks: got shape {label.shape}, expected ({len(candidates)},)")

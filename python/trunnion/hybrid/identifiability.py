@@ -14,7 +14,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 from trunnion.hybrid.readings import (
     gradient_with_centres,
     joints_of,
@@ -134,7 +134,7 @@ def identifiability(
     InputError
         `sigma_um` not above 0.
     """
-    names = tuple(error_name(p) for p in parameters)
+    names = error_names(parameters)
     if not (np.isfinite(sigma_um) and sigma_um > 0):
         raise InputError(f"sigma_um: got {sigma_um!r}, expected more than 0")
     matrix, labels = design(plan, mechanism, names, threads)

@@ -17,7 +17,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 from trunnion.hybrid.readings import (
     MIN_READINGS,
     check_near,
@@ -172,7 +172,7 @@ class _Problem:
         threads: int | None,
     ) -> _Problem:
         """Check the readings, and place the ball centres for the start."""
-        names = tuple(error_name(p) for p in parameters)
+        names = error_names(parameters)
         joints = joints_of(data)
         index, labels = setup_index(data)
         unknowns = len(names) + 3 * len(labels)

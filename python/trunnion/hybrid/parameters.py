@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 
-__all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name"]
+__all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name", "error_names"]
 
 _PAPER, _OUTSIDE = _core.hybrid_parameters()
 #: Names of the paper's 17 errors, with units.
@@ -13,6 +15,14 @@ PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
 #: Names of every component at every place, with units.
 OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)
 JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
+
+
+def error_names(given: Iterable[str]) -> tuple[str, ...]:
+    """Return the names with units of parameters, at least one."""
+    names = tuple(error_name(name) for name in given)
+    if not names:
+        raise InputError("parameters: got none, expected at least one")
+    return names
 
 
 def error_name(name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.arguments import checked
+from trunnion.base.checks import count_of
 from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -126,6 +127,7 @@ def _runs(
     for plane, first, last in circles:
         if plane not in PLANES:
             raise InputError(f"plane of a circle: got {plane!r}, expected one of {list(PLANES)}")
+        count_of("step_deg", abs(last - first), step_deg)
         angles = np.linspace(first, last, round(abs(last - first) / step_deg) + 1)
         runs.append(_Run(plane, angles, 1))
         if both_senses:

@@ -466,6 +466,7 @@ def _check(data: Diameters, conditions: Conditions) -> None:
             raise DataError(f"pass {label}: got {count} readings, expected at least {MIN_READINGS}")
 
 
+@checked
 def build(
     data: Diameters,
     setup: Setup | Conditions | None,

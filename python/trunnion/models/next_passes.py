@@ -11,7 +11,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
-from trunnion.base.report import Result, Table, plain
+from trunnion.base.report import Result, Table, fitting, plain
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import Effect, Values
@@ -82,11 +82,9 @@ class NextPass(Result):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> NextPass:
         """Return the pass that `to_dict` described."""
-        try:
+        with fitting(cls.__name__):
             apart = {frozenset(a["causes"]): float(a["distance"]) for a in values["apart"]}
             return cls(str(values["label"]), apart)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"NextPass: got values that do not fit its fields: {error}") from error
 
 
 @checked

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import instance
+from trunnion.base.checks import instance, whole
 from trunnion.base.errors import InputError
-from trunnion.base.report import Result, Table
+from trunnion.base.report import Result, Table, fitting
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
@@ -100,7 +100,7 @@ class Prospect(Result):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Prospect:
         """Return the prospect that `to_dict` described."""
-        try:
+        with fitting(cls.__name__):
             return cls(
                 Touches.from_description(values["plan"]),
                 int(values["sets"]),
@@ -110,8 +110,10 @@ class Prospect(Result):
                 {name: float(std) for name, std in values["std_before"].items()},
                 {name: float(std) for name, std in values["std_after"].items()},
             )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"Prospect: got values that do not fit its fields: {error}") from error
+
+
+MAX_TOUCHES = 1000
+"""Most touches to be chosen at once."""
 
 
 @checked
@@ -143,8 +145,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
     if not isinstance(d.data, Touches):
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
-    if not isinstance(n, int) or isinstance(n, bool) or n < 1:
-        raise InputError(f"n: got {n!r}, expected a whole number from 1")
+    n = whole("n", n, 1, MAX_TOUCHES)
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from trunnion.base.arguments import checked
+from trunnion.base.checks import choose, within
 from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.estimate import Estimate
@@ -128,6 +129,8 @@ class IdentificationResult(Estimate):
     @checked
     def interval(self, name: str, coverage: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a parameter, by Student's t."""
+        choose("name", name, self.std_errors)
+        within("coverage", coverage, 1e-9, 1 - 1e-9)
         half = self.std_errors[name] * float(
             special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + coverage / 2)
         )

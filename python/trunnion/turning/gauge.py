@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion.base.arguments import check_fields, checked
+from trunnion.base.checks import count_of, line, whole
 from trunnion.base.errors import DataError, InputError
 
 __all__ = ["Gauge"]
@@ -109,17 +110,20 @@ class Gauge:
         trunnion.DataError
             If the stylus leaves its range; the message has the place.
         """
-        z, error = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (z_mm, error_um))
-        way = np.abs(z - z[0])
-        if not feed_mm_min > 0 or z.size != error.size or (np.diff(way) <= 0).any():
+        z, error = line("z_mm", z_mm), line("error_um", error_um)
+        way = np.abs(z - z[:1])
+        if not feed_mm_min > 0 or not 0 < z.size == error.size or (np.diff(way) <= 0).any():
             raise InputError(
                 "z_mm, error_um, feed_mm_min: expected equally many places in the order of travel "
                 f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
             )
         pitch = feed_mm_min / 60.0 / self.rate_hz
-        at: FloatArray = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
+        at: FloatArray = np.float64(pitch) * np.arange(
+            count_of("feed_mm_min / rate_hz", way[-1], pitch) + 1
+        )
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:
+            seed = None if seed is None else whole("seed", seed, 0)
             read = read + np.random.default_rng(seed).normal(0.0, noise_um, read.size)
         stylus = read / 2
         beyond = np.abs(stylus) > self.range_um / 2

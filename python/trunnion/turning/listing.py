@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program
 from trunnion.base.arguments import checked
+from trunnion.base.checks import finite, positive
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.nc import follow
@@ -77,6 +78,7 @@ def crossings(
     trunnion.DataError
         If a block changes by other than one unit.
     """
+    positive("unit_um", unit_um)
     moves = follow(listing, machine_codes=machine_codes)
     found: list[Crossing] = []
     before = 0
@@ -84,7 +86,7 @@ def crossings(
     places = np.flatnonzero(runs)
     for place in places[:-1]:
         diameter = 2 * moves.end[place, 0]
-        k = round((nominal_mm - diameter) * 1e3 / unit_um)
+        k = round(finite("units of unit_um", (nominal_mm - diameter) * 1e3 / unit_um))
         if abs(k - before) > 1:
             raise DataError(
                 f"line {moves.line[place]}: got a change of {k - before} units, expected one: the "

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import finite, floats
-from trunnion.base.errors import InputError
+from trunnion.base.checks import count_of, line
 from trunnion.base.report import Result, Table
 from trunnion.turning.profile import Blocks, Profile
 
@@ -125,17 +124,15 @@ class ProbePath(Result):
         Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
         the ball.
         """
-        z = np.atleast_1d(floats("z_mm", z_mm))
+        z = line("z_mm", z_mm)
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
     @checked
     def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
-        if finite("pitch_mm", pitch_mm) <= 0:
-            raise InputError(f"pitch_mm: got {pitch_mm}, expected more than zero")
         rows = []
         for index, interval in enumerate(self.intervals):
-            count = int((interval.start_mm[0] - interval.end_mm[0]) / pitch_mm + 1e-9) + 1
+            count = count_of("pitch_mm", interval.start_mm[0] - interval.end_mm[0], pitch_mm) + 1
             z = interval.start_mm[0] - pitch_mm * np.arange(count)
             rows.append(np.c_[np.full(count, index), z, self.contact_z_mm(index, z)])
         return np.concatenate(rows) if rows else np.empty((0, 3))

@@ -50,10 +50,22 @@ pub fn finite<'py, T>(value: &Bound<'py, PyAny>) -> PyResult<T>
 where
     T: Numbers + for<'a> FromPyObject<'a, 'py, Error: Into<PyErr>>,
 {
+    let complex = value.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
+    if complex.is_ok_and(|kind| kind.eq("c").unwrap_or(false)) {
+        return Err(to_py(&Error::input("number", "complex numbers", "real numbers")));
+    }
     let found: T = value.extract().map_err(Into::into)?;
     found
         .not_finite()
         .map_or(Ok(found), |number| Err(to_py(&Error::input("number", number, "a finite number"))))
+}
+
+/// For `from_py_with`: an argument that is text.
+pub fn text(value: &Bound<'_, PyAny>) -> PyResult<String> {
+    value.extract().map_err(|_| {
+        let got = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+        to_py(&Error::input("text of a program, dialect", got, "text"))
+    })
 }
 
 fn all_finite(what: &str, values: &[f64], columns: usize) -> PyResult<()> {
@@ -140,6 +152,15 @@ pub fn matrix<'py>(
     columns: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     no_nan(&values)?;
+    matrix_with_gaps(py, values, columns)
+}
+
+/// The same, in which rows of samples that failed are nan.
+pub fn matrix_with_gaps<'py>(
+    py: Python<'py>,
+    values: Vec<f64>,
+    columns: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rows = values.len().checked_div(columns).unwrap_or(0);
     Array2::from_shape_vec((rows, columns), values)
         .map(|array| array.into_pyarray(py))

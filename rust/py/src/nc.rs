@@ -3,13 +3,14 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use trunnion_core::Error;
 use trunnion_core::nc::contour::contour_blocks;
 use trunnion_core::nc::follow::{moves, moves_of};
 use trunnion_core::nc::path::{FeedMode, Motion, Plane, Position, Side, Start};
 use trunnion_core::nc::{Dialect, Item, Program};
 
-use crate::arrays::{array, finite, matrix};
-use crate::errors::IntoPy;
+use crate::arrays::{array, finite, matrix, text};
+use crate::errors::{IntoPy, to_py};
 
 /// A part program: blocks of words and comments in the spelling of a dialect.
 #[pyclass(name = "Program", module = "trunnion.nc", frozen, eq)]
@@ -28,9 +29,15 @@ enum BlockArgument {
 #[pymethods]
 impl PyProgram {
     #[staticmethod]
-    fn parse(py: Python<'_>, text: &str, dialect: &str) -> PyResult<Self> {
+    fn parse(
+        py: Python<'_>,
+        #[pyo3(from_py_with = text)] text: String,
+        #[pyo3(from_py_with = text)] dialect: String,
+    ) -> PyResult<Self> {
         let inner = py
-            .detach(|| dialect.parse::<Dialect>().and_then(|dialect| Program::parse(text, dialect)))
+            .detach(|| {
+                dialect.parse::<Dialect>().and_then(|dialect| Program::parse(&text, dialect))
+            })
             .into_py()?;
         Ok(Self { inner })
     }
@@ -58,10 +65,10 @@ impl PyProgram {
     }
 
     fn words(&self, block: usize) -> PyResult<Vec<(char, f64, u32, u32)>> {
-        let block =
-            self.inner.blocks.get(block).ok_or_else(|| {
-                pyo3::exceptions::PyIndexError::new_err(format!("no block {block}"))
-            })?;
+        let block = self.inner.blocks.get(block).ok_or_else(|| {
+            let expected = format!("below {}", self.inner.blocks.len());
+            to_py(&Error::input("block", block, expected))
+        })?;
         Ok(block
             .words()
             .map(|word| (word.letter, word.number.value(), word.span.line, word.span.column))

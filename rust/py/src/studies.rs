@@ -8,7 +8,7 @@ use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::Simulation;
 use trunnion_core::units::{DEG, UM};
 
-use crate::arrays::{finite, matrix, rows};
+use crate::arrays::{finite, matrix_with_gaps, rows};
 use crate::errors::IntoPy;
 use crate::names::choice;
 use crate::threads::with_threads;
@@ -115,5 +115,5 @@ impl Measurements {
 fn samples(py: Python<'_>, found: studies::Samples) -> PyResult<Samples<'_>> {
     let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
     let failures = failures.collect();
-    Ok((matrix(py, found.rows, found.width)?, failures))
+    Ok((matrix_with_gaps(py, found.rows, found.width)?, failures))
 }

@@ -414,6 +414,7 @@ class ExtendedPoints(Estimate):
         return out
 
 
+@checked
 def build(
     data: Points,
     _: Any = None,

@@ -417,6 +417,7 @@ def _alike(one: float, one_freedom: float, two: float, two_freedom: float) -> bo
     return min(upper, 1.0 - upper) > NOISE_LEVEL / 2
 
 
+@checked
 def build(
     data: Sweep,
     _: Any = None,
