@@ -19,7 +19,7 @@ from mutated_files import formats, mutations
 from result_examples import cross, finishing, profile, short
 from trunnion import contouring, hybrid, nc, turning
 
-PUBLIC_ROUNDS, CORE_ROUNDS, MUTATED = 8, 30, 700
+PUBLIC_ROUNDS, CORE_ROUNDS, MUTATED = 6, 20, 500
 
 
 @pytest.mark.parametrize("name", calls())

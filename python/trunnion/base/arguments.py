@@ -8,7 +8,8 @@
 `checked` holds every call to the annotations: a `float` is a finite number, an `int` a whole
 number, an `ArrayLike` finite real numbers, a class one of its objects, and so on through unions,
 sequences and mappings. What does not fit is an `InputError` that names the argument. Ranges are the
-function's own. What comes out holds no nan; numbers so extreme that they cannot be computed with
+function's own. A message about a row of measured data names the line of their file. What comes out
+holds no nan; numbers so extreme that they cannot be computed with
 are an `InputError`, too.
 """
 
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 import sys
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,8 +28,8 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import choose, finite, floats, mapping, shown, whole
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, whole
+from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.report import Result
 
 __all__ = ["Take", "check_fields", "checked", "holds_nan", "taker"]
@@ -52,10 +54,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         bound = signature.bind(*args, **kwargs)
         for argument, value in bound.arguments.items():
             if argument in takes:
-                bound.arguments[argument] = takes[argument](argument, value)
+                with entry(argument):
+                    bound.arguments[argument] = takes[argument](argument, value)
         try:
             with np.errstate(all="ignore"):  # what overflows is found in what comes out
                 found = function(*bound.args, **bound.kwargs)
+        except TrunnionError as error:
+            error.args = (_placed(str(error), bound.arguments.values()),)
+            raise
         except (ArithmeticError, MemoryError, np.linalg.LinAlgError) as error:
             raise InputError(f"{name}: {_TOO_EXTREME} ({error or type(error).__name__})") from error
         if holds_nan(found):
@@ -66,6 +72,17 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 _TOO_EXTREME = "got numbers too large or too small to compute with, expected smaller ones"
+
+
+def _placed(message: str, arguments: Iterable[Any]) -> str:
+    """Return a message about a row of measured data with the file's line in place of the row."""
+    data = [each for each in arguments if getattr(each, "origin", None) and hasattr(each, "place")]
+    if not data:
+        return message
+    return _ROW.sub(lambda found: str(data[0].place(int(found[1]))), message)
+
+
+_ROW = re.compile(r"\brow (\d+)\b")
 
 
 def check_fields(made: Any) -> None:

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args
 import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
+from trunnion.base.output import write_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -433,7 +434,7 @@ class Result:
         """Return `to_dict` as JSON text, and write it to `path` where one is given."""
         text = json.dumps(self.to_dict(), indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
-            Path(path).write_text(text + "\n", encoding="utf-8")
+            write_text(path, text + "\n")
         return text
 
     @classmethod
@@ -484,7 +485,7 @@ class Result:
         """Write one self-contained page with sentences, pictures and tables; return its path."""
         pictures = importlib.import_module("trunnion.plot").pictures(self)
         target = Path(path)
-        target.write_text(page(self, pictures), encoding="utf-8")
+        write_text(target, page(self, pictures))
         return target
 
     def __eq__(self, other: object) -> bool:

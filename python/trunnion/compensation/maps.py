@@ -29,6 +29,7 @@ from trunnion.base import report
 from trunnion.base.arguments import checked
 from trunnion.base.checks import count_of
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.output import write_text
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
     NOMINAL,
@@ -173,7 +174,7 @@ class ErrorMap(report.Result):
         text = head + MapRows(columns).to_csv()
         if path is None:
             return text
-        Path(path).write_text(text, encoding="utf-8", newline="\n")
+        write_text(path, text)
         return None
 
     def __eq__(self, other: object) -> bool:

@@ -72,6 +72,7 @@ class ColumnError(Exception):
     def __init__(self, column: str, row: int | None, got: str, expected: str) -> None:
         where = column if row is None else f"{column} (row {row})"
         super().__init__(f"{where}: got {got}, expected {expected}")
+        self.said = f"{column}: got {got}, expected {expected}"
         self.column, self.row = column, row
 
 

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.output import whole_file, write_text
 from trunnion.base.report import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
@@ -346,13 +347,16 @@ class Table:
     @overload
     def to_csv(self, path: str | PathLike[str] | TextIO) -> None: ...
     def to_csv(self, path: str | PathLike[str] | TextIO | None = None) -> str | None:
-        """Write the table to a file, or return it as text; it reads back as an equal table."""
+        """Write the table to a file, or return it as text; it reads back as an equal table.
+
+        A file that is there already is replaced once the new one is whole.
+        """
         if path is None:
             buffer = io.StringIO()
             write_columns(self._columns, buffer)
             return buffer.getvalue()
         if isinstance(path, str | PathLike):
-            with Path(path).open("w", encoding="utf-8", newline="\n") as file:
+            with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
                 write_columns(self._columns, file)
         else:
             write_columns(self._columns, path)
@@ -376,7 +380,7 @@ class Table:
         """Return kind, columns and origin as JSON text, and write it to `path` if one is given."""
         text = json.dumps(self.described(), indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
-            Path(path).write_text(text + "\n", encoding="utf-8")
+            write_text(path, text + "\n")
         return text
 
     def described(self) -> dict[str, Any]:
