@@ -19,23 +19,6 @@ from numpy.typing import ArrayLike
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.units import Floats
 
-__all__ = [
-    "array",
-    "choose",
-    "did_you_mean",
-    "entry",
-    "finite",
-    "floats",
-    "instance",
-    "mapping",
-    "named",
-    "numbers",
-    "positive",
-    "shown",
-    "whole",
-    "within",
-]
-
 T = TypeVar("T")
 
 MAX_SHOWN = 60

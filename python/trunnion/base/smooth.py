@@ -13,8 +13,6 @@ from scipy.spatial.distance import cdist
 
 from trunnion.base.units import Floats as Array
 
-__all__ = ["Modes", "SmoothField"]
-
 MAX_PLACES = 700  # a dense matrix of places: 700 take a second
 MAX_SHARE = 0.2  # modes to places: beyond it modes describe single places
 FEWEST = 6

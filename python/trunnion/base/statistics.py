@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 import trunnion._core as _core
 
-__all__ = ["RANK_TOLERANCE", "LinearFit", "combination_in_words", "linear_fit"]
-
 Array: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 

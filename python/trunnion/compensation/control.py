@@ -28,17 +28,6 @@ from trunnion.compensation.machine import (
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = [
-    "AxisCommands",
-    "Belief",
-    "Compensation",
-    "InverseCompensation",
-    "ModelCompensation",
-    "control_commands",
-    "inverse_compensation",
-    "round_to",
-]
-
 
 @runtime_checkable
 class Compensation(Protocol):

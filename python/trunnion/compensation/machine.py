@@ -25,13 +25,6 @@ from trunnion.machine.effects import (
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-__all__ = [
-    "Effects",
-    "Floats",
-    "Known",
-    "MachineErrors",
-]
-
 Floats: TypeAlias = NDArray[np.float64]
 Known: TypeAlias = "MachineErrors | Estimate | Mapping[str, float] | None"
 """What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""

@@ -43,8 +43,6 @@ from trunnion.files.text import decode
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["ErrorMap", "error_map", "read_error_map"]
-
 _RESOLUTION = re.compile(r"#.*\bresolution_um\s*=\s*(\S+)")
 LARGEST_MAP = 5_000_000
 # Corrections that differ by less along a rotary axis do not depend on it: rounding noise.

@@ -23,8 +23,6 @@ from trunnion.machine.effects import Effect
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
 
-__all__ = ["remeasure"]
-
 _ROUNDS = 20
 _SETTLED_MM = 1e-10
 

@@ -36,8 +36,6 @@ from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["CncParameters", "PrintedZeros", "Removable", "cnc_parameters", "printed_zeros"]
-
 GROUPS = ("zeros", "centres", "work")
 _ROUNDS = 8
 

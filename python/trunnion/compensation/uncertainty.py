@@ -26,8 +26,6 @@ from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-__all__ = ["ResidualInterval", "residual_interval"]
-
 Floats = NDArray[np.float64]
 _BLOCK = 500
 

@@ -29,8 +29,6 @@ from trunnion.compensation.workspace import Where, Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
-
 LARGEST_FIELD = 20_000_000
 """Numbers (three a point) that `field_um` holds at most; beyond, poses are taken one by one."""
 

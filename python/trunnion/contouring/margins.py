@@ -13,8 +13,6 @@ from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
 from trunnion.contouring.simulation import location_errors, period_ms
 
-__all__ = ["Margins", "margins"]
-
 Array = NDArray[np.float64]
 
 

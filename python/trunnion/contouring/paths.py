@@ -23,8 +23,6 @@ from trunnion._core import ContourPath
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, ProgramError
 
-__all__ = ["Path"]
-
 Array = NDArray[np.float64]
 
 

@@ -30,8 +30,6 @@ from trunnion.base.frozen import FrozenMapping
 from trunnion.setup import Setup, read_setup
 from trunnion.setup.fields import Choice, Key, Number, Section, key
 
-__all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo", "read_servo"]
-
 Array: TypeAlias = NDArray[np.float64]
 Feedback: TypeAlias = Literal["motor", "load"]
 LINEAR = ("X", "Y", "Z")

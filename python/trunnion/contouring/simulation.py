@@ -19,8 +19,6 @@ from trunnion.setup.names import canonical_error_name
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ContourRun", "ContourSweep", "Feed", "simulate", "sweep"]
-
 Array = NDArray[np.float64]
 AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (

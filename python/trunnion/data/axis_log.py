@@ -11,8 +11,6 @@ from trunnion.files.columns import ColumnError, Float, Number, OptionalLabel, Op
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["AxisLog", "read_axis_log"]
-
 UNIT_OF_AXIS = {"x": "mm", "y": "mm", "z": "mm", "a": "deg", "b": "deg", "c": "deg"}
 
 

@@ -14,8 +14,6 @@ from trunnion.files.columns import (
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["Ballbar", "read_ballbar"]
-
 JOINTS = ("l1_mm", "l2_mm", "l3_mm", "q4_deg", "q5_deg")
 
 

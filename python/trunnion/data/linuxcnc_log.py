@@ -20,8 +20,6 @@ from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import Float, parse_number
 from trunnion.files.text import decode
 
-__all__ = ["read_probe_log"]
-
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 
 ROTARY_TOLERANCE_DEG = 0.001

@@ -6,8 +6,6 @@ from trunnion.files.columns import Float, Number, OptionalLabel, OptionalNumber,
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["Points", "read_points"]
-
 
 class Points(Table):
     """Nominal and measured coordinates, mm, in the plane (X, Y) or in space (X, Y, Z)."""

@@ -6,8 +6,6 @@ from trunnion.files.columns import Float, Label, Number, OptionalNumber, stack
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["Sweep", "read_sweep"]
-
 
 class Sweep(Table):
     """Position of each target at each angle of the axis that carries them all."""

@@ -21,8 +21,6 @@ from trunnion.files.columns import (
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["Touches", "read_touches"]
-
 ROTARY_AXES = ("a", "b", "c")
 UNIT_TOLERANCE = 1e-6
 

@@ -17,16 +17,6 @@ from scipy import special
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 
-__all__ = [
-    "BATCH_NUMBERS",
-    "DEPENDENT",
-    "MAX_DOUBLES",
-    "ROUNDING",
-    "Candidates",
-    "inner",
-    "storage",
-]
-
 Flags: TypeAlias = NDArray[np.bool_]
 Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
 

@@ -16,8 +16,6 @@ from trunnion.diagnosis.candidates import DEPENDENT
 from trunnion.diagnosis.fit import Fit, Flags, Whiten
 from trunnion.diagnosis.model import Model
 
-__all__ = ["cross_validated"]
-
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
 MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more

@@ -18,8 +18,6 @@ from trunnion.diagnosis.effect import lengths
 from trunnion.diagnosis.fit import Flags
 from trunnion.diagnosis.selection import WITHIN
 
-__all__ = ["Discrimination", "Hypothesis"]
-
 DRAWS = 200
 SEED = 1
 RIDGE = 1e-9

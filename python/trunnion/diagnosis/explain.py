@@ -14,8 +14,6 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
 
-__all__ = ["best_score", "explain"]
-
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
 
 MAX_TERMS = 10

@@ -19,8 +19,6 @@ from trunnion.diagnosis.model import Covariate, Model, Readings
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Alternative", "Cause", "Gain", "Residuals", "Verdict"]
-
 Flags: TypeAlias = NDArray[np.bool_]
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]

@@ -15,8 +15,6 @@ from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
 from trunnion.diagnosis.result import Diagnosis
 
-__all__ = ["report"]
-
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"

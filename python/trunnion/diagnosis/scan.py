@@ -18,8 +18,6 @@ from trunnion.diagnosis.candidates import ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
 
-__all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
-
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
 DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other columns leave

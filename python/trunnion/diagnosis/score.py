@@ -12,8 +12,6 @@ from trunnion.diagnosis.effect import EffectValues, Values
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Gain, units_of
 
-__all__ = ["score"]
-
 STEPS = 8
 
 

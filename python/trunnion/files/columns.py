@@ -14,26 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import shown
 
-__all__ = [
-    "Column",
-    "ColumnError",
-    "Float",
-    "Int",
-    "Integer",
-    "Label",
-    "Labels",
-    "Number",
-    "OptionalInteger",
-    "OptionalLabel",
-    "OptionalNumber",
-    "has_break",
-    "natural",
-    "parse_number",
-    "raw_array",
-    "shown_field",
-    "stack",
-]
-
 Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Labels = NDArray[np.int64] | NDArray[np.str_]

@@ -32,8 +32,6 @@ from trunnion.files.csv_file import write_columns
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ColumnMapping", "Origin", "Table", "places"]
-
 Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
 """What chooses rows: a number, a slice, numbers, a mask."""
 

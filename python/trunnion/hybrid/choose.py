@@ -13,8 +13,6 @@ from trunnion.hybrid.identifiability import design
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 
-__all__ = ["choose_poses"]
-
 Floats = NDArray[np.float64]
 
 

@@ -20,13 +20,6 @@ from trunnion.base.report import Result, Table
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
 
-__all__ = [
-    "CubeChange",
-    "CubeStudy",
-    "cube_study",
-    "transformed_cube",
-]
-
 Floats = NDArray[np.float64]
 
 CORNERS: Floats = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))

@@ -22,8 +22,6 @@ from trunnion.hybrid.readings import (
 )
 from trunnion.hybrid.spectrum import Spectrum, combination
 
-__all__ = ["Identifiability", "design", "identifiability"]
-
 Floats = NDArray[np.float64]
 
 #: A combination with a smaller standard error (µm or arcsec) counts as well determined.

@@ -28,8 +28,6 @@ from trunnion.hybrid.readings import (
 from trunnion.hybrid.spectrum import Spectrum
 from trunnion.machine.estimate import Estimate, named_combination
 
-__all__ = ["BallbarIdentification", "identify_ballbar"]
-
 Floats = NDArray[np.float64]
 
 #: A combination is estimated only if its standard error is less than this, µm or arcsec.

@@ -58,8 +58,6 @@ from trunnion.hybrid.results import (
 from trunnion.setup import Setup
 from trunnion.setup.fields import Key, Number, Numbers, Section, Vector
 
-__all__ = ["Mechanism"]
-
 Floats = NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from trunnion.base.errors import InputError
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 
-__all__ = ["ballbar_plan"]
-
 Floats = NDArray[np.float64]
 
 #: Axes of the circles: first and second coordinate; angles run from the first to the second.

@@ -14,16 +14,6 @@ from numpy.typing import NDArray
 from trunnion.base.errors import DataError
 from trunnion.data.ballbar import Ballbar
 
-__all__ = [
-    "MIN_READINGS",
-    "check_enough",
-    "check_near",
-    "gradient_with_centres",
-    "joints_of",
-    "setup_index",
-    "start_centres",
-]
-
 Floats = NDArray[np.float64]
 
 #: A bar further from the modelled length than this is refused, mm.

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from trunnion.base.report import Result, Table
 from trunnion.hybrid.parameters import JOINTS
 
-__all__ = ["ClosureDependence", "Constraint", "Forward", "Sensitivity"]
-
 Floats = NDArray[np.float64]
 FORWARD_COLUMNS = 26
 

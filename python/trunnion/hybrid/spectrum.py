@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Spectrum", "combination"]
-
 Floats = NDArray[np.float64]
 
 #: Relative singular values below this are zero: those that are zero come out at 1e-13 and less.

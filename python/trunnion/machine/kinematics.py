@@ -19,8 +19,6 @@ from trunnion.base.errors import InputError
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["AxisSolution", "forward_kinematics", "inverse_kinematics", "kinematic_jacobian"]
-
 Floats = NDArray[np.float64]
 
 

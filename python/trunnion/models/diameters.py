@@ -64,8 +64,6 @@ from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 from trunnion.setup.fields import Number, Part, Section, key
 
-__all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions_of"]
-
 # Grids from which the engine refines, so fine that what a grid point misses of a strong cause
 # (45 µm, noise 0.5 µm) stays below the noise: else it would be named as a cause of its own.
 TIME_CONSTANTS = 60

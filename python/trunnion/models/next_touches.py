@@ -23,8 +23,6 @@ from trunnion.probing.plan import plan
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Prospect", "next_touches", "prospect"]
-
 MAX_SETS = 8
 COUNTS = (16, 32, 64, 128)
 PAUSE_S = 60.0

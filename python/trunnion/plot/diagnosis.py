@@ -14,8 +14,6 @@ from trunnion.diagnosis.records import Residuals
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.plot.axes import axes_or_new
 
-__all__ = ["diagnosis_figures", "plot_diagnosis", "plot_residuals"]
-
 BEFORE, AFTER, OUT = "#c1272d", "#1f5fa8", "#7a7a7a"
 BINS = 16
 JITTER = 0.006

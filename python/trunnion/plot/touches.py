@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-__all__ = ["plot_artefact", "plot_estimates", "plot_observability"]
-
 INK = "#24425c"
 ACCENT = "#c8502d"
 FACE = "#c9d6df"

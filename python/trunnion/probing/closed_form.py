@@ -16,8 +16,6 @@ from trunnion.probing.model import TouchModel
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
 
-__all__ = ["closed_form"]
-
 Floats = NDArray[np.float64]
 
 PER_C = ("c_deg", "EA", "EB_C", "EC", "EX", "EY_C", "EZ")

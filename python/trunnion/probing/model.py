@@ -15,8 +15,6 @@ from trunnion.machine.chain import Chain, artefact_dimensions
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
 
-__all__ = ["TouchModel", "catalogue"]
-
 Floats = NDArray[np.float64]
 
 

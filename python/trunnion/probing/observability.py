@@ -22,8 +22,6 @@ from trunnion.probing.identify import known_sigma_um
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
-__all__ = ["Observability", "observability"]
-
 Floats = NDArray[np.float64]
 
 EXACT = 1e-9

@@ -14,8 +14,6 @@ from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.estimate import Estimate
 
-__all__ = ["ClosedFormResult", "IdentificationResult", "LackOfFit", "PerPosition"]
-
 # The paper's Table 2 prints these differences under these names.
 DIFFERENCES = (("EB0C", "EB0A"), ("EY0C", "EY0A"), ("EX0C", "EX0B"), ("EA0C", "EA0B"))
 

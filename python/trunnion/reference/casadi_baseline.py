@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from trunnion.data.touches import Touches
     from trunnion.setup import Setup
 
-__all__ = ["identify", "linearise"]
-
 FAR_MM = 5.0
 """A touch farther than this from the modelled surface is refused."""
 

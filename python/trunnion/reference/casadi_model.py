@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from trunnion.data.touches import Touches
     from trunnion.setup import Setup
 
-__all__ = ["EFFECTS", "PLACEMENT", "SHIFT_TIME", "Contacts", "Model", "Rows"]
-
 MM_PER_UM = 1e-3
 NO_SIGN_BELOW = 1e-9
 """A component of an approach direction below this has no sign."""

@@ -17,8 +17,6 @@ from trunnion.probing.result import ClosedFormResult, IdentificationResult
 from trunnion.reference import casadi_baseline
 from trunnion.setup import Setup
 
-__all__ = ["Comparison", "compare_methods"]
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):

@@ -20,8 +20,6 @@ from trunnion.setup.names import canonical_error_name
 if TYPE_CHECKING:
     from trunnion.setup import Setup
 
-__all__ = ["pinocchio_model"]
-
 MM_PER_UM = 1e-3
 
 

@@ -16,8 +16,6 @@ from trunnion.probing.simulate import OFF_SURFACE_MM
 from trunnion.setup import Artefact, Machine, Probe, Resolution, Setup
 from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value
 
-__all__ = ["CALIBRATION_PARAMETERS", "Bench", "CalibrationStudy"]
-
 CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
         "length_mm": Parameter(100.0, "mm", low=1e-3),

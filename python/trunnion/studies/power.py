@@ -17,8 +17,6 @@ from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Probe, Setup
 from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value, guarded
 
-__all__ = ["DiagnosisPowerStudy"]
-
 NONE = "none"
 
 

@@ -20,8 +20,6 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.studies.description import Description
 from trunnion.studies.study import Block, Floats
 
-__all__ = ["Blocks", "Journal", "Place", "exclusive"]
-
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
 COMMIT_EVERY_S = 0.25

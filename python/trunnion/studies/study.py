@@ -20,8 +20,6 @@ from numpy.typing import NDArray
 from trunnion.base.checks import shown
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 
-__all__ = ["STUDIES", "Block", "FunctionStudy", "Output", "Parameter", "Seeds", "Study", "study_of"]
-
 Floats = NDArray[np.float64]
 Value = float | int | str | bool
 

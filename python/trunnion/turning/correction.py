@@ -15,8 +15,6 @@ from trunnion.base.report import Result, Table
 from trunnion.data.diameters import Diameters
 from trunnion.turning.profile import Follows
 
-__all__ = ["Correction", "Rule", "change_um", "correct"]
-
 Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 

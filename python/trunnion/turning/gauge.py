@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from trunnion.base.errors import DataError, InputError
 
-__all__ = ["Gauge"]
-
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 

@@ -13,8 +13,6 @@ from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.nc import follow
 
-__all__ = ["Crossing", "crossings"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

@@ -15,8 +15,6 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.turning.profile import Blocks, Profile
 
-__all__ = ["Interval", "ProbePath", "TurningProbe", "probe_path"]
-
 
 @dataclass(frozen=True)
 class TurningProbe:

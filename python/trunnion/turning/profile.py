@@ -13,8 +13,6 @@ from trunnion._core import Program, TurnedProfile
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 
-__all__ = ["Blocks", "Corner", "Finishing", "Follows", "Kind", "Profile"]
-
 Kind: TypeAlias = Literal["sharp", "fillet", "arc-in", "arc-out", "arc-to-arc", "relief"]
 Follows: TypeAlias = Literal["contour", "nose-centre", "tip"]
 Blocks: TypeAlias = Sequence[Sequence[tuple[str, float]]]

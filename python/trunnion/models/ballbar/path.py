@@ -13,8 +13,6 @@ from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.readings import setup_index
 from trunnion.machine.linear_axes import Travel
 
-__all__ = ["AXES", "Path"]
-
 AXES = "xyz"
 #: Travel slower than this fraction of the change from one reading to the next is a standstill.
 STANDSTILL = 0.2
