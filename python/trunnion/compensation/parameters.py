@@ -24,11 +24,11 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.report import Cell, Result, Shown, Table
+from trunnion.base.units import Floats
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )

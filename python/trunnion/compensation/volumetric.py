@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
+from trunnion.base.units import Floats
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )

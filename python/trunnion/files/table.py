@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.report import plain, read_json
+from trunnion.base.units import Integers
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 
@@ -62,8 +63,8 @@ class Origin:
     """
 
     files: tuple[str, ...]
-    file: NDArray[np.intp]
-    line: NDArray[np.intp]
+    file: Integers
+    line: Integers
 
     def __getitem__(self, index: Any) -> "Origin":
         """Return the origin of some rows."""

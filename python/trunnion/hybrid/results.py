@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS
 
-Floats = NDArray[np.float64]
 FORWARD_COLUMNS = 26
 
 

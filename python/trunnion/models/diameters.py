@@ -48,7 +48,7 @@ import numpy.typing as npt
 
 from trunnion._core import turning_cause
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.units import Floats
+from trunnion.base.units import Flags, Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import (
     Effect,
@@ -242,7 +242,7 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
-    def _blocks(self) -> list[npt.NDArray[np.bool_]]:
+    def _blocks(self) -> list[Flags]:
         n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]

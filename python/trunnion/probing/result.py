@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from trunnion.base.report import Cell, Result, Table
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.estimate import Estimate
 
 # The paper's Table 2 prints these differences under these names.
@@ -44,9 +43,7 @@ class LackOfFit:
     degrees_of_freedom: tuple[int, int]
 
 
-def lack_of_fit(
-    residuals_um: Floats, repeats: NDArray[np.intp], parameters: int
-) -> LackOfFit | None:
+def lack_of_fit(residuals_um: Floats, repeats: Integers, parameters: int) -> LackOfFit | None:
     """Lack of fit where touches repeat; None where there are no repeats.
 
     Parameters
