@@ -14,17 +14,11 @@ the directions then leave the combination alone as a whole.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
-
-__all__ = ["RANK_TOLERANCE", "LinearFit", "combination_in_words", "linear_fit"]
-
-Array: TypeAlias = NDArray[np.float64]
-Flags: TypeAlias = NDArray[np.bool_]
+from trunnion.base.units import Flags, Floats
 
 RANK_TOLERANCE = _core.RANK_TOLERANCE
 """Share of the largest singular value up to which one counts as zero."""
@@ -61,25 +55,25 @@ class LinearFit:
         was not asked for.
     """
 
-    solution: Array
-    cofactor: Array
+    solution: Floats
+    cofactor: Floats
     rank: int
-    singular_values: Array
+    singular_values: Floats
     held: Flags
     not_identifiable: Flags
-    combinations: Array
-    directions: Array
-    basis: Array
+    combinations: Floats
+    directions: Floats
+    basis: Floats
 
     @property
-    def std(self) -> Array:
+    def std(self) -> Floats:
         """Standard errors per unit of noise, shape (p,); inf where not identifiable."""
         return np.where(self.not_identifiable, np.inf, np.sqrt(np.diag(self.cofactor)))
 
 
 def linear_fit(
-    columns: Array,
-    values: Array,
+    columns: Floats,
+    values: Floats,
     *,
     hold: Flags | None = None,
     tolerance: float = RANK_TOLERANCE,
@@ -119,7 +113,7 @@ def linear_fit(
     )
 
 
-def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Array) -> str:
+def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Floats) -> str:
     """Say what cannot be told apart: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
 
     Parameters

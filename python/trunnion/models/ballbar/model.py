@@ -35,8 +35,6 @@ from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
-__all__ = ["BallbarModel", "ExtendedBallbarModel", "build"]
-
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
