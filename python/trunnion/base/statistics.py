@@ -5,9 +5,11 @@ identifiable* if its singular value is at most :data:`RANK_TOLERANCE` of the lar
 of it is held, its step is zero: the last one that has a fair share. The others are determined then.
 The core does the work (``rust/core/src/linear.rs``); time and memory are linear in rows.
 
-A model that is not linear in its parameters is judged at its start, where dependencies are exact
-(:func:`linear_fit` with ``hold`` afterwards): away from it, leftovers of second order look like
-information.
+A model that is not linear in its parameters is judged at its start, where dependencies are exact:
+away from it, leftovers of second order look like information. Afterwards it moves only in the
+``directions`` found there. Where every combination is exact these are the parameters that are not
+held. Where one is only weak, holding one parameter would put on the others what the data do show;
+the directions then leave the combination alone as a whole.
 """
 
 from collections.abc import Sequence
@@ -45,6 +47,9 @@ class LinearFit:
         These combinations, shape (k, p), in the parameters' own units, largest component 1: a step
         along one of them changes no value. Reduced: each names one held parameter and what it
         cannot be told from.
+    directions
+        In which the parameters are identifiable, shape (rank, p), own units: unit vectors of those
+        that are not held, or the singular directions where a combination is weak and not exact.
     basis
         Orthonormal basis of the columns that are not held, shape (n, rank), or (0, rank) where it
         was not asked for.
@@ -57,6 +62,7 @@ class LinearFit:
     held: Flags
     not_identifiable: Flags
     combinations: Floats
+    directions: Floats
     basis: Floats
 
     @property

@@ -62,20 +62,18 @@ class _Problem:
 
     @classmethod
     def of(cls, rows: Integers, f: Fit, whiten: Whiten) -> "_Problem":
-        """Of the parameters that the fit identifies."""
-        free = np.flatnonzero(~f.held)
-        own = np.concatenate(
-            [np.zeros(len(f.nuisance)), [f.effects[i][name] for i, name in f.names]]
-        )[free]
-        raw = f.jacobian[np.ix_(rows, free)]
-        white = np.asarray(whiten(f.jacobian))[np.ix_(rows, free)]
+        """Of the directions that the fit identifies."""
+        effects = [f.effects[i][name] for i, name in f.names]
+        own = f.directions[:, len(f.nuisance) :] @ effects
+        raw = f.jacobian[rows] @ f.directions.T
+        white = np.asarray(whiten(f.jacobian))[rows] @ f.directions.T
         y_raw = f.residuals[rows] + raw @ own
         y = np.asarray(whiten(f.residuals))[rows] + white @ own
         scale = np.linalg.norm(white, axis=0)
         white, raw = white / scale, raw / scale
         part = f.basis.T @ y
         residual_raw = y_raw - raw @ np.linalg.solve(f.basis.T @ white, part)
-        p = int(np.sum(free < len(f.nuisance)))
+        p = int(np.any(f.directions[:, : len(f.nuisance)], axis=1).sum())
         return cls(p, white, raw, y, y_raw, y - f.basis @ part, residual_raw, f.basis)
 
     def in_groups(self, labels: Integers, order: Integers) -> tuple["_Problem", Integers]:
