@@ -183,7 +183,7 @@ class Model(Protocol):
         ...
 
     @property
-    def single_faults(self) -> bool:
+    def allows_outliers(self) -> bool:
         """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
         ...
 
@@ -303,7 +303,7 @@ class BaseModel:
         return {"": np.ones(len(self.readings))}
 
     @property
-    def single_faults(self) -> bool:
+    def allows_outliers(self) -> bool:
         """Single readings may be false."""
         return True
 

@@ -23,7 +23,7 @@ chatter         a cos(2π s/p) + b sin(2π s/p)               a_um, b_um, pitch_
 
 f is the depth of cut, d the diameter, each over that of the first row. With several kinds of
 coolant tool_heating has an amplitude for each (``amplitude_<coolant>_um``), with several passes
-chatter an a and b for each (``a_<pass>_um``). Where neither the data nor the set-up file tell the
+chatter an a and b for each (``a_<pass>_um``). Where neither the data nor the set-up file state the
 time, the length cut takes its place: ``tau_mm`` and ``rate_um_m``.
 
 Keys of ``[turning]`` in the set-up file, read here:
@@ -152,7 +152,7 @@ def _reference(data: Diameters, conditions: Conditions) -> _Reference:
 
 
 def _seconds(data: Diameters, conditions: Conditions, length_mm: Floats) -> Floats | None:
-    """Cutting time within the pass: as recorded, or from feed and speed; None if nothing tells."""
+    """Cutting time within the pass: as recorded, or from feed and speed; None if unknown."""
     if data.time_s is not None:
         return np.asarray(data.time_s, dtype=np.float64)
     if conditions.feed_mm_rev is None:

@@ -189,7 +189,7 @@ class AxisLogModel(BaseModel):
         return (*self.axes, *(TIP_COLUMNS if self.has_tip else ()))
 
     @property
-    def single_faults(self) -> bool:
+    def allows_outliers(self) -> bool:
         """An encoder has no false readings; an axis that is off is not a heap of them."""
         return False
 

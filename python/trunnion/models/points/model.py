@@ -375,8 +375,9 @@ class ExtendedPoints(Estimate):
     ) -> Floats:
         """Error at the programmed places of points, µm in the machine frame, (n, d).
 
-        A placement (shift and rotation) may be left in it: nobody can tell it from the part's own.
-        What belongs to the part's set-up (a slip) counts at the diagnosed points only.
+        A placement (shift and rotation) may be left in it: it cannot be distinguished from the
+        part's own. What belongs to the set-up (a shift of the part) counts at the diagnosed points
+        only.
 
         Parameters
         ----------

@@ -287,7 +287,7 @@ class SweepModel(BaseModel):
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide each direction by its noise, taken from second differences along the positions.
 
-        Slow error motions do not count as noise so. Directions whose noise cannot be told apart
+        Slow error motions do not count as noise so. Directions whose noise cannot be distinguished
         (F test, 1 %) share one.
         """
         r = residuals.reshape(-1, 3)
