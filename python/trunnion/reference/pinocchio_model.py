@@ -85,6 +85,11 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         rotation: NDArray[np.float64] = turn @ pin.utils.rotate("z", gamma)
         return pin.SE3(rotation, np.array(offset))
 
+    # A point of the axis that tilts; which one along the axis is free, its frame is where that is 0.
+    height = setup.probe.length_mm if preset == "table-c-head-b" else 0.0
+    letter = "A" if preset == "trt-ca" else "B"
+    x, y, z = setup.axis_points().get(letter, (0.0, 0.0, height))
+
     model = pin.Model()
     model.name = preset
     here = pin.SE3.Identity()
@@ -93,24 +98,23 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         tool = model.addJoint(tool, joint(), here, name)
 
     if preset == "trt-ca":
-        T_A = placed((e["EA0A"], e["EB0A"], e["EC0A"]), (0.0, e["EY0A"], e["EZ0A"]))
-        T_C = placed((0.0, e["EB0C"] - e["EB0A"], 0.0), (e["EX0C"], e["EY0C"] - e["EY0A"], 0.0))
+        T_A = placed((e["EA0A"], e["EB0A"], e["EC0A"]), (0.0, y + e["EY0A"], z + e["EZ0A"]))
+        T_C = placed((0.0, e["EB0C"] - e["EB0A"], 0.0), (e["EX0C"], e["EY0C"] - e["EY0A"] - y, -z))
         cradle = model.addJoint(0, pin.JointModelRX(), T_A, "A")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
         ball = here
     elif preset == "trt-bc":
-        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, e["EZ0B"]))
-        T_C = placed((e["EA0C"] - e["EA0B"], 0.0, 0.0), (e["EX0C"] - e["EX0B"], e["EY0C"], 0.0))
+        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (x + e["EX0B"], 0.0, z + e["EZ0B"]))
+        T_C = placed((e["EA0C"] - e["EA0B"], 0.0, 0.0), (e["EX0C"] - e["EX0B"] - x, e["EY0C"], -z))
         cradle = model.addJoint(0, pin.JointModelRY(), T_B, "B")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
         ball = here
     else:
-        length = setup.probe.length_mm
-        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, length + e["EZ0B"]))
+        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (x + e["EX0B"], 0.0, z + e["EZ0B"]))
         T_C = placed((e["EA0C"], e["EB0C"], 0.0), (e["EX0C"], e["EY0C"], 0.0))
         tool = model.addJoint(tool, pin.JointModelRY(), T_B, "B")
         table = model.addJoint(0, pin.JointModelRZ(), T_C, "C")
-        ball = placed((0.0, 0.0, 0.0), (0.0, 0.0, -length))
+        ball = placed((0.0, 0.0, 0.0), (-x, 0.0, -z))
 
     model.addFrame(pin.Frame("table", table, here, pin.FrameType.OP_FRAME))
     model.addFrame(pin.Frame("ball", tool, ball, pin.FrameType.OP_FRAME))
