@@ -38,7 +38,7 @@ def test_printed_forms_return_what_they_return_for_an_axis_through_the_origin() 
         tn.closed_form(tn.simulate(tn.plan(setup), setup, errors), setup, method="printed")
         for setup in (MEETING, SUNK)
     ]
-    rows = [[*found.per_position.c, *found.per_position.a] for found in results]  # type: ignore[union-attr]
+    rows = [[*found.per_position.c, *found.per_position.a] for found in results]
     for one, other in zip(*rows, strict=True):
         # Products of two errors with the axis' offset: 30 mm · 1e-4 · 1e-4.
         assert one == pytest.approx(other, abs=0.02)

@@ -255,19 +255,15 @@ class Resolution(Part):
 
 @dataclass(frozen=True)
 class TableSetup(Part):
-    """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks."""
+    """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks.
+
+    `is_assumed`: the set-up does not say how large it is.
+    """
 
     table: ClassVar[str] = "table"
-    is_assumed: ClassVar[bool] = False
     radius_mm: float = key(150.0, LENGTH, "of the rotary table, a disc with its top at Z = 0")
     thickness_mm: float = key(30.0, LENGTH, "of the rotary table")
-
-
-@dataclass(frozen=True)
-class AssumedTable(TableSetup):
-    """The table of a set-up that states none."""
-
-    is_assumed: ClassVar[bool] = True
+    is_assumed: bool = field(default=False, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -302,7 +298,7 @@ class Setup:
     axes: Mapping[str, AxisSetup] = field(default_factory=dict)
     probe: Probe = field(default_factory=Probe)
     resolution: Resolution = field(default_factory=Resolution)
-    table: TableSetup = field(default_factory=AssumedTable)
+    table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)

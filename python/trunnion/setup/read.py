@@ -13,13 +13,11 @@ from trunnion.setup.parts import (
     PARTS,
     PROCESS_TABLES,
     Artefact,
-    AssumedTable,
     AxisSetup,
     Setup,
+    TableSetup,
     names_of,
 )
-
-__all__ = ["read_setup"]
 
 
 def read_setup(path: str | PathLike[str]) -> Setup:
@@ -45,7 +43,7 @@ def read_setup(path: str | PathLike[str]) -> Setup:
         for name, table in tables.items()
     }
     if "table" not in root:
-        built["table"] = AssumedTable()
+        built["table"] = TableSetup(is_assumed=True)
     with root.placed():
         return Setup(
             axes={letter: axes.table(letter).build(AxisSetup) for letter in axes},
