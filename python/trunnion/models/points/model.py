@@ -22,8 +22,8 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
-    BaseModel,
     Covariate,
+    Model,
     Nuisance,
     Readings,
     Uncertainty,
@@ -55,7 +55,7 @@ FOLDS = 10
 FOLD_SEED = 1
 
 
-class PointsModel(BaseModel):
+class PointsModel(Model):
     """Points, as the diagnosis engine asks for them.
 
     Readings are row by row: X, Y (and Z) of row 0, then of row 1, ...
