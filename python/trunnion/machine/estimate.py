@@ -33,7 +33,7 @@ class Parameter:
     value
         In `unit`.
     std_error
-        Standard uncertainty; inf where the data do not identify it, None where nobody said.
+        Standard uncertainty; inf where the data do not identify it, None where it is not stated.
     owner
         What it belongs to.
     """

@@ -156,10 +156,7 @@ def observability(
     sigma = positive("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
     ids, own = split_effects(effects)
     if own:
-        raise InputError(
-            f"effects: got the user's own {own[0].id!r}, expected ids of the catalogue: what a "
-            "plan identifies is judged by the built-in effects"
-        )
+        raise InputError(f"effects: got {own[0].id!r}, expected ids of the catalogue")
     if len(plan) == 0:
         raise InputError("plan: got no touches, expected at least one")
     model = TouchModel(setup, ids)
