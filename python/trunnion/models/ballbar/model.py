@@ -304,14 +304,9 @@ class BallbarModel(Model):
 class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
-    Attributes
-    ----------
-    setup
-        The set-up of the measurement, or None.
-    errors
-        The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
-    centres_um
-        Ball centre of each set-up, from where the nominal machine puts it.
+    setup: The set-up of the measurement, or None.
+    errors: The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
+    centres_um: Ball centre of each set-up, from where the nominal machine puts it.
     """
 
     setup: Setup | None

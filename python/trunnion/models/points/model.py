@@ -60,15 +60,10 @@ class PointsModel(Model):
 
     Readings are row by row: X, Y (and Z) of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured points.
-    effects
-        Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the change
-        of every reading, µm, in the machine frame.
-    source
-        The model whose smooth field and travel this one shares (``bind``); None: found here.
+    data: Measured points.
+    effects: Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the
+        change of every reading, µm, in the machine frame.
+    source: The model whose smooth field and travel this one shares (``bind``); None: found here.
     """
 
     def __init__(

@@ -68,20 +68,12 @@ class SweepModel(Model):
 
     Readings are row by row: radial, tangential, axial of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured sweep.
-    effects
-        Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
+    data: Measured sweep.
+    effects: Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
         user's own, whose ``change(data, values)`` gives the change of every reading, µm.
-    source
-        The model whose candidates this one shares (``bind``); None: made for these data.
+    source: The model whose candidates this one shares (``bind``); None: made for these data.
 
-    Raises
-    ------
-    DataError
-        A target with fewer than three positions, or more than 5 mm from its circle.
+    Raises DataError: a target with fewer than three positions, or more than 5 mm from its circle.
     """
 
     def __init__(
