@@ -24,11 +24,17 @@ __all__ = ["REFUSALS", "core_calls"]
 REFUSALS = (tn.TrunnionError, TypeError, OverflowError, ValueError, np.exceptions.ComplexWarning)
 
 Calls = dict[str, tuple[Callable[..., Any], dict[str, Any]]]
+PLACE: dict[str, Any] = {
+    "place_mm": [0.0] * 3,
+    "turn_deg": 0.0,
+    "stem_diameter_mm": 0.0,
+    "tolerance_mm": 1.0,
+    "tolerance_deg": 1.0,
+}
+MACHINE = core.Machine("trt-ca", 150.0, [])
 CROSS: dict[str, Any] = {
-    "preset": "trt-ca",
-    "tool_length_mm": 150.0,
-    "kind": "cross",
-    "dimensions": [100.0, 25.0, 25.0],
+    "machine": MACHINE,
+    "artefact": core.Artefact("cross", [100.0, 25.0, 25.0], **PLACE),
 }
 AXIS = np.array([80.0, 5.0, 1.0, 2.0, 3.0, 1.0, 1.0, 5.0, 10.0, 1.0, 50.0, 0.1, 1e4])
 GAINS = contouring.Coupling().gains
@@ -82,6 +88,7 @@ def _touches() -> Calls:
         "calibrations": (_done(measured.calibrations), {"truths": truths, "first_sample": 0, "identify": True, "threads": 1}),
         "compensations": (_done(measured.compensations), {"truths": truths, "first_sample": 0, "method": "identified", "grid": [[0.0, 1.0]] * 3, "rotary_deg": [0.0, 0.0], "threads": 1}),
         "catalogue": (core.catalogue, {"preset": "trt-ca", "kind": "cross", "dimensions": [100.0, 25.0, 25.0]}),
+        "Artefact": (core.Artefact, {"kind": "cross", "dimensions": [100.0, 25.0, 25.0], **PLACE}),
         "linear_fit": (core.linear_fit, {"columns": np.eye(4)[:, :3], "values": np.ones(4), "hold": [False] * 3, "tolerance": 1e-9, "basis": True}),
     }  # fmt: skip
 
@@ -90,8 +97,7 @@ def _machine() -> Calls:
     machine = core.Machine("trt-ca", 150.0, ERRORS)
     tool = np.array([[1.0, 2, 3, 0, 0.6, 0.8]])
     model: dict[str, Any] = {
-        "preset": "trt-ca",
-        "tool_length_mm": 150.0,
+        "machine": MACHINE,
         "errors": ERRORS,
         "placement": [0.0] * 6,
         "effects": [("a_twist", [1.0])],

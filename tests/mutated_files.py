@@ -135,7 +135,13 @@ def formats() -> dict[str, Format]:
     found["study"] = (_study, STUDY.encode())
     found["error map"] = (tn.read_error_map, (EXAMPLES["ErrorMap"]().to_csv() or "").encode())
     found["estimate"] = (tn.read_estimate, tn.identify(*_cross()).to_json().encode())
-    for name in ("diagnosis sweep", "Margins", "IdentificationResult", "NextPass", "Prospect"):
+    for name in (
+        "diagnosis sweep",
+        "Margins",
+        "IdentificationResult",
+        "NextPass",
+        "ExpectedDiscrimination",
+    ):
         made = EXAMPLES[name]()
         found[f"JSON {name}"] = (_result(type(made)), made.to_json().encode())
     with tempfile.TemporaryDirectory() as folder:

@@ -3,6 +3,7 @@ name lines of files."""
 
 import os
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -20,9 +21,14 @@ CROSS = tn.sample_path("cross")
 def test_a_writer_that_fails_leaves_the_file(tmp_path: Path) -> None:
     target = tmp_path / "a.csv"
     target.write_text("kept")
-    with pytest.raises(RuntimeError), whole_file(target) as draft:
-        draft.write_text("half")
-        raise RuntimeError
+
+    def fails() -> None:
+        with whole_file(target) as draft:
+            draft.write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fails()
     assert target.read_text() == "kept"
     assert list(tmp_path.iterdir()) == [target]
 
@@ -44,7 +50,7 @@ def test_a_device_is_written_to(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-WRITERS = {
+WRITERS: dict[str, Callable[[Path], object]] = {
     "Table.to_csv": lambda path: cross()[0].to_csv(path),
     "Table.to_json": lambda path: cross()[0].to_json(path),
     "Result.to_json": lambda path: diagnosis_of("sweep").to_json(path),

@@ -11,8 +11,7 @@ import html
 import importlib
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from numbers import Real
@@ -26,28 +25,12 @@ import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.output import write_text
+from trunnion.base.stored import fitting, read_json
 
 if TYPE_CHECKING:
     import pandas as pd
     from cattrs import Converter
     from rich.table import Table as RichTable
-
-__all__ = [
-    "Cell",
-    "Result",
-    "Shown",
-    "Table",
-    "class_named",
-    "fitting",
-    "measured",
-    "number",
-    "page",
-    "plain",
-    "read_json",
-    "same",
-    "significant",
-    "structured",
-]
 
 C = TypeVar("C")
 
@@ -264,66 +247,6 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     return str(value)
-
-
-def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
-    """Return what JSON text, or a file of it, holds, and what messages call its place.
-
-    Raises
-    ------
-    FileFormatError
-        It is not JSON; the message names line and column.
-    """
-    text, where = str(source), "JSON"
-    if not isinstance(source, str | PathLike):
-        raise InputError(f"source: got {type(source).__name__}, expected JSON text or a path")
-    if isinstance(source, PathLike) or not text.lstrip().startswith(("{", "[", '"')):
-        if "\n" in text or "\0" in text or len(text) > MAX_PATH:
-            raise FileFormatError(f"{where}:1:1: got {text[:20]!r}, expected a table {{...}}")
-        where = text
-        raw = Path(source).read_bytes()
-        try:
-            text = raw.decode("utf-8")
-        except UnicodeDecodeError as error:
-            line = raw.count(b"\n", 0, error.start) + 1
-            column = error.start - raw.rfind(b"\n", 0, error.start)
-            raise FileFormatError(
-                f"{where}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, expected UTF-8"
-            ) from None
-    try:
-        return json.loads(text, parse_constant=_no_constant), where
-    except json.JSONDecodeError as error:
-        raise FileFormatError(
-            f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
-        ) from error
-    except (ValueError, RecursionError) as error:  # nan, thousands of digits, of brackets
-        raise FileFormatError(f"{where}:1:1: {error}") from None
-
-
-MAX_PATH = 4000
-"""Characters of a path; more is text."""
-
-
-def _no_constant(name: str) -> float:
-    raise ValueError(f"got {name}, expected JSON: numbers are finite there")
-
-
-@contextmanager
-def fitting(what: str) -> Iterator[None]:
-    """Make an InputError of what stored values of another shape lead to, whatever it is."""
-    try:
-        yield
-    except TrunnionError:
-        raise
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
-        raise InputError(f"{what}: got values that do not fit its fields: {error}") from error
 
 
 def same(first: Any, second: Any) -> bool:

@@ -15,8 +15,6 @@ from trunnion.cli.values import exactly, names
 if TYPE_CHECKING:
     from trunnion.hybrid import Mechanism
 
-__all__ = ["mechanism_of", "register"]
-
 SetupFile = Annotated[
     Path | None,
     typer.Argument(
@@ -38,10 +36,7 @@ def register(app: typer.Typer) -> None:
 def mechanism_of(set_ups: Sequence[Path]) -> Mechanism:
     """Return the machine of a set-up file; without a file the example.
 
-    Raises
-    ------
-    InputError
-        A set-up file that does not say the machine's dimensions.
+    Raises InputError: a set-up file that does not say the machine's dimensions.
     """
     if not set_ups:
         return tn.hybrid.Mechanism()

@@ -27,14 +27,14 @@ from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
 from trunnion.base.arguments import checked
-from trunnion.base.checks import count_of
+from trunnion.base.checks import array, count_of, floats, positive, within
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.output import write_text
+from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )
@@ -45,8 +45,6 @@ from trunnion.files.table import Table
 from trunnion.files.text import decode
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["ErrorMap", "error_map", "read_error_map"]
 
 _RESOLUTION = re.compile(r"#.*\bresolution_um\s*=\s*(\S+)")
 LARGEST_MAP = 5_000_000
@@ -103,7 +101,7 @@ class ErrorMap(report.Result):
         InputError
             If a position lies outside the map; a map is not extrapolated.
         """
-        linear = np.atleast_2d(np.asarray(position_mm, dtype=float))
+        linear = array("position_mm", position_mm, 3)
         missing = [letter for letter in self.rotary_deg if letter not in rotary_deg]
         if missing:
             raise InputError(f"rotary_deg: got no axis {missing[0]}, expected its position")
@@ -271,12 +269,10 @@ def error_map(
     InputError
         Ranges that are none, a map of more than five million nodes.
     """
-    for what, step in (("linear_step_mm", linear_step_mm), ("rotary_step_deg", rotary_step_deg)):
-        if not (np.isfinite(step) and step > 0):
-            raise InputError(f"{what}: got {step!r}, expected a number above 0")
-    least = setup.resolution.linear_um if resolution_um is None else float(resolution_um)
-    if not (np.isfinite(least) and least >= 0):
-        raise InputError(f"resolution_um: got {resolution_um!r}, expected 0 or above")
+    positive("linear_step_mm", linear_step_mm)
+    positive("rotary_step_deg", rotary_step_deg)
+    resolution = setup.resolution.linear_um if resolution_um is None else resolution_um
+    least = within("resolution_um", resolution, 0.0)
     known = MachineErrors.of(setup, errors, effects)
     letters = Chain(setup).letters
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
@@ -285,18 +281,7 @@ def error_map(
         for letter in letters
     }
     where = Workspace(x_mm, y_mm, z_mm, spread.get("A"), spread.get("C"), spread.get("B"))
-    rotary, _ = where.rotary(setup)
-    box = list(where.ends())
-    low, high = _reach(setup, rotary, box)
-    linear = [
-        _nodes("linear_step_mm", lo, hi, linear_step_mm) for lo, hi in zip(low, high, strict=True)
-    ]
-    count = np.prod([len(nodes) for nodes in (*rotary.values(), *linear)])
-    if count > LARGEST_MAP:
-        raise InputError(
-            f"error map: got {int(count):,} nodes, expected at most {LARGEST_MAP:,}: take larger "
-            "steps"
-        )
+    rotary, linear = _nodes(setup, where, linear_step_mm)
     exact = _corrections(setup, known, rotary, linear)
     for i, letter in enumerate(letters):
         if len(rotary[letter]) > 1 and np.ptp(exact, axis=i).max() < _CONSTANT_UM:
@@ -308,16 +293,33 @@ def error_map(
     return replace(made, interpolation_error_um=_interpolation_error(setup, known, made))
 
 
+def _nodes(
+    setup: Setup, where: Workspace, linear_step_mm: float
+) -> tuple[dict[str, Floats], list[Floats]]:
+    """Nodes of the rotary and of the linear axes of a map."""
+    rotary, _ = where.rotary(setup)
+    low, high = _reach(setup, rotary, list(where.ends()))
+    linear = [
+        _spaced("linear_step_mm", lo, hi, linear_step_mm) for lo, hi in zip(low, high, strict=True)
+    ]
+    count = int(np.prod([len(nodes) for nodes in (*rotary.values(), *linear)]))
+    if count > LARGEST_MAP:
+        raise InputError(
+            f"error map: got {count:,} nodes, expected at most {LARGEST_MAP:,}: take larger steps"
+        )
+    return rotary, linear
+
+
 def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
-    nodes = np.atleast_1d(np.asarray(given, dtype=float))
-    if nodes.ndim != 1 or not np.all(np.isfinite(nodes)) or np.any(np.diff(nodes) <= 0):
+    nodes = np.atleast_1d(floats(name, given))
+    if nodes.ndim != 1 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high), rising nodes or a number")
     if len(nodes) != 2:
         return nodes
-    return _nodes(name, nodes[0], nodes[1], step)
+    return _spaced(name, nodes[0], nodes[1], step)
 
 
-def _nodes(what: str, low: float, high: float, step: float) -> Floats:
+def _spaced(what: str, low: float, high: float, step: float) -> Floats:
     """Return evenly spaced nodes, at most `step` apart."""
     count_of(what, high - low, step, LARGEST_MAP)
     return np.linspace(low, high, max(2, int(np.ceil((high - low) / step)) + 1))
@@ -327,7 +329,7 @@ def _reach(setup: Setup, rotary: Mapping[str, Floats], box: list[Floats]) -> tup
     """Lowest and highest X, Y, Z that reach the box of the work; rounded outward on a range."""
     # Every degree: an arc of radius 300 mm rises 0.012 mm between two of them.
     dense = {
-        letter: _nodes(f"{letter.lower()}_deg", nodes[0], nodes[-1], 1.0)
+        letter: _spaced(f"{letter.lower()}_deg", nodes[0], nodes[-1], 1.0)
         for letter, nodes in rotary.items()
     }
     poses = pose_grid(setup, dense)
@@ -365,11 +367,11 @@ def _interpolation_error(setup: Setup, known: MachineErrors, table: ErrorMap) ->
 
     linear = [halved(nodes) for nodes in (table.x_mm, table.y_mm, table.z_mm)]
     worst = 0.0
-    first, *rest = table.rotary_deg
+    first, *others = table.rotary_deg
     # One position of the first axis at a time: the halved grid is 32 times the table.
     for position in halved(table.rotary_deg[first]):
         rotary = {first: np.array([position])}
-        rotary |= {letter: halved(table.rotary_deg[letter]) for letter in rest}
+        rotary |= {letter: halved(table.rotary_deg[letter]) for letter in others}
         exact = _corrections(setup, known, rotary, linear)
         axes = [*rotary.values(), *linear]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))
@@ -402,7 +404,7 @@ class MapRows(Table):
         rotary = [name for name in ("a_deg", "b_deg", "c_deg") if name in self.columns]
         return [*rotary, "x_mm", "y_mm", "z_mm"]
 
-    def order(self) -> tuple[list[Floats], NDArray[np.intp]]:
+    def order(self) -> tuple[list[Floats], Integers]:
         """Nodes of each axis, and for each node the row that has it."""
         names = self.names()
         found = [np.unique(self.columns[name], return_inverse=True) for name in names]

@@ -10,21 +10,19 @@ that a second identification sees what is left.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.errors import InputError
+from trunnion.base.checks import instance
+from trunnion.base.units import Floats
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
-from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors
+from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import Effect
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
-
-__all__ = ["remeasure"]
 
 _ROUNDS = 20
 _SETTLED_MM = 1e-10
@@ -100,20 +98,11 @@ def remeasure(
         Rows of the plan with the positions that the control shows. Identified without known
         errors, they give what the compensation has left (and the placement of the artefact).
     """
-    if not isinstance(plan, Touches):
-        raise InputError(f"plan: got {type(plan).__name__}, expected trunnion.Touches")
+    instance("plan", plan, Touches, "trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)
-    truth: dict[str, Any] = {
-        "errors": state.errors,
-        "placement": placement,
-        "effects": effects,
-        "noise_um": noise_um,
-        "tick_um": tick_um,
-        "seed": seed,
-        "sample": sample,
-    }
+    truth = (state.errors, placement, effects, noise_um, tick_um, seed)
     if compensation is None:
-        return simulate(plan, setup, **truth)
+        return simulate(plan, setup, *truth, sample=sample)
     chain = Chain(setup)
     rotary = chain.to_machine(plan.rotary_deg, len(plan))
     axes = _Axes(setup, compensation, rotary)
@@ -130,6 +119,6 @@ def remeasure(
     columns |= {f"{axis}_mm": target[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"dir_{axis}": direction[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"{k.lower()}_deg": angle for k, angle in chain.to_control(held).items()}
-    recorded = simulate(plan.with_columns(**columns), setup, **truth)
+    recorded = simulate(plan.with_columns(**columns), setup, *truth, sample=sample)
     shown = axes.shown_at(recorded.position_mm, held)
     return plan.with_columns(x_mm=shown[:, 0], y_mm=shown[:, 1], z_mm=shown[:, 2])

@@ -9,13 +9,11 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import whole
+from trunnion.base.checks import floats, whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["Where", "Workspace", "pose_grid"]
 
 
 class Where(TypedDict, total=False):
@@ -34,14 +32,11 @@ class Where(TypedDict, total=False):
 class Workspace:
     """A box of the work and positions of the rotary axes.
 
-    Attributes
-    ----------
-    x_mm, y_mm, z_mm
-        Each (low, high), or more than two nodes; workpiece's frame: the box turns with the table.
-    a_deg, b_deg, c_deg
-        Positions of the rotary axes, control's sign: numbers, or sequences that span a grid.
-    points
-        Nodes along x, y, z of each axis given as (low, high).
+    x_mm, y_mm, z_mm: Each (low, high), or more than two nodes; workpiece's frame: the box turns
+        with the table.
+    a_deg, b_deg, c_deg: Positions of the rotary axes, control's sign: numbers, or sequences that
+        span a grid.
+    points: Nodes along x, y, z of each axis given as (low, high).
     """
 
     x_mm: ArrayLike = (-150, 150)
@@ -87,7 +82,7 @@ class Workspace:
         shape: list[int] = []
         for letter in chain.letters:
             value = given.get(letter)
-            positions = _numbers(f"{letter.lower()}_deg", 0.0 if value is None else value)
+            positions = floats(f"{letter.lower()}_deg", 0.0 if value is None else value)
             if positions.ndim > 1 or positions.size == 0:
                 raise InputError(
                     f"{letter.lower()}_deg: got {value!r}, expected a number or a sequence"
@@ -106,28 +101,11 @@ def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
 
 def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = _numbers(name, given)
+    nodes = floats(name, given)
     if nodes.ndim == 0:
         nodes = nodes[None]
     if len(nodes) == 2 and nodes[0] < nodes[1]:
-        whole(f"points along {name}", count, 2, 100_000)
-        return np.linspace(nodes[0], nodes[1], int(count))
+        return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2, 100_000))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
     return nodes
-
-
-LARGEST = 1e5
-"""Of coordinates, mm, and rotary positions, deg."""
-
-
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{name}: got {given!r}, expected finite numbers")
-    if np.any(np.abs(values) > LARGEST):
-        raise InputError(f"{name}: got {given!r}, expected numbers within ±{LARGEST:g}")
-    return values

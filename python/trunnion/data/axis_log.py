@@ -8,11 +8,10 @@ from os import PathLike
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.files.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
+from trunnion.base.units import Floats
+from trunnion.files.columns import ColumnError, Number, OptionalLabel, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["AxisLog", "read_axis_log"]
 
 UNIT_OF_AXIS = {"x": "mm", "y": "mm", "z": "mm", "a": "deg", "b": "deg", "c": "deg"}
 
@@ -46,12 +45,12 @@ class AxisLog(Table):
         return tuple(axis for axis in UNIT_OF_AXIS if _name(axis, "cmd") in self.columns)
 
     @checked
-    def commanded(self, axis: str) -> Float:
+    def commanded(self, axis: str) -> Floats:
         """Return the commanded positions of an axis, mm or deg."""
         return self.columns[_name(axis, "cmd")]
 
     @checked
-    def actual(self, axis: str) -> Float:
+    def actual(self, axis: str) -> Floats:
         """Return the actual positions of an axis, mm or deg."""
         return self.columns[_name(axis, "act")]
 

@@ -17,13 +17,13 @@ from trunnion.base.report import (
     Shown,
     Table,
     class_named,
-    fitting,
     measured,
     number,
     plain,
     significant,
     structured,
 )
+from trunnion.base.stored import fitting
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
@@ -43,8 +43,6 @@ from trunnion.files.table import Table as DataTable
 from trunnion.files.table import places
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
-
-__all__ = ["Alternative", "Cause", "Diagnosis", "Gain", "Residuals", "Verdict"]
 
 UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
 MAX_SETS = 6  # in a sentence

@@ -1,4 +1,4 @@
-"""Where each key of a TOML text stands, which tomllib does not tell.
+"""Where each key of a TOML text stands, which tomllib does not say.
 
 The scanner walks over text that tomllib has accepted, so it need not judge syntax: it only has to
 know where strings, comments, arrays and inline tables begin and end.
@@ -13,8 +13,6 @@ from pathlib import Path
 
 from trunnion.base.errors import FileFormatError
 from trunnion.files.text import decode, position_of
-
-__all__ = ["MAX_DEPTH", "Span", "TomlText"]
 
 MAX_DEPTH = 40
 """Tables and arrays in one another."""

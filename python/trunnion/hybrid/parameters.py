@@ -7,8 +7,6 @@ from collections.abc import Iterable
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 
-__all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name", "error_names"]
-
 _PAPER, _OUTSIDE = _core.hybrid_parameters()
 #: Names of the paper's 17 errors, with units.
 PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
@@ -28,10 +26,7 @@ def error_names(given: Iterable[str]) -> tuple[str, ...]:
 def error_name(name: str) -> str:
     """Return the full name with unit of an error: ``e5`` → ``e5_um``.
 
-    Raises
-    ------
-    UnknownNameError
-        A name that is none.
+    Raises UnknownNameError: a name that is none.
     """
     try:
         return _core.hybrid_parameter(name)

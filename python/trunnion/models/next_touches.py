@@ -11,20 +11,19 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import instance, whole
 from trunnion.base.errors import InputError
-from trunnion.base.report import Result, Table, fitting
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting
+from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
-from trunnion.diagnosis.fit import Flags, fit
+from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Prospect", "next_touches", "prospect"]
 
 MAX_SETS = 8
 COUNTS = (16, 32, 64, 128)
@@ -33,7 +32,7 @@ MIN_CHANCE = 0.9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prospect(Result):
+class ExpectedDiscrimination(Result):
     """New touches, and what they are expected to distinguish.
 
     Attributes
@@ -98,8 +97,8 @@ class Prospect(Result):
         return {**super().to_dict(), "plan": self.plan.described()}
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Prospect:
-        """Return the prospect that `to_dict` described."""
+    def from_dict(cls, values: Mapping[str, Any]) -> ExpectedDiscrimination:
+        """Return the expected_discrimination that `to_dict` described."""
         with fitting(cls.__name__):
             return cls(
                 Touches.from_description(values["plan"]),
@@ -122,18 +121,18 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
 
     Chosen from what the machine can reach: the artefact's faces at C and the tilting axis every
     30 degrees and at combinations, from both senses of turning, at two feeds, after the
-    measurement. What they are expected to show is in :func:`prospect`.
+    measurement. What they are expected to show is in :func:`expected_discrimination`.
 
     Raises
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
     """
-    return prospect(d, n).plan
+    return expected_discrimination(d, n).plan
 
 
 @checked
-def prospect(d: Diagnosis, n: int = 8) -> Prospect:
+def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     """Plan as :func:`next_touches`, and say what the touches are expected to show.
 
     Raises
@@ -169,7 +168,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
     before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
-    return Prospect(
+    return ExpectedDiscrimination(
         _ordered(both.data, chosen, old), len(sets), chance, enough, alike, before, after
     )
 

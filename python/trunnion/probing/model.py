@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
-
-__all__ = ["TouchModel", "catalogue"]
-
-Floats = NDArray[np.float64]
 
 
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
@@ -31,14 +27,9 @@ class TouchModel:
     Parameters are the machine's location errors, the six placement parameters and the parameters
     of the effects (``"drift_z.rate_um_h"``), in µm, arcsec, ppm, ... as their names or units say.
 
-    Parameters
-    ----------
-    setup
-        Machine, artefact, probe.
-    effects
-        Ids of the catalogue.
-    tick_um
-        Tick of the trigger; the set-up's unless given.
+    setup: Machine, artefact, probe.
+    effects: Ids of the catalogue.
+    tick_um: Tick of the trigger; the set-up's unless given.
     """
 
     def __init__(
@@ -48,9 +39,8 @@ class TouchModel:
         self.setup = setup
         self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
-            setup.machine.preset,
-            setup.probe.length_mm,
-            *artefact_dimensions(setup),
+            self.chain.machine({}),
+            standing_artefact(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
             effect_ids=list(self.effect_ids),

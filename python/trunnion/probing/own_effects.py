@@ -20,8 +20,6 @@ from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect
 from trunnion.probing.model import TouchModel
 
-__all__ = ["Found", "Loss", "TouchProblem", "own_names"]
-
 CLOSE_UM = 1e-6
 """A step that moves no reading further ends the search."""
 MAX_HALVINGS = 12
@@ -33,14 +31,9 @@ MEDIAN_SIGMAS = 0.6745
 class Loss:
     """What is minimised.
 
-    Attributes
-    ----------
-    knee
-        Of Huber's loss in standard deviations; None: squares.
-    sigma_um
-        Standard deviation of a reading if known, else 0.
-    priors
-        Parameter's number, value, standard uncertainty.
+    knee: Of Huber's loss in standard deviations; None: squares.
+    sigma_um: Standard deviation of a reading if known, else 0.
+    priors: Parameter's number, value, standard uncertainty.
     """
 
     knee: float | None

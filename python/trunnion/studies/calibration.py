@@ -10,13 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.units import Floats
 from trunnion.probing.model import TouchModel
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import OFF_SURFACE_MM
 from trunnion.setup import Artefact, Machine, Probe, Resolution, Setup
-from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value
-
-__all__ = ["CALIBRATION_PARAMETERS", "Bench", "CalibrationStudy"]
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, Values
 
 CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
@@ -120,7 +119,7 @@ def _bench(items: tuple[tuple[str, Value], ...]) -> Bench:
     )
 
 
-def bench_of(values: Mapping[str, Value]) -> Bench:
+def bench_of(values: Values) -> Bench:
     """Plan and model of a node; kept, because its blocks share them."""
     own = tuple((name, values[name]) for name in CALIBRATION_PARAMETERS if name != "noise_um")
     return _bench(own)
@@ -149,7 +148,7 @@ class CalibrationStudy:
         }
     )
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
+    def outputs(self, values: Values) -> tuple[Output, ...]:
         """Errors of the estimates by method."""
         names = bench_of(values).model.names
         units = tuple(_unit(name) for name in names)
@@ -168,12 +167,7 @@ class CalibrationStudy:
         )
 
     def run(
-        self,
-        values: Mapping[str, Value],
-        seeds: Seeds,
-        first: int,
-        count: int,
-        threads: int | None,
+        self, values: Values, seeds: Seeds, first: int, count: int, threads: int | None
     ) -> Block:
         """One call of the core."""
         bench = bench_of(values)

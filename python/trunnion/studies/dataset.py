@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from trunnion.base.arguments import checked
+from trunnion.base.checks import optional_module
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.output import whole_file
 from trunnion.studies.description import Description
@@ -19,38 +18,19 @@ from trunnion.studies.study import Value
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "dataset",
-    "import_xarray",
-    "journal_of",
-    "open_sweep",
-    "read_same",
-    "target_of",
-    "write",
-]
 
-
-def import_xarray() -> ModuleType:
+def import_xarray() -> Any:
     """xarray, which holds the results.
 
-    Raises
-    ------
-    ImportError
-        It is not installed.
+    Raises ImportError: it is not installed.
     """
-    try:
-        return import_module("xarray")
-    except ImportError as error:
-        raise ImportError('sweeps need xarray; pip install "trunnion[sweep]"') from error
+    return optional_module("xarray", "sweeps", "sweep")
 
 
 def target_of(path: Any) -> Path:
     """Where the result goes; a file that may be, in a folder that is there.
 
-    Raises
-    ------
-    InputError
-        No path, a folder, or a path in a folder that is not there.
+    Raises InputError: no path, a folder, or a path in a folder that is not there.
     """
     try:
         target = Path(path)
@@ -93,10 +73,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 def read_same(target: Path, description: Description) -> xr.Dataset:
     """Read a finished sweep.
 
-    Raises
-    ------
-    DataError
-        The file is damaged, or holds another sweep.
+    Raises DataError: the file is damaged, or holds another sweep.
     """
     found, there = _read(target)
     description.check_same(target, there)

@@ -10,8 +10,6 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
-__all__ = ["progress_bar"]
-
 QUIET_S = 0.5
 """A sweep that takes less than this shows no bar unless it is asked for."""
 
@@ -22,14 +20,9 @@ def progress_bar(
 ) -> Iterator[Callable[[int], None]]:
     """Give a function that counts further samples, and show them with the remaining time.
 
-    Parameters
-    ----------
-    name
-        What the bar says.
-    total, done
-        Samples of the whole sweep, and those that were there before.
-    show
-        True: at once; False: never; None: once half a second has passed.
+    name: What the bar says.
+    total, done: Samples of the whole sweep, and those that were there before.
+    show: True: at once; False: never; None: once half a second has passed.
     """
     console = Console(stderr=True)
     if show is False or not _can_show(console):

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import count_of, line, whole
+from trunnion.base.checks import count_of, line, positive, whole, within
 from trunnion.base.errors import DataError, InputError
-
-__all__ = ["Gauge"]
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from trunnion.base.units import Floats
 
 
 @dataclass(frozen=True)
@@ -45,11 +41,9 @@ class Gauge:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("range_um", "rate_hz"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected more than zero")
+            positive(name, getattr(self, name))
         for name in ("resolution_um", "response_s"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected not below zero")
+            within(name, getattr(self, name), 0.0)
 
     @checked
     def feed_limit_mm_min(
@@ -66,14 +60,10 @@ class Gauge:
         lag_um
             How far the reading of the diameter may lag on it: feed <= lag / (slope · response).
         """
-        if not pitch_mm > 0 or not lag_um > 0 or not slope_um_mm >= 0:
-            raise InputError(
-                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, expected "
-                "more than zero (slope: not below zero)"
-            )
-        limit = pitch_mm * self.rate_hz
-        if slope_um_mm * self.response_s > 0:
-            limit = min(limit, lag_um / (slope_um_mm * self.response_s))
+        limit = positive("pitch_mm", pitch_mm) * self.rate_hz
+        lag = positive("lag_um", lag_um)
+        if (growth := within("slope_um_mm", slope_um_mm, 0.0) * self.response_s) > 0:
+            limit = min(limit, lag / growth)
         return 60.0 * limit
 
     @checked
@@ -85,7 +75,7 @@ class Gauge:
         feed_mm_min: float,
         noise_um: float = 0.0,
         seed: int | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[Floats, Floats]:
         """Give what the gauge stores on one interval.
 
         Parameters
@@ -112,15 +102,14 @@ class Gauge:
         """
         z, error = line("z_mm", z_mm), line("error_um", error_um)
         way = np.abs(z - z[:1])
-        if not feed_mm_min > 0 or not 0 < z.size == error.size or (np.diff(way) <= 0).any():
+        if not 0 < z.size == error.size or (np.diff(way) <= 0).any():
             raise InputError(
-                "z_mm, error_um, feed_mm_min: expected equally many places in the order of travel "
-                f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
+                f"z_mm, error_um: got {z.size} and {error.size}, expected equally many places in "
+                "the order of travel"
             )
-        pitch = feed_mm_min / 60.0 / self.rate_hz
-        at: FloatArray = np.float64(pitch) * np.arange(
-            count_of("feed_mm_min / rate_hz", way[-1], pitch) + 1
-        )
+        pitch = positive("feed_mm_min", feed_mm_min) / 60.0 / self.rate_hz
+        count = count_of("feed_mm_min / rate_hz", way[-1], pitch) + 1
+        at: Floats = np.float64(pitch) * np.arange(count)
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:
             seed = None if seed is None else whole("seed", seed, 0)
@@ -138,9 +127,7 @@ class Gauge:
             read = 2 * self.resolution_um * np.round(stylus / self.resolution_um)
         return np.interp(at, way, z), read
 
-    def _lag(
-        self, at: FloatArray, way: FloatArray, error: FloatArray, feed_mm_s: float
-    ) -> FloatArray:
+    def _lag(self, at: Floats, way: Floats, error: Floats, feed_mm_s: float) -> Floats:
         """Give what a first-order response still lacks; exact for an error straight by pieces."""
         if self.response_s == 0:
             return np.zeros_like(at)

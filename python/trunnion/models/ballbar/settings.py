@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from trunnion.setup import Setup
 from trunnion.setup.fields import Flag, Number, Section, Sign, Vector, key
 
-__all__ = ["BallbarSettings"]
-
 
 @dataclass(frozen=True)
 class BallbarSettings:
@@ -25,9 +23,7 @@ class BallbarSettings:
     def from_setup(cls, setup: Setup | None) -> BallbarSettings:
         """Read the table.
 
-        Raises
-        ------
-        FileFormatError, InputError
-            A key that is none of them, or a value of the wrong kind; with its place in the file.
+        Raises FileFormatError, InputError: a key that is none of them, or a value of the wrong
+            kind; with its place in the file.
         """
         return Section.of("ballbar", {} if setup is None else setup.ballbar).build(cls)

@@ -11,17 +11,12 @@ are what the axes do, ``e``; formulas and units are in docs/effects.md. Derivati
 
 What the axes of one machine do alike on every part is *named*; what is left but changes slowly from
 place to place is *field*; what belongs to one hole and is there again when the hole is measured
-again is *hole by hole*; the rest is the measurement. :func:`repeatable_part` tells them apart.
+again is *hole by hole*; the residual is the measurement. :func:`repeatable_part` separates them.
 """
 
-from trunnion.models.points.model import ExtendedPoints, FeatureScatter, PointsModel, build
-from trunnion.models.points.repeatability import RepeatablePart, repeatable_part
-
-__all__ = [
-    "ExtendedPoints",
-    "FeatureScatter",
-    "PointsModel",
-    "RepeatablePart",
-    "build",
-    "repeatable_part",
-]
+from trunnion.models.points.model import ExtendedPoints as ExtendedPoints
+from trunnion.models.points.model import FeatureScatter as FeatureScatter
+from trunnion.models.points.model import PointsModel as PointsModel
+from trunnion.models.points.model import build as build
+from trunnion.models.points.repeatability import RepeatablePart as RepeatablePart
+from trunnion.models.points.repeatability import repeatable_part as repeatable_part

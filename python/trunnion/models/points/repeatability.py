@@ -16,8 +16,6 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.points.geometry import AXES, rounded
 from trunnion.models.points.model import ExtendedPoints, PointsModel
 
-__all__ = ["RepeatablePart", "repeatable_part"]
-
 MIN_FEATURES = 10
 
 
@@ -92,7 +90,7 @@ class RepeatablePart(Result):
 
 @checked
 def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
-    """Tell what is in the part (repeats, ISO 230-2: systematic) from what is in the measurement.
+    """Separate what is in the part (repeats, ISO 230-2: systematic) from the measurement.
 
     The noise of two measurements is independent, so that the covariance of what a model leaves of
     both is the variance of what repeats and the model does not have. The model is that of ``d``,
