@@ -3,6 +3,7 @@
 from trunnion.setup.parts import (
     Artefact,
     AxisSetup,
+    ControlSetup,
     Machine,
     PlanSetup,
     Probe,
@@ -15,6 +16,7 @@ from trunnion.setup.read import read_setup
 __all__ = [
     "Artefact",
     "AxisSetup",
+    "ControlSetup",
     "Machine",
     "PlanSetup",
     "Probe",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["headline_of", "report_of", "tables_of", "toml_of"]
 
-PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan")
+PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control")
 PROCESSES = ("turning", "servo", "ballbar", "hybrid")
 
 
