@@ -43,6 +43,10 @@ power: build  ## how often a diagnosis is right: the whole table, twenty minutes
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md
 
+.PHONY: power-ticks
+power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/power-ticks.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/power-ticks.md
+
 .PHONY: power-axis-logs
 power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --runs 30 --seed 2 --out ../docs/power-axis-logs.md

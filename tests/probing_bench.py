@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from controller import Bench, run
 
 FloatArray = npt.NDArray[np.float64]
 
+RACE = "Queue is not empty after probing"
 SPEED = 20.0
 SERVO_MS = 1.0
 ARCSEC = np.pi / 648_000
@@ -131,7 +133,21 @@ def run_program(case: Hidden, folder: Path, *before: str, text: str | None = Non
     """Run a case's program from a clean state, after more MDI lines; what LinuxCNC reported."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "touches.log").unlink(missing_ok=True)
-    text = tn.probing_program(case.plan, case.setup).text() if text is None else text
+    report = _run(case, folder, before, text or tn.probing_program(case.plan, case.setup).text())
+    # A race in LinuxCNC (its issue 3650) stops one program in some hundred, more on a busy machine.
+    while RACE in report["messages"] and report["resumed"] < 5:
+        done = (folder / "touches.log").read_text().split("\n")[-2].split()
+        following = int(done[0]) + 1 if done[0].isdigit() else 1
+        text = tn.probing_program(case.plan, case.setup, start_at=following).text()
+        more = _run(case, folder, before, text)
+        counted = {name: report[name] + more[name] for name in ("strikes", "stem-strikes")}
+        report = {**more, **counted, "resumed": report["resumed"] + 1}
+    return report
+
+
+def _run(case: Hidden, folder: Path, before: Sequence[str], text: str) -> dict[str, Any]:
     (folder / "probe.ngc").write_text(text)
     steps = [*work_offset(case), *({"mdi": line} for line in before), {"program": "probe.ngc"}]
-    return run(case.bench, steps, folder)[-1]
+    report: dict[str, Any] = {**run(case.bench, steps, folder)[-1], "resumed": 0}
+    assert "error" not in report, report
+    return report

@@ -112,11 +112,15 @@ def run(bench: Bench, steps: Sequence[dict[str, str]], folder: Path, seconds: fl
     (folder / "drive.py").chmod(0o755)
     (folder / "job.json").write_text(json.dumps({"steps": list(steps), "seconds": seconds}))
     (folder / "report.json").unlink(missing_ok=True)
+    # One processor for all: no process sees the state of the motion in the middle of a cycle.
+    cpu = max(os.sched_getaffinity(0))
     script = (
         f"mount --bind {modules} {MODULES} && mount --bind {folder} {INSIDE} &&"
-        f" ip link set lo up && cd {INSIDE} && exec linuxcnc -r bench.ini"
+        f" ip link set lo up && cd {INSIDE} && exec taskset -c {cpu} linuxcnc -r bench.ini"
     )
     environment = dict(os.environ) | {
+        "LINUXCNC_FORCE_REALTIME": "1",
+        "RTAPI_CPU_NUMBER": str(cpu),
         "RTAPI_UID": str(os.geteuid() or 65534),
         "RTAPI_FIFO_PATH": f"{INSIDE}/fifo",
         "HOME": INSIDE,

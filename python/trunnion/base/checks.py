@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, SupportsFloat, SupportsInt, TypeVar, cast
 
@@ -17,23 +18,6 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.units import Floats
-
-__all__ = [
-    "array",
-    "choose",
-    "did_you_mean",
-    "entry",
-    "finite",
-    "floats",
-    "instance",
-    "mapping",
-    "named",
-    "numbers",
-    "positive",
-    "shown",
-    "whole",
-    "within",
-]
 
 T = TypeVar("T")
 
@@ -136,16 +120,23 @@ def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None)
     """
     shape = f"({'n' if rows is None else rows}, {columns})"
     try:
-        found = np.atleast_2d(np.asarray(value, dtype=np.float64))
+        given = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what}: got {shown(value)}, expected numbers of shape {shape}") from None
+    found = np.atleast_2d(given)
     if found.ndim != 2 or found.shape[1] != columns or rows not in (None, len(found)):
-        raise InputError(f"{what}: got shape {found.shape}, expected {shape}")
+        raise InputError(f"{what}: got shape {given.shape}, expected {shape}")
     bad = ~np.isfinite(found).all(axis=1)
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
     return np.ascontiguousarray(found)
+
+
+def point(what: str, value: ArrayLike) -> tuple[float, float, float]:
+    """Return three finite numbers."""
+    x, y, z = array(what, value, 3, rows=1)[0].tolist()
+    return x, y, z
 
 
 def floats(what: str, value: object) -> Floats:
@@ -187,6 +178,21 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     near = [each for each in spellings if text and each.startswith(text + "_")]  # without its unit
     near = near or get_close_matches(text, spellings, 1)
     return f"; did you mean {spellings[near[0]]}?" if near else ""
+
+
+def optional_module(name: str, user: str, extra: str) -> Any:
+    """Import a module that an extra of the package installs.
+
+    Raises
+    ------
+    ImportError
+        It is not installed; the message names the extra.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        hint = f"pip install 'trunnion[{extra}]'"
+        raise ImportError(f"{name} is not installed; expected for {user}: {hint}") from error
 
 
 @contextmanager

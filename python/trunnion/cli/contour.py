@@ -17,8 +17,6 @@ from trunnion.cli.values import named_values
 if TYPE_CHECKING:
     from trunnion.contouring import ContourRun
 
-__all__ = ["register"]
-
 CONTROLLERS = ("independent", "existing", "proposed")
 FEEDS_MM_MIN = (1000.0, 3000.0)
 FIGURES = {
@@ -91,7 +89,7 @@ def simulate(
                 controller=name,  # type: ignore[arg-type]
                 servo=servo,
                 errors=named_values("--error", error),
-                believed=named_values("--assumed", assumed),
+                assumed=named_values("--assumed", assumed),
             ),
         )
         for feed in feed_mm_min or FEEDS_MM_MIN

@@ -14,8 +14,6 @@ from trunnion.files.output import write_text
 if TYPE_CHECKING:
     from trunnion.probing.program import ProbingProgram
 
-__all__ = ["LogFile", "ProbeLog", "program", "register", "save_program"]
-
 LogFile = Annotated[str, typer.Option(help="file the control appends the touches to")]
 ProbeLog = Annotated[
     Path | None,

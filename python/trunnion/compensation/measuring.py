@@ -14,16 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.errors import InputError
+from trunnion.base.checks import instance
+from trunnion.base.units import Floats
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
-from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors
+from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import Effect
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
-
-__all__ = ["remeasure"]
 
 _ROUNDS = 20
 _SETTLED_MM = 1e-10
@@ -98,8 +97,7 @@ def remeasure(
         Rows of the plan with the positions that the control shows. Identified without known
         errors, they give what the compensation has left (and the placement of the artefact).
     """
-    if not isinstance(plan, Touches):
-        raise InputError(f"plan: got {type(plan).__name__}, expected trunnion.Touches")
+    instance("plan", plan, Touches, "trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)
     truth: dict[str, Any] = {
         "errors": state.errors,

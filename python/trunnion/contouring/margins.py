@@ -4,18 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.checks import floats
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
 from trunnion.contouring.simulation import location_errors, period_ms
-
-__all__ = ["Margins", "margins"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,13 +39,13 @@ class Margins(Result):
     """
 
     axes: str
-    gain: Array
-    phase_deg: Array
-    crossover_hz: Array
-    delay_ms: Array
-    u: Array
-    pole: Array
-    coupled_gain: Array
+    gain: Floats
+    phase_deg: Floats
+    crossover_hz: Floats
+    delay_ms: Floats
+    u: Floats
+    pole: Floats
+    coupled_gain: Floats
 
     @property
     def stable(self) -> bool:
@@ -84,7 +81,7 @@ def margins(
     controller: Controller = "proposed",
     path: Path | None = None,
     u: ArrayLike | None = None,
-    believed: Mapping[str, float] | None = None,
+    assumed: Mapping[str, float] | None = None,
 ) -> Margins:
     """Gain and stability margins of the loops, by the exact sampled response with its delay.
 
@@ -108,7 +105,7 @@ def margins(
             axes=servo.rows(),
             gains=gains,
             period_s=period_s,
-            assumed=location_errors(believed),
+            assumed=location_errors(assumed),
         )
     return Margins(
         "XYZAC",

@@ -15,17 +15,14 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 import trunnion.nc as nc
 from trunnion._core import ContourPath
-from trunnion.base.checks import floats
+from trunnion.base.checks import array, floats, positive
 from trunnion.base.errors import InputError, ProgramError
-
-__all__ = ["Path"]
-
-Array = NDArray[np.float64]
+from trunnion.base.units import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +44,11 @@ class Path:
         Its amplitudes, shape (n, 6).
     """
 
-    breaks: Array
-    coefficients: Array
-    omega: Array
-    cosine: Array
-    sine: Array
+    breaks: Floats
+    coefficients: Floats
+    omega: Floats
+    cosine: Floats
+    sine: Floats
 
     def __post_init__(self) -> None:
         """Check by building the core's path."""
@@ -85,7 +82,7 @@ class Path:
         return cls._of(np.array([0.0, end]), c[None])
 
     @classmethod
-    def _of(cls, breaks: Array, coefficients: Array) -> "Path":
+    def _of(cls, breaks: Floats, coefficients: Floats) -> "Path":
         n = len(breaks) - 1
         return cls(breaks, coefficients, np.zeros(n), np.zeros((n, 6)), np.zeros((n, 6)))
 
@@ -150,8 +147,7 @@ class Path:
         Without tilt the tool stays vertical. With a tilt and the centre on the C axis the machine
         turns C alone. u is the angle in rad.
         """
-        if not radius_mm > 0:
-            raise InputError(f"radius: got {radius_mm:g} mm, expected above 0")
+        positive("radius_mm", radius_mm)
         tilt = np.deg2rad(tilt_deg)
         constant = np.array([*centre_mm, 0.0, 0.0, np.cos(tilt)], dtype=np.float64)
         cosine = np.array([radius_mm, 0.0, 0.0, np.sin(tilt), 0.0, 0.0])
@@ -204,19 +200,19 @@ class Path:
         """Arc length."""
         return self.core.length_mm
 
-    def points_mm(self, u: ArrayLike) -> Array:
+    def points_mm(self, u: ArrayLike) -> Floats:
         """Tool tip at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[0]
 
-    def tools(self, u: ArrayLike) -> Array:
+    def tools(self, u: ArrayLike) -> Floats:
         """Unit tool axis at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[1]
 
-    def curvature_per_mm(self, u: ArrayLike) -> Array:
+    def curvature_per_mm(self, u: ArrayLike) -> Floats:
         """Curvature at u, shape (n,)."""
         return self.core.frames(_row("u", u))[2]
 
-    def at_length(self, s_mm: ArrayLike) -> Array:
+    def at_length(self, s_mm: ArrayLike) -> Floats:
         """Parameter u at arc lengths from the start, shape (n,)."""
         return self.core.at_length(_row("s_mm", s_mm))
 
@@ -232,37 +228,37 @@ class Path:
         return f"Path({len(self.omega)} pieces, {self.length_mm:.6g} mm)"
 
 
-def _row(what: str, values: ArrayLike) -> Array:
+def _row(what: str, values: ArrayLike) -> Floats:
     row = np.atleast_1d(floats(what, values))
     if row.ndim != 1:
         raise InputError(f"{what}: got shape {row.shape}, expected (n,)")
     return row
 
 
-def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Array, Array]:
-    p = np.asarray(points_mm, dtype=np.float64)
-    w = np.asarray(tools, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 3 or len(p) < 2:
-        raise InputError(f"path points: got shape {p.shape}, expected (n, 3) with n >= 2")
-    w = np.broadcast_to(w, p.shape) if w.shape == (3,) else w
-    if w.shape != p.shape:
-        raise InputError(f"tool directions: got shape {w.shape}, expected {p.shape} or (3,)")
+def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Floats, Floats]:
+    p, w = array("path points", points_mm, 3), array("tool directions", tools, 3)
+    if len(p) < 2 or len(w) not in (1, len(p)):
+        raise InputError(
+            f"path: got {len(p)} points and {len(w)} tool directions, expected at least two points "
+            "and one direction, or one for each"
+        )
+    w = np.broadcast_to(w, p.shape)
     length = np.linalg.norm(w, axis=1, keepdims=True)
-    if not (np.isfinite(p).all() and np.isfinite(w).all() and (length > 0).all()):
-        raise InputError("path: points and tool directions have to be finite, directions not zero")
+    if not (length > 0).all():
+        raise InputError("tool directions: got one of length 0, expected none")
     repeated = np.flatnonzero(np.linalg.norm(np.diff(p, axis=0), axis=1) == 0.0)
     if len(repeated):
         raise InputError(f"path point {repeated[0] + 1}: the same as the one before; drop it")
     return p, w / length
 
 
-def _tool(a_deg: float, c_deg: float) -> Array:
+def _tool(a_deg: float, c_deg: float) -> Floats:
     """Tool axis in the part's frame for rotary positions of the nominal machine."""
     a, c = np.deg2rad([a_deg, c_deg])
     return np.array([np.sin(a) * np.sin(c), np.sin(a) * np.cos(c), np.cos(a)])
 
 
-def _piece(moves: "nc.Moves", i: int) -> tuple[Array, float, Array, Array]:
+def _piece(moves: "nc.Moves", i: int) -> tuple[Floats, float, Floats, Floats]:
     """Coefficients (2, 6), omega, cosine, sine of one move over a unit of u."""
     start, end = moves.start[i], moves.end[i]
     w0, w1 = _tool(start[3], start[5]), _tool(end[3], end[5])

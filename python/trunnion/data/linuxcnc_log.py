@@ -23,11 +23,10 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import FileFormatError
+from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import Float, parse_number
+from trunnion.files.columns import parse_number
 from trunnion.files.text import decode
-
-__all__ = ["plan_hash", "read_probe_log"]
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 COUNTS = {8: "eight", 9: "nine"}
@@ -225,7 +224,7 @@ def _starts(line: str) -> list[int]:
     return [match.start() for match in re.finditer(r"\S+", line)]
 
 
-def _planned_joints(plan: Touches) -> Float:
+def _planned_joints(plan: Touches) -> Floats:
     """Return what the log should say, in its columns; X, Y and Z as planned, absent axes 0."""
     planned = np.zeros((len(plan), len(NAMES)))
     planned[:, :3] = plan.position_mm
@@ -242,5 +241,5 @@ def plan_hash(plan: Touches) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-def _digits(values: Float) -> str:
+def _digits(values: Floats) -> str:
     return ",".join(f"{value + 0.0:.6f}" for value in values.tolist())

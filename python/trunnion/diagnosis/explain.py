@@ -5,16 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
-
-__all__ = ["best_score", "explain"]
 
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
 
@@ -142,7 +139,7 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 # --- structure without a name
 
 
-def _term_penalty(d: Dictionary, rank: IntArray) -> Array:
+def _term_penalty(d: Dictionary, rank: Integers) -> Floats:
     """Penalty of terms, on the scale of the penalties of causes."""
     level = SCAN_LEVEL / max(len(d.terms), 1)
     return np.asarray(special.chdtri(np.maximum(rank, 1), level) + UNNAMED_TERM_PENALTY)
@@ -157,7 +154,7 @@ def _one_term_score(d: Dictionary, plain: Fit) -> float:
     return float(np.min(np.where(rank > 0, m * np.log(left) + penalty, np.inf), initial=np.inf))
 
 
-def _evidence(d: Dictionary, f: Fit) -> Array:
+def _evidence(d: Dictionary, f: Fit) -> Floats:
     """Drop of -2 ln L of each term less its penalty."""
     gain, rank = d.of_fit(f)
     left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)

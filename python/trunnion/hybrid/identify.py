@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
+from trunnion.base.checks import positive
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
+from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
@@ -27,10 +28,6 @@ from trunnion.hybrid.readings import (
 )
 from trunnion.hybrid.spectrum import Spectrum
 from trunnion.machine.estimate import Estimate, named_combination
-
-__all__ = ["BallbarIdentification", "identify_ballbar"]
-
-Floats = NDArray[np.float64]
 
 #: A combination is estimated only if its standard error is less than this, µm or arcsec.
 MAX_STD_ERROR_UM = 1000.0
@@ -130,8 +127,8 @@ def identify_ballbar(
     if tolerance is not None and sigma_um is None:
         raise InputError("tolerance: got no sigma_um with it, expected the noise of a reading")
     for what, value in (("tolerance", tolerance), ("sigma_um", sigma_um)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, expected more than 0")
+        if value is not None:
+            positive(what, value)
     weight = 0.0 if tolerance is None or sigma_um is None else sigma_um / tolerance
     problem = _Problem.of(data, mechanism, parameters, weight, threads)
     start = Spectrum.of(problem.jacobian(problem.start), problem.count).down_to(
@@ -152,7 +149,7 @@ class _Problem:
 
     lengths_mm: Floats
     joints: Floats
-    index: NDArray[np.intp]
+    index: Integers
     labels: tuple[str, ...]
     names: tuple[str, ...]
     mechanism: Mechanism

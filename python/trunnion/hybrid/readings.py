@@ -9,22 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError
+from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
-
-__all__ = [
-    "MIN_READINGS",
-    "check_enough",
-    "check_near",
-    "gradient_with_centres",
-    "joints_of",
-    "setup_index",
-    "start_centres",
-]
-
-Floats = NDArray[np.float64]
 
 #: A bar further from the modelled length than this is refused, mm.
 MAX_DEVIATION_MM = 5.0
@@ -32,7 +20,7 @@ MAX_DEVIATION_MM = 5.0
 MIN_READINGS = 3
 
 
-def setup_index(data: Ballbar) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+def setup_index(data: Ballbar) -> tuple[Integers, tuple[str, ...]]:
     """Number of the set-up of each row, (n,), and the labels in order of appearance."""
     _, first, inverse = np.unique(data.setup, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -43,13 +31,7 @@ def setup_index(data: Ballbar) -> tuple[NDArray[np.intp], tuple[str, ...]]:
 
 
 def joints_of(data: Ballbar) -> Floats:
-    """Return the commanded joints, (n, 5).
-
-    Raises
-    ------
-    DataError
-        The data command coordinates, not joints.
-    """
+    """Return the commanded joints, (n, 5); data that command coordinates are refused."""
     joints = data.joints
     if joints is None:
         raise DataError(
@@ -58,7 +40,7 @@ def joints_of(data: Ballbar) -> Floats:
     return joints
 
 
-def start_centres(tips: Floats, lengths_mm: Floats, index: NDArray[np.intp]) -> Floats:
+def start_centres(tips: Floats, lengths_mm: Floats, index: Integers) -> Floats:
     """Centre of the sphere (of each set-up) that fits tool points and lengths best, (setups, 3).
 
     |p|² - L² = 2 p·c - |c|² + const is linear in the centre; where the points lie in a plane the
@@ -78,13 +60,7 @@ def start_centres(tips: Floats, lengths_mm: Floats, index: NDArray[np.intp]) -> 
 
 
 def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
-    """Refuse lengths that the commanded points cannot have, whatever the ball's centre.
-
-    Raises
-    ------
-    DataError
-        A length more than 5 mm from the distance of the commanded point to the best centre.
-    """
+    """Refuse lengths that the commanded points cannot have, whatever the ball's centre."""
     deviation = np.abs(lengths_mm - reference_mm)
     worst = int(np.argmax(deviation))
     if deviation[worst] > MAX_DEVIATION_MM:
@@ -95,14 +71,8 @@ def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
         )
 
 
-def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
-    """Refuse set-ups whose readings cannot place the ball.
-
-    Raises
-    ------
-    DataError
-        A set-up with fewer than three readings.
-    """
+def check_enough(index: Integers, labels: Sequence[str]) -> None:
+    """Refuse set-ups whose readings cannot place the ball."""
     counts = np.bincount(index, minlength=len(labels))
     for label, count in zip(labels, counts, strict=True):
         if count < MIN_READINGS:
@@ -112,21 +82,8 @@ def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
             )
 
 
-def gradient_with_centres(gradient: Floats, direction: Floats, index: NDArray[np.intp]) -> Floats:
-    """Columns of the errors followed by three of each centre: the latter are -direction.
-
-    Parameters
-    ----------
-    gradient, direction
-        Derivative of each length by the errors, (n, k), and unit vector from ball to tool point,
-        (n, 3).
-    index
-        Set-up of each row, (n,).
-
-    Returns
-    -------
-    ndarray, shape (n, k + 3 setups)
-    """
+def gradient_with_centres(gradient: Floats, direction: Floats, index: Integers) -> Floats:
+    """Columns of the errors, (n, k), followed by three of each centre: those are -direction."""
     setups = int(index.max()) + 1
     full = np.zeros((len(gradient), gradient.shape[1] + 3 * setups))
     full[:, : gradient.shape[1]] = gradient

@@ -17,8 +17,6 @@ from trunnion.base.units import Floats
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
-__all__ = ["Cycle", "Step", "program_text"]
-
 BACK_OFF_DEG = 5.0
 """How far an axis goes beyond a position to come to it from the other sense."""
 SHORTEST_PROBE_MM = 0.3

@@ -26,8 +26,6 @@ from trunnion.nc import Program
 from trunnion.probing.linuxcnc import Cycle, Step, program_text
 from trunnion.setup import Setup
 
-__all__ = ["ProbingProgram", "probing_program"]
-
 DECIMALS = 4
 FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
 

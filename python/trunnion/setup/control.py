@@ -9,8 +9,6 @@ from trunnion.base.checks import instance, within
 from trunnion.base.errors import InputError
 from trunnion.setup.fields import COORDINATE, Choice, Flag, Number, Part, Vector, key
 
-__all__ = ["ControlSetup"]
-
 WORK_OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3")
 MAX_LINE = 200
 MAX_TOOL = 99_999

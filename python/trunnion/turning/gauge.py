@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from trunnion.base.checks import floats, positive, within
 from trunnion.base.errors import DataError, InputError
-
-__all__ = ["Gauge"]
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from trunnion.base.units import Floats
 
 
 @dataclass(frozen=True)
@@ -42,11 +39,9 @@ class Gauge:
 
     def __post_init__(self) -> None:
         for name in ("range_um", "rate_hz"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected more than zero")
+            positive(name, getattr(self, name))
         for name in ("resolution_um", "response_s"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected not below zero")
+            within(name, getattr(self, name), 0.0)
 
     def feed_limit_mm_min(
         self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
@@ -62,14 +57,10 @@ class Gauge:
         lag_um
             How far the reading of the diameter may lag on it: feed <= lag / (slope · response).
         """
-        if not pitch_mm > 0 or not lag_um > 0 or not slope_um_mm >= 0:
-            raise InputError(
-                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, expected "
-                "more than zero (slope: not below zero)"
-            )
-        limit = pitch_mm * self.rate_hz
-        if slope_um_mm * self.response_s > 0:
-            limit = min(limit, lag_um / (slope_um_mm * self.response_s))
+        limit = positive("pitch_mm", pitch_mm) * self.rate_hz
+        lag = positive("lag_um", lag_um)
+        if (growth := within("slope_um_mm", slope_um_mm, 0.0) * self.response_s) > 0:
+            limit = min(limit, lag / growth)
         return 60.0 * limit
 
     def read(
@@ -80,7 +71,7 @@ class Gauge:
         feed_mm_min: float,
         noise_um: float = 0.0,
         seed: int | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[Floats, Floats]:
         """Give what the gauge stores on one interval.
 
         Parameters
@@ -105,15 +96,15 @@ class Gauge:
         trunnion.DataError
             If the stylus leaves its range; the message has the place.
         """
-        z, error = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (z_mm, error_um))
+        z, error = (np.atleast_1d(floats("z_mm, error_um", a)) for a in (z_mm, error_um))
         way = np.abs(z - z[0])
-        if not feed_mm_min > 0 or z.size != error.size or (np.diff(way) <= 0).any():
+        if z.size != error.size or (np.diff(way) <= 0).any():
             raise InputError(
-                "z_mm, error_um, feed_mm_min: expected equally many places in the order of travel "
-                f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
+                f"z_mm, error_um: got {z.size} and {error.size}, expected equally many places in "
+                "the order of travel"
             )
-        pitch = feed_mm_min / 60.0 / self.rate_hz
-        at: FloatArray = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
+        pitch = positive("feed_mm_min", feed_mm_min) / 60.0 / self.rate_hz
+        at: Floats = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:
             read = read + np.random.default_rng(seed).normal(0.0, noise_um, read.size)
@@ -130,9 +121,7 @@ class Gauge:
             read = 2 * self.resolution_um * np.round(stylus / self.resolution_um)
         return np.interp(at, way, z), read
 
-    def _lag(
-        self, at: FloatArray, way: FloatArray, error: FloatArray, feed_mm_s: float
-    ) -> FloatArray:
+    def _lag(self, at: Floats, way: Floats, error: Floats, feed_mm_s: float) -> Floats:
         """Give what a first-order response still lacks; exact for an error straight by pieces."""
         if self.response_s == 0:
             return np.zeros_like(at)

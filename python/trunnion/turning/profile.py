@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProfile
-from trunnion.base.errors import InputError
+from trunnion.base.checks import whole
 from trunnion.base.report import Result, Table
-
-__all__ = ["Blocks", "Corner", "Finishing", "Follows", "Kind", "Profile"]
+from trunnion.base.units import Floats
 
 Kind: TypeAlias = Literal["sharp", "fillet", "arc-in", "arc-out", "arc-to-arc", "relief"]
 Follows: TypeAlias = Literal["contour", "nose-centre", "tip"]
@@ -149,7 +147,7 @@ class Profile:
         )
 
     @property
-    def elements(self) -> npt.NDArray[np.float64]:
+    def elements(self) -> Floats:
         """Lines and arcs, shape (n, 7): kind, z0, x0, z1, x1, centre z, centre x.
 
         Kind is 0 for a line, 1 for a convex arc (centre in the material), -1 for a concave one.
@@ -161,7 +159,7 @@ class Profile:
         follows: Follows,
         nose_mm: float,
         convex: Literal["meet", "roll"] = "roll",
-    ) -> npt.NDArray[np.float64]:
+    ) -> Floats:
         """Give what a program that cuts this profile holds; same columns as `elements`."""
         return self.core.path(follows, nose_mm, convex)
 
@@ -169,7 +167,7 @@ class Profile:
         """Radius at z; the larger one at a wall; None beside the part."""
         return self.core.radius_at(z_mm)
 
-    def outline_mm(self, step_mm: float = 0.2) -> npt.NDArray[np.float64]:
+    def outline_mm(self, step_mm: float = 0.2) -> Floats:
         """Points (z, x) along the contour, arcs divided to `step_mm`, for drawing; shape (m, 2)."""
         return outline(self.elements, step_mm)
 
@@ -198,8 +196,8 @@ class Profile:
 
         Parameters
         ----------
-        dialect
-            One of `trunnion.nc.DIALECTS` for lathes.
+        dialect, feed, first_number, head, tail
+            As in `ProbePath.program`.
         follows, nose_mm
             As in `from_program`. With ``"contour"`` put G42 into `head` and G40 into `tail` where
             the control is to compensate for the nose.
@@ -211,18 +209,10 @@ class Profile:
         start_z_mm, retract_x_mm
             Where the tool sets in, by default 2 mm and the nose before the part, and to what radius
             it draws back, by default 5 mm and the nose above the largest.
-        approach_mm
-            Height (radius) above a floor from which the plunge goes at feed.
+        approach_mm, access_z_mm
+            Height (radius) above a floor from which a plunge goes at feed; where it may plunge.
         steepest_fall
             Largest -dx/dz the back edge allows: 0.6 is 31 degrees.
-        access_z_mm
-            Where the tool may plunge.
-        feed
-            Feed as the dialect counts it; None writes no F.
-        first_number
-            Number of the first block; None writes none.
-        head, tail
-            Blocks before and behind, as lists of (letter, value).
 
         Raises
         ------
@@ -234,10 +224,7 @@ class Profile:
             start_z_mm = float(elements[0, 1]) + nose_mm + 2.0
         if retract_x_mm is None:
             retract_x_mm = float(self.outline_mm()[:, 1].max()) + nose_mm + 5.0
-        if not 0 <= first_element < len(elements):
-            raise InputError(
-                f"first_element: got {first_element}, expected 0 to {len(elements) - 1}"
-            )
+        whole("first_element", first_element, 0, len(elements) - 1)
         program, left_out = self.core.finishing(
             dialect=dialect,
             follows=follows,
@@ -257,7 +244,7 @@ class Profile:
         return Finishing(dialect, program.text(), tuple(left_out))
 
 
-def outline(elements: npt.NDArray[np.float64], step_mm: float) -> npt.NDArray[np.float64]:
+def outline(elements: Floats, step_mm: float) -> Floats:
     """Points along lines and arcs, arcs divided to `step_mm`; shape (m, 2), columns z and x."""
     points = [elements[:1, 1:3]]
     for kind, *row in elements:
