@@ -35,7 +35,8 @@ bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
 .PHONY: power
-power: build  ## how often a diagnosis is right: the whole table, twenty minutes, into docs/power.md
+power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/power.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m power
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/power-measured.md
 

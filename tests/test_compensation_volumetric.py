@@ -204,8 +204,7 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
     ) -> _core.MachineModel:
         named = list(zip(names, errors, strict=True))
         return _core.MachineModel(
-            preset,
-            150.0,
+            _core.Machine(preset, 150.0, []),
             errors=named,
             placement=work,
             effects=effects,

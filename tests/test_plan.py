@@ -72,15 +72,16 @@ def test_the_program_never_takes_ball_or_stem_into_anything(preset: str, kind: s
     columns = [3 + "ABC".index(letter) for letter in letters]
     checked = 0
     stopped = None
-    for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
+    for start, end, feed in zip(moves.start, moves.end, moves.feed, strict=True):
         if np.any(start[3:] != end[3:]):
             assert start[2] > 155.0 or checked == 0  # above all that swings
             continue
         pose = machine.table_pose(np.ascontiguousarray(end[columns])[None, :]).reshape(3, 4)
-        # A probing move ends at the contact, half way to its target; the next one starts there.
+        # An approach ends at the contact, half way to its target; the next move starts there.
+        approach = feed == 600.0
         origin = start[:3] if stopped is None else stopped
-        target = 0.5 * (start[:3] + end[:3]) if code == 38 else end[:3]
-        stopped = target if code == 38 else None
+        target = 0.5 * (start[:3] + end[:3]) if approach else end[:3]
+        stopped = target if approach else None
         ball = origin + np.linspace(0.0, 1.0, 9)[:, None] * (target - origin)
         stem = ball[:, None] + np.linspace(0.0, 150.0, 151)[:, None] * [0.0, 0.0, 1.0]
         gap = _distance((stem - pose[:, 3]) @ pose[:, :3], setup)

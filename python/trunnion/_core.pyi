@@ -14,6 +14,7 @@ __version__: str
 
 # --- trunnion (paper 000)
 __all__ += [
+    "Artefact",
     "Machine",
     "Measurements",
     "Moves",
@@ -64,11 +65,31 @@ def catalogue(
     """Effects on touches: id, title, owner, parameters (name, unit, kind), columns needed."""
 
 @final
+class Artefact:
+    """What is touched, its nominal place on the table, and how far it may stand off."""
+
+    def __new__(
+        cls,
+        kind: str,
+        dimensions: Sequence[float],
+        *,
+        place_mm: Sequence[float],
+        turn_deg: float,
+        stem_diameter_mm: float,
+        tolerance_mm: float,
+        tolerance_deg: float,
+    ) -> Artefact: ...
+
+@final
 class Machine:
     """X, Y, Z and rotary axes, with location errors in µm and arcsec; angles in degrees."""
 
     def __new__(
-        cls, preset: str, tool_length_mm: float, errors: Sequence[tuple[str, float]]
+        cls,
+        preset: str,
+        tool_length_mm: float,
+        errors: Sequence[tuple[str, float]],
+        points_mm: Sequence[tuple[str, Sequence[float]]] = ...,
     ) -> Machine: ...
     @property
     def letters(self) -> str: ...
@@ -93,10 +114,8 @@ class _Plan(TypedDict):
     time_s: _Floats
 
 def plan(
-    preset: str,
-    tool_length_mm: float,
-    kind: str,
-    dimensions: Sequence[float],
+    machine: Machine,
+    artefact: Artefact,
     *,
     c_deg: Sequence[float],
     tilt_deg: Sequence[float],
@@ -121,10 +140,8 @@ def plan(
     """Plan touches; see :func:`trunnion.plan`."""
 
 def safe_levels(
-    preset: str,
-    tool_length_mm: float,
-    kind: str,
-    dimensions: Sequence[float],
+    machine: Machine,
+    artefact: Artefact,
     rotary_deg: _Floats,
     *,
     ball_radius_mm: float,
@@ -168,10 +185,8 @@ class TouchModel:
 
     def __new__(
         cls,
-        preset: str,
-        tool_length_mm: float,
-        kind: str,
-        dimensions: Sequence[float],
+        machine: Machine,
+        artefact: Artefact,
         *,
         ball_radius_mm: float,
         tick_um: float,
@@ -266,8 +281,7 @@ class MachineModel:
 
     def __new__(
         cls,
-        preset: str,
-        tool_length_mm: float,
+        machine: Machine,
         *,
         errors: Sequence[tuple[str, float]],
         placement: Sequence[float],

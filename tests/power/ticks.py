@@ -213,7 +213,7 @@ def run(
     Parameters
     ----------
     plan
-        "paper" (72 touches) or "rich" (504).
+        "paper" (72 touches) or "rich" (532).
     ratio
         Scatter of the probe over the tick.
     dither
@@ -262,7 +262,7 @@ HEADING = [
     "control that looks at the probe once a tick; `tests/power/ticks.py` says how, and what each "
     f"column counts. Tick {TICK_UM:g} µm (feed {FEED_MM_MIN:g} mm/min, servo period "
     f"{1e3 * SERVO_PERIOD_S:g} ms), stated in the set-up; random errors and placement; noise of "
-    "the probe unknown to the code. Plans: the paper's 72 touches, and 504 (C every 30°, A ±30°, "
+    "the probe unknown to the code. Plans: the paper's 72 touches, and 532 (C every 30°, A ±30°, "
     "±60°, ±90°, both senses). Hidden effects leave 1 σ of the true scatter.",
     "",
     "Expected: false alarms ≤ 5 %, found ≥ 97 %, wrong without a doubt ≤ 3 %, 95 % intervals of "

@@ -138,7 +138,8 @@ class Chain:
         """
         given = self.setup.machine.errors if errors is None else errors
         named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
-        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named)
+        points = list(self.setup.axis_points().items())
+        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named, points)
 
     def model(
         self,
@@ -167,8 +168,7 @@ class Chain:
             if letter not in self.letters:
                 raise InputError(f"senses: got axis {letter}, expected one of {self.name}")
         return _core.MachineModel(
-            self.setup.machine.preset,
-            self.setup.probe.length_mm,
+            self.machine({}),
             errors=list(errors.items()),
             placement=list(placement),
             effects=list(effects),
@@ -276,3 +276,22 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
             raise InputError("sphere: got no diameter_mm or centre_mm, expected both")
         return "sphere", [diameter, *centre]
     return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]
+
+
+def standing_artefact(setup: Setup) -> _core.Artefact:
+    """The core's artefact, where it nominally stands on the table.
+
+    Raises
+    ------
+    InputError
+        A set-up without an artefact.
+    """
+    artefact = setup.artefact
+    return _core.Artefact(
+        *artefact_dimensions(setup),
+        place_mm=artefact.place_mm,
+        turn_deg=artefact.turn_deg,
+        stem_diameter_mm=artefact.effective_stem_diameter_mm,
+        tolerance_mm=artefact.tolerance_mm,
+        tolerance_deg=artefact.tolerance_deg,
+    )

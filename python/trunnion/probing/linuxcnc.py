@@ -212,7 +212,7 @@ def _header(cycle: Cycle) -> Iterator[str]:
         f"(machine {setup.machine.preset}, {setup.artefact.kind}, ball radius"
         f" {_n(setup.probe.ball_radius_mm)} mm, clearance {_n(setup.plan.clearance_mm)} mm)"
     )
-    yield f"(origin, {control.wcs}: where the rotary axes cross, in the centre of the table top)"
+    yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"
     if control.centre_mm is not None:
         x, y, z = (_n(v) for v in control.centre_mm)
         yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"

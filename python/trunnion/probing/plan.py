@@ -9,7 +9,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.setup import Setup
 
 __all__ = ["plan"]
@@ -37,9 +37,11 @@ def plan(
     """Plan the touches of a measurement.
 
     The default is the paper's: sixteen touches at A = 0 and each C, four at C = 0 and each A =
-    ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: ball
-    and stem are checked against artefact and table on the way in and out. Commands are rounded
-    to the resolution of the axes.
+    ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: on
+    every move ball and stem keep clear of the artefact, its stem and the table, wherever within
+    its tolerance the artefact stands (`Artefact`), and an approach then meets the face that is
+    meant. The machine is the nominal one with its known errors. Commands are rounded to the
+    resolution of the axes.
 
     Parameters
     ----------
@@ -76,7 +78,8 @@ def plan(
     Raises
     ------
     InputError
-        Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks.
+        Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks; a
+        clearance or an overtravel within the tolerance of the artefact's place.
     DataError
         No face can be reached.
     """
@@ -104,9 +107,8 @@ def plan(
             f"{MAX_STOPS:,} stops of the rotary axes together, expected fewer"
         )
     found = _core.plan(
-        setup.machine.preset,
-        setup.probe.length_mm,
-        *artefact_dimensions(setup),
+        chain.machine(),
+        standing_artefact(setup),
         c_deg=_angles("c_deg", c_deg, sense.get("C", 1.0)),
         tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
         pairs_deg=[(t * tilt_sense, c * sense.get("C", 1.0)) for t, c in positions_deg],

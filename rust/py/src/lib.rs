@@ -6,6 +6,7 @@
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
 
 mod arrays;
+mod artefact;
 mod compensation;
 mod contouring;
 mod errors;
@@ -40,6 +41,8 @@ mod _core {
 
     // --- trunnion (paper 000)
     #[pymodule_export]
+    use crate::artefact::{Artefact, artefact_kinds};
+    #[pymodule_export]
     use crate::compensation::{MachineModel, field_at, field_on_grid, field_statistics};
     #[pymodule_export]
     use crate::machine::{Machine, presets};
@@ -48,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use crate::studies::Measurements;
     #[pymodule_export]
-    use crate::touch::{Moves, TouchModel, artefact_kinds, catalogue, closed_form_slips};
+    use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
 
     // --- turning (paper 001), part programs
     #[pymodule_export]

@@ -212,7 +212,7 @@ impl<'a> ControlledPose<'a> {
         let mut rates = Vec::new();
         let places = truth.places_and_rates(sent, Some(&mut rates));
         let posture = Posture::new(machine, sent, &places);
-        let nominal = Posture::new(machine, commanded, &Places::default());
+        let nominal = Posture::new(machine, commanded, &machine.nominal());
         let assumed_places = control.model.places(commanded);
         let assumed = Posture::new(machine, commanded, &assumed_places);
         let assumed_inverse =
