@@ -1,9 +1,8 @@
 """The probing cycle of a plan as a program for LinuxCNC.
 
-Here is what moves, in which order and how long it takes (`Cycle`); the text that makes LinuxCNC do
-it is in `trunnion.probing.linuxcnc`. The program runs with its work offset in the origin of the
-machine frame (centre of the table top), in mm, with tool length compensation to the centre of the
-ball.
+What moves, in which order and how long it takes is in `trunnion.probing.cycle`, the text in
+`trunnion.probing.linuxcnc`. The program runs with its work offset in the origin of the machine
+frame (centre of the table top), in mm, with tool length compensation to the centre of the ball.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
-from trunnion.probing.linuxcnc import Cycle, Step, program_text
+from trunnion.probing.cycle import Cycle, Step
+from trunnion.probing.linuxcnc import program_text
 from trunnion.setup import Setup
 
 DECIMALS = 4

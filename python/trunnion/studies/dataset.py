@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 def import_xarray() -> ModuleType:
     """xarray, which holds the results.
 
-    Raises
-    ------
-    ImportError
-        It is not installed.
+    Raises ImportError: it is not installed.
     """
     try:
         return import_module("xarray")
@@ -35,10 +32,7 @@ def import_xarray() -> ModuleType:
 def target_of(path: Any) -> Path:
     """Where the result goes; a file that may be, in a folder that is there.
 
-    Raises
-    ------
-    InputError
-        No path, a folder, or a path in a folder that is not there.
+    Raises InputError: no path, a folder, or a path in a folder that is not there.
     """
     try:
         target = Path(path)
@@ -80,10 +74,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 def read_same(target: Path, description: Description) -> xr.Dataset:
     """Read a finished sweep.
 
-    Raises
-    ------
-    DataError
-        The file is damaged, or holds another sweep.
+    Raises DataError: the file is damaged, or holds another sweep.
     """
     found, there = _read(target)
     description.check_same(target, there)

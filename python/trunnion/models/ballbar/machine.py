@@ -157,12 +157,8 @@ class Hybrid:
 def machine_of(data: Ballbar, setup: Setup | None, settings: BallbarSettings) -> Machine:
     """Return the machine that was measured: hybrid if joints or a table ``[hybrid]`` say so.
 
-    Raises
-    ------
-    DataError
-        Neither joints nor coordinates.
-    KinematicsError
-        Joints or points that the hybrid machine cannot take.
+    Raises DataError: neither joints nor coordinates.
+    Raises KinematicsError: joints or points that the hybrid machine cannot take.
     """
     if data.joints is None and (setup is None or not setup.hybrid):
         return ThreeAxis(_coordinates(data))
