@@ -131,7 +131,17 @@ class Candidates:
             np.concatenate([none, price]),
             self.multiplicity,
         )
+        new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         return new
+
+    def inflate(self, factor: Array) -> None:
+        """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
+        self.penalty = self.penalty + (factor - self.inflation) * self._chance()
+        self.inflation = factor
+
+    def _chance(self) -> Array:
+        """Drop of -2 ln L that each block reaches by chance at its level (b,)."""
+        return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
     def _complete(
         self,
@@ -152,7 +162,8 @@ class Candidates:
         self.level = np.where(own > 0, own, level / max(shared, 1))
         self.multiplicity = float(shared)
         self.places = self._places()
-        self.penalty = special.chdtri(self.rank, self.level[self.owner] / self.places)
+        self.inflation: Array = np.ones(len(self.owner))
+        self.penalty: Array = self._chance()
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 

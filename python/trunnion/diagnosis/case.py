@@ -1,7 +1,7 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.resolution import NO_FLOOR, Floor, Grid, Repeats, inflation
 from trunnion.diagnosis.scan import Dictionary
 
 __all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
@@ -31,6 +32,12 @@ class Case:
         Fit without effects.
     linearised:
         The candidates there.
+    floor:
+        Least variance of the noise of a whitened reading.
+    grid:
+        Steps in which the readings are recorded.
+    likely:
+        Fit of the machine whose errors of rounding are simulated; None: each fit its own.
     """
 
     model: Model
@@ -38,6 +45,10 @@ class Case:
     whiten: Whiten
     plain: Fit
     linearised: "Linearised"
+    floor: Floor = NO_FLOOR
+    grid: Grid | None = None
+    likely: Fit | None = None
+    _drawn: dict[int, tuple[Fit, tuple[Array, Array] | None]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -60,7 +71,40 @@ class Case:
         rows = slice(None) if self.complete else self.rows
         pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
         numbers = self.linearised.width * len(self.rows)
-        return Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+        drawn = self.rounding(self.plain)
+        if drawn is not None:
+            found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
+        return found
+
+    def term_inflation(self, f: Fit) -> Array:
+        """How many times more each term of unexplained structure gains than by noise (t,)."""
+        drawn = self.rounding(f)
+        if drawn is None:
+            return np.ones(len(self.dictionary.terms))
+        gain, rank = self.dictionary.gains(drawn[0], f.basis)
+        return inflation(gain, rank, drawn[1])
+
+    def rounding(self, f: Fit) -> tuple[Array, Array] | None:
+        """Residuals of a fit that errors of rounding make, and the noise of each (kept).
+
+        Shapes (m, s), white and orthogonal to the fit's basis, and (s,); None where the readings
+        have no steps to speak of.
+        """
+        if self.grid is None:
+            return None
+        if id(f) not in self._drawn:
+            of = f if self.likely is None else self.likely
+            noise = self.grid.noise(of.residuals, of.dof)
+            variance = float(self.floor.noise(of.rss, of.dof))
+            drawn = self.grid.draws(self.model.readings.values, of, noise, variance)
+            found = None
+            if drawn is not None:
+                white = np.asarray(self.whiten(drawn))[self.rows]
+                white = white - f.basis @ (f.basis.T @ white)
+                found = white, self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
+            self._drawn[id(f)] = (f, found)
+        return self._drawn[id(f)][1]
 
     @cached_property
     def dictionary(self) -> Dictionary:
@@ -76,8 +120,14 @@ class Case:
         if not len(bad):
             return self
         rows = self.rows[kept_rows(len(self.rows), bad)]
-        plain = fit(self.model, rows, (), self.model.start, {}, self.whiten)
-        return Case(self.model, rows, self.whiten, plain, self.linearised)
+        whiten, linearised, grid = self.whiten, self.linearised, self.grid
+        if grid is not None and isinstance(whiten, Repeats):
+            # what is left out must not act on its repeats
+            grid = grid.without(self.rows[bad])
+            whiten = whiten.with_labels(grid.label)
+            linearised = Linearised(self.model, self.plain.nuisance, whiten)
+        plain = fit(self.model, rows, (), self.model.start, {}, whiten)
+        return Case(self.model, rows, whiten, plain, linearised, self.floor, grid, self.likely)
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""

@@ -37,7 +37,7 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
     verdict = _verdict(unexplained, len(alternatives), len(dropped))
     if verdict == "consistent":
         f = plain
-    variance = f.rss / max(f.dof, 1)
+    variance = float(case.floor.noise(f.rss, f.dof))
     gain = _gain(case, rows, plain, f)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):

@@ -8,7 +8,8 @@ A set of causes S with K columns, of m degrees of freedom left by the nuisance, 
 
     score(S) = m ln RSS(S) + m / (m - K - 1) * sum of penalties
 
-that is -2 ln L, profiled over the noise (which is never taken as known), with the small-sample
+that is -2 ln L, profiled over the noise (from its floor up where readings are recorded in steps,
+:class:`.resolution.Floor`), with the small-sample
 factor of AICc. The penalty of a cause with k columns is the quantile of chi² with k degrees of
 freedom at the family-wise level divided by the number of candidates (times the number of places a
 nonlinear parameter can take): a cause is worth its name if it gains what no candidate would gain
@@ -26,6 +27,7 @@ import numpy as np
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
+from trunnion.diagnosis.resolution import NO_FLOOR, Floor
 
 __all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
 
@@ -151,16 +153,16 @@ def _wide_gain(taken: Array, residual: Array, span: slice) -> tuple[Array, IntAr
 class _Scorer:
     """-2 ln L of a set, penalised for its size."""
 
-    def __init__(self, dof: int, floor: float) -> None:
+    def __init__(self, dof: int, floor: Floor, least: float) -> None:
         self.dof = dof
         self.floor = floor
+        self.least = least  # of a sum of squares: rounding
 
     def __call__(
         self, rss: Array | float, columns: IntArray | int, penalty: Array | float
     ) -> Array:
         room = self.dof - columns - 1.0
-        with np.errstate(divide="ignore"):
-            score = self.dof * np.log(np.maximum(rss, self.floor))
+        score = self.floor.deviance(np.maximum(rss, self.least), self.dof)
         score = score + penalty * self.dof / np.maximum(room, 1.0)
         # Sets that explain the same are ordered by the catalogue, not by rounding.
         return np.where(room < 1.0, np.inf, np.round(score, SCORE_DIGITS))
@@ -170,6 +172,7 @@ def search(
     c: Candidates,
     r: Array,
     *,
+    floor: Floor = NO_FLOOR,
     within: float = WITHIN,
     beam: int = BEAM,
     most: int = MAX_CAUSES,
@@ -177,9 +180,9 @@ def search(
     """Find the sets of causes whose score lies within ``within`` of the best, best first.
 
     The empty set is always the last entry, whatever its score. ``r``: residuals with the nuisance
-    projected out, shape (n,).
+    projected out, shape (n,). ``floor``: of the variance of a reading.
     """
-    s = _Search(c, r, within)
+    s = _Search(c, r, floor, within)
     if len(c.leaders):
         s.widen(beam, most)
         s.exchange()
@@ -190,10 +193,10 @@ def search(
 class _Search:
     """All sets that were looked at, and the best score among them."""
 
-    def __init__(self, c: Candidates, r: Array, within: float) -> None:
+    def __init__(self, c: Candidates, r: Array, floor: Floor, within: float) -> None:
         self.c, self.within = c, within
         rss = float(r @ r)
-        self.score = _Scorer(c.dof, 1e-14 * rss)
+        self.score = _Scorer(c.dof, floor, 1e-14 * rss)
         self.empty = _State(0, (), np.zeros((0, c.width)), c.products(r), rss, 0.0)
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}

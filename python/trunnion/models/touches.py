@@ -106,6 +106,7 @@ class TouchDiagnosisModel(BaseModel):
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup)) else None,
+            np.full(len(data), setup.probe.tick_um) if setup.probe.tick_um else None,
         )
         self._start = self._full.values()[: self._plain]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
