@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from trunnion.base.resolution import Floor
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.resolution import Floor
 
 __all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
 

@@ -85,6 +85,9 @@ class Candidates:
         new._complete(basis, NAMING_LEVEL, None, None)
         return new
 
+    penalty: Array
+    inflation: Array
+
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Array) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
         self.count = count
@@ -162,8 +165,8 @@ class Candidates:
         self.level = np.where(own > 0, own, level / max(shared, 1))
         self.multiplicity = float(shared)
         self.places = self._places()
-        self.inflation: Array = np.ones(len(self.owner))
-        self.penalty: Array = self._chance()
+        self.inflation = np.ones(len(self.owner))
+        self.penalty = self._chance()
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 

@@ -6,13 +6,13 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, inflation
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.resolution import NO_FLOOR, Floor, Grid, Repeats, inflation
 from trunnion.diagnosis.scan import Dictionary
 
 __all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
@@ -97,7 +97,13 @@ class Case:
             of = f if self.likely is None else self.likely
             noise = self.grid.noise(of.residuals, of.dof)
             variance = float(self.floor.noise(of.rss, of.dof))
-            drawn = self.grid.draws(self.model.readings.values, of, noise, variance)
+            drawn = self.grid.draws(
+                self.model.readings.values,
+                of.residuals,
+                of.jacobian,
+                of.covariance * variance,
+                noise,
+            )
             found = None
             if drawn is not None:
                 white = np.asarray(self.whiten(drawn))[self.rows]

@@ -4,7 +4,7 @@ Algorithm
 ---------
 1. The model is fitted without effects (:mod:`.fit`). What the readings do not identify is decided
    at the model's start and held there. The noise is taken from the residuals and made white; where
-   readings are recorded in steps it has a floor (:mod:`.resolution`).
+   readings are recorded in steps it has a floor (:mod:`trunnion.base.resolution`).
 2. Readings far out for the noise of the others are set aside (:mod:`.outliers`).
 3. Every candidate is linearised at the plain fit and judged after what the nuisance parameters can
    absorb; sets of causes are searched (:mod:`.selection`). The best set is demanded if it is far
@@ -26,15 +26,15 @@ Time and memory are linear in readings. Numbers do not depend on the count of th
 import numpy as np
 
 from trunnion.base.errors import DataError
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, explain
 from trunnion.diagnosis.fit import Fit, Whiten, fit
-from trunnion.diagnosis.model import Model, identity
+from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.report import report
-from trunnion.diagnosis.resolution import NO_FLOOR, Grid
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
 
@@ -85,10 +85,12 @@ def _case(model: Model) -> Case:
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)
-    grid = Grid.of(model, plain)
+    step, grid = model.readings.step, None
+    if step is not None and np.any(step > 0):
+        grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = model.whitener(plain.residuals)
     if grid is not None and whiten is identity:
-        whiten = grid.whitener(grid.noise(plain.residuals, plain.dof))
+        whiten = _white(grid, grid.noise(plain.residuals, plain.dof))
     return _whitened(model, plain, grid, whiten)
 
 
@@ -97,9 +99,26 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     rows = np.arange(len(model.readings))
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
-    floor = NO_FLOOR if grid is None else grid.floor(whiten)
+    floor = NO_FLOOR if grid is None else _floor(grid, whiten)
     linearised = Linearised(model, plain.nuisance, whiten)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
+
+
+def _white(grid: Grid, noise: float) -> Whiten:
+    """Whitener of readings with this noise beside the errors of rounding."""
+    errors = grid.errors(noise)
+    if errors is None:
+        return identity
+    return errors if len(errors.rows) else Scaling(errors.scale)
+
+
+def _floor(grid: Grid, whiten: Whiten) -> Floor:
+    """Variance of the errors of rounding alone, after whitening."""
+    if whiten is identity or isinstance(whiten, Repeats | Scaling):
+        return Floor(grid.rounding)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(grid.step), 8))
+    white = np.asarray(whiten(grid.step[:, None] / np.sqrt(12) * signs))
+    return Floor(float(np.mean(white**2)))
 
 
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:
@@ -109,7 +128,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     used = kept_rows(len(case.rows), choice[2])
     kept = case.grid.without(choice[2])
     noise = kept.noise(np.where(used, choice[1].fit.residuals, 0.0), choice[1].fit.dof)
-    whiten = case.grid.whitener(noise)
+    whiten = _white(case.grid, noise)
     if whiten is identity and case.whiten is identity:
         return None
     again = _whitened(case.model, case.plain, case.grid, whiten)

@@ -73,8 +73,8 @@ class Readings:
         Noise of each reading (1 σ), if it is known beforehand; None: one noise for all, estimated.
         Readings of different noise or unit are brought to one noise by ``Model.whitener``.
     step:
-        Step in which each reading is recorded (:mod:`.resolution`), 0 where there is none; None:
-        not known. The noise of a reading is not below step/√12.
+        Step in which each reading is recorded, 0 where there is none; None: not known. The noise
+        of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
     """
 
     values: Floats

@@ -9,7 +9,7 @@ A set of causes S with K columns, of m degrees of freedom left by the nuisance, 
     score(S) = m ln RSS(S) + m / (m - K - 1) * sum of penalties
 
 that is -2 ln L, profiled over the noise (from its floor up where readings are recorded in steps,
-:class:`.resolution.Floor`), with the small-sample
+:class:`trunnion.base.resolution.Floor`), with the small-sample
 factor of AICc. The penalty of a cause with k columns is the quantile of chi² with k degrees of
 freedom at the family-wise level divided by the number of candidates (times the number of places a
 nonlinear parameter can take): a cause is worth its name if it gains what no candidate would gain
@@ -24,10 +24,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
-from trunnion.diagnosis.resolution import NO_FLOOR, Floor
 
 __all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
 

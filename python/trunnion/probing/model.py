@@ -53,6 +53,7 @@ class TouchModel:
             *artefact_dimensions(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
+            servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,
             effect_ids=list(self.effect_ids),
         )
         self.names = tuple(name for name, _, _ in self.core.parameters)

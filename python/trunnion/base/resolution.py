@@ -19,8 +19,6 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.fit import Fit, Whiten
-from trunnion.diagnosis.model import Model, Scaling, identity
 
 __all__ = ["NO_FLOOR", "Floor", "Grid", "Repeats", "inflation"]
 
@@ -85,20 +83,29 @@ class Grid:
     label: Integers
 
     @classmethod
-    def of(cls, model: Model, plain: Fit) -> "Grid | None":
-        """Return the grid of a model's readings; None where no step is known."""
-        readings = model.readings
-        if readings.step is None or not np.any(readings.step > 0):
-            return None
-        step = np.asarray(readings.step, dtype=np.float64)
-        size = np.abs(plain.jacobian).max(axis=0)
-        rows = np.floor(plain.jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
-        parts = np.column_stack([rows, step, np.asarray(model.groups, dtype=float)])
+    def of(cls, values: Floats, step: Floats, jacobian: Floats, groups: Integers) -> "Grid":
+        """Find the repeats: readings on one grid and of one group that depend alike on everything.
+
+        Parameters
+        ----------
+        values, step, groups:
+            Of each reading, shape (n,).
+        jacobian:
+            Derivative of the readings, shape (n, p).
+        """
+        size = np.abs(jacobian).max(axis=0)
+        rows = np.floor(jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
+        parts = np.column_stack([rows, step, groups])
         first, label = np.unique(parts, axis=0, return_index=True, return_inverse=True)[1:]
         label = label.reshape(-1)
-        off = (readings.values - readings.values[first][label]) / np.where(step > 0, step, np.inf)
+        off = (values - values[first][label]) / np.where(step > 0, step, np.inf)
         alike = (np.abs(off - np.round(off)) < SAME_PHASE_STEPS) & (step > 0)
         return cls(step, _several(np.where(alike, label, -1)))
+
+    @property
+    def rounding(self) -> float:
+        """Mean variance of the errors of rounding."""
+        return float(np.mean(self.step**2)) / 12
 
     def without(self, bad: Integers) -> "Grid":
         """Return the grid when these readings are left out: they repeat no other."""
@@ -124,59 +131,57 @@ class Grid:
         total = float(residuals @ residuals) / max(dof, 1)
         return float(np.sqrt(max(total - step**2 / 12, 0.0)))
 
-    def whitener(self, noise: float) -> Whiten:
-        """Linear map after which readings with this noise beside the rounding are white.
+    def errors(self, noise: float) -> "Repeats | None":
+        """Errors of readings with this noise beside the rounding.
 
-        White readings keep the size of the readings.
+        None: they are white and of one size.
         """
         largest = float(self.step.max())
         if noise >= MAX_NOISE_STEPS * largest and np.all(self.step == largest):
-            return identity
+            return None
         noise = max(noise, MIN_NOISE_STEPS * largest)
         rounding = self.step**2 / 12
         steps = noise / np.where(self.step > 0, self.step, noise)
         correlation = np.interp(steps, _STEPS, _CORRELATION, right=0.0)
-        total = noise**2 + float(np.mean(rounding))
-        variance, shared = (noise**2 + rounding) / total, rounding * correlation / total
-        if np.any(self.label >= 0):
-            return Repeats(variance, shared, self.label)
-        return identity if np.all(variance == variance[0]) else Scaling(np.sqrt(variance))
+        if not np.any(self.label >= 0) and np.all(rounding == rounding[0]):
+            return None
+        total = noise**2 + self.rounding
+        shared = rounding * correlation / total
+        return Repeats((noise**2 + rounding) / total, shared, self.label)
 
-    def draws(self, values: Floats, f: Fit, noise: float, variance: float) -> Floats | None:
+    def draws(
+        self,
+        values: Floats,
+        residuals: Floats,
+        jacobian: Floats,
+        covariance: Floats,
+        noise: float,
+    ) -> Floats | None:
         """Errors of rounding and noise of machines like a fitted one, all readings, shape (n, s).
 
         None where the noise is large beside the steps. The machine is drawn from the fit's
-        covariance; each of its readings is the nearest step to where the ball would be.
-
-        ``values``: the readings; ``variance``: of a white reading of the fit.
+        covariance; each of its readings is the step next to what it would be.
         """
         largest = float(self.step.max())
         if noise >= MAX_SIMULATED_STEPS * largest:
             return None
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
-        free = np.flatnonzero(np.diag(f.covariance) > 0)
-        size, axes = np.linalg.eigh(f.covariance[np.ix_(free, free)] * variance)
+        free = np.flatnonzero(np.diag(covariance) > 0)
+        size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
         root = axes * np.sqrt(np.maximum(size, 0.0))
-        off = f.jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
-        where = (values - f.residuals)[:, None] + off
+        off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
+        where = (values - residuals)[:, None] + off
         noisy = where + max(noise, MIN_NOISE_STEPS * largest) * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
         rounded = values[:, None] + step * np.round((noisy - values[:, None]) / step)
         return np.asarray(np.where(self.step[:, None] > 0, rounded, noisy) - where)
 
-    def floor(self, whiten: Whiten) -> Floor:
-        """Variance of the errors of rounding alone, after whitening."""
-        rounding = self.step**2 / 12
-        if whiten is identity or isinstance(whiten, Repeats):
-            return Floor(float(np.mean(rounding)))
-        signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(self.step), 8))
-        columns = np.sqrt(rounding)[:, None] * signs
-        return Floor(float(np.mean(np.asarray(whiten(columns)) ** 2)))
-
 
 class Repeats:
-    """Whiten readings of which repeats share a part of their error.
+    """Errors of readings of which repeats share a part; called, it makes them white.
+
+    White readings keep the size of the readings.
 
     Parameters
     ----------
@@ -200,6 +205,14 @@ class Repeats:
     def with_labels(self, label: Integers) -> "Repeats":
         """Return the same for other repeats."""
         return Repeats(self.variance, self.shared, label)
+
+    def covariance(self, columns: Floats) -> Floats:
+        """Return columns (n, k) times the covariance of the errors between them, shape (k, k)."""
+        own = columns[self.rows] * np.sqrt(self.shared[self.rows])[:, None]
+        together = np.zeros((len(self.count), columns.shape[1]))
+        np.add.at(together, self.index, own)
+        alone = self.scale**2
+        return np.asarray(columns.T @ (columns * alone[:, None]) + together.T @ together)
 
     def __call__(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...)."""
