@@ -57,6 +57,28 @@ def test_what_is_held_beforehand_is_no_unknown() -> None:
     assert fit.held.tolist() == [False, False, True]
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+def test_a_weak_combination_is_left_alone_as_a_whole(unit: float) -> None:
+    """Along the directions the solution is numpy's pseudo-inverse, cut at the same share."""
+    x, y, rest, values = RNG.standard_normal((4, 60))
+    columns = np.stack([x, y, (x - y + 1e-4 * rest) * unit, 0 * x], axis=1)
+    judged = linear_fit(columns, values)
+    along = linear_fit(columns @ judged.directions.T, values)
+    scale = np.array([*np.linalg.norm(columns[:, :3], axis=0), 1.0])
+    expected = np.linalg.pinv(columns / scale, rcond=1e-3) @ values / scale
+    np.testing.assert_allclose(along.solution @ judged.directions, expected, rtol=1e-9, atol=1e-15)
+    assert judged.rank == len(judged.directions) == 2
+    assert judged.not_identifiable.all()
+
+
+def test_directions_are_parameters_where_combinations_are_exact() -> None:
+    x, y = RNG.standard_normal((2, 50))
+    fit = linear_fit(np.stack([x, y, x + y], axis=1), x)
+    assert fit.directions.tolist() == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    nothing = linear_fit(np.zeros((5, 2)), np.ones(5))
+    assert nothing.directions.shape == (0, 2)
+
+
 def test_numbers_that_are_not_finite_are_refused() -> None:
     with pytest.raises(InputError, match="finite"):
         linear_fit(np.array([[1.0], [np.nan]]), np.ones(2))

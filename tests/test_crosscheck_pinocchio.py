@@ -122,7 +122,7 @@ def test_known_errors_hold_where_nothing_else_is_said() -> None:
 
 
 def test_an_error_that_the_machine_has_not_is_refused() -> None:
-    with pytest.raises(UnknownNameError, match=r"trt-bc: got error 'EX0A', expected one of EB0B"):
+    with pytest.raises(UnknownNameError, match=r"trt-bc: got 'EX0A', expected one of EA0B"):
         pinocchio_model(setup_of("trt-bc"), {"EX0A": 1.0})
     with pytest.raises(UnknownNameError, match="preset: got 'hexapod'"):
         pinocchio_model(setup_of("hexapod"), {})

@@ -46,10 +46,10 @@ from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches
 from .data.touches import read_touches as read_touches
-from .diagnosis.result import Alternative as Alternative
-from .diagnosis.result import Cause as Cause
+from .diagnosis.records import Alternative as Alternative
+from .diagnosis.records import Cause as Cause
+from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
-from .diagnosis.result import Gain as Gain
 from .machine.effects import EffectInfo as EffectInfo
 
 # --- the machine: kinematics, effects, what a measurement says of it

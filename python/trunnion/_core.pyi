@@ -36,8 +36,8 @@ __all__ += ["linear_fit"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
-) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats]:
-    """Solution, cofactor, rank, singular values, held, not identifiable, combinations, basis."""
+) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats, _Floats]:
+    """What the fields of trunnion.base.statistics.LinearFit hold, in their order."""
 
 _Method: TypeAlias = Literal["separating", "printed", "identified"]
 _Feedback: TypeAlias = Literal["motor", "load"]

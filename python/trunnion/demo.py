@@ -16,8 +16,6 @@ from trunnion.samples import sample_path
 from trunnion.samples.truth import OTHER_ERRORS, TABLE_2
 from trunnion.setup import Artefact, Probe, Setup, read_setup
 
-__all__ = ["PAPER_ESTIMATES", "sections", "table_2"]
-
 PAPER_ESTIMATES = {
     "EA0A": 21.5784,
     "EB0A": 18.0086,

@@ -24,12 +24,12 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program
+from trunnion.base.units import Floats
 
 __all__ = ["DIALECTS", "Moves", "Program", "follow"]
 
 DIALECTS = ("paper-um", "linuxcnc", "linuxcnc-lathe", "fanuc-lathe")
 
-FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 
 
@@ -62,13 +62,13 @@ class Moves:
         Index of the block, and where it stood in the file.
     """
 
-    begin: FloatArray
-    start: FloatArray
-    end: FloatArray
+    begin: Floats
+    start: Floats
+    end: Floats
     code: IntArray
     plane: IntArray
-    centre_mm: FloatArray
-    feed: FloatArray
+    centre_mm: Floats
+    feed: Floats
     feed_mode: IntArray
     side: IntArray
     block: IntArray

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from importlib import import_module
 from numbers import Integral, Real
 from typing import Any, SupportsFloat, SupportsInt, TypeVar, cast
 
@@ -17,23 +18,6 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.units import Floats
-
-__all__ = [
-    "array",
-    "choose",
-    "did_you_mean",
-    "entry",
-    "finite",
-    "floats",
-    "instance",
-    "mapping",
-    "named",
-    "numbers",
-    "positive",
-    "shown",
-    "whole",
-    "within",
-]
 
 T = TypeVar("T")
 
@@ -187,6 +171,21 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     near = [each for each in spellings if text and each.startswith(text + "_")]  # without its unit
     near = near or get_close_matches(text, spellings, 1)
     return f"; did you mean {spellings[near[0]]}?" if near else ""
+
+
+def optional_module(name: str, user: str, extra: str) -> Any:
+    """Import a module that an extra of the package installs.
+
+    Raises
+    ------
+    ImportError
+        It is not installed; the message names the extra.
+    """
+    try:
+        return import_module(name)
+    except ImportError as error:
+        hint = f"pip install 'trunnion[{extra}]'"
+        raise ImportError(f"{name} is not installed; expected for {user}: {hint}") from error
 
 
 @contextmanager

@@ -1,15 +1,5 @@
 """Exceptions of trunnion. A message says what was wrong, got what, expected what, and where."""
 
-__all__ = [
-    "DataError",
-    "FileFormatError",
-    "InputError",
-    "KinematicsError",
-    "ProgramError",
-    "TrunnionError",
-    "UnknownNameError",
-]
-
 
 class TrunnionError(ValueError):
     """Base of every error that trunnion raises on purpose.

@@ -30,22 +30,6 @@ if TYPE_CHECKING:
     from cattrs import Converter
     from rich.table import Table as RichTable
 
-__all__ = [
-    "Cell",
-    "Result",
-    "Shown",
-    "Table",
-    "class_named",
-    "measured",
-    "number",
-    "page",
-    "plain",
-    "read_json",
-    "same",
-    "significant",
-    "structured",
-]
-
 C = TypeVar("C")
 
 Cell: TypeAlias = str | float | int | bool | None

@@ -20,8 +20,6 @@ from scipy import special
 
 from trunnion.base.units import Floats, Integers
 
-__all__ = ["NO_FLOOR", "Floor", "Grid", "Repeats", "inflation"]
-
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
 MAX_NOISE_STEPS = 1.0  # from here on errors of rounding are noise like any other
 MAX_SIMULATED_STEPS = 0.5  # noise, in steps, from which rounding is as good as random
@@ -33,6 +31,9 @@ QUANTILE = 0.95
 SAME_PHASE_STEPS = 0.02
 SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
+MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
+MAX_PARTS = 5  # steps between the nearest readings
+SAME_STEP = 0.02
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
 
@@ -176,6 +177,30 @@ class Grid:
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
         rounded = values[:, None] + step * np.round((noisy - values[:, None]) / step)
         return np.asarray(np.where(self.step[:, None] > 0, rounded, noisy) - where)
+
+
+def recognised(values: Floats) -> float:
+    """Return the largest step whose multiples readings differ by; 0: none.
+
+    Such a step is the tick of a control, the resolution of an instrument, or the digits of a file.
+    """
+    distinct = np.unique(values)
+    gaps = np.diff(distinct)
+    rounding = MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0))
+    gaps = gaps[gaps > rounding]
+    if not len(gaps):
+        return 0.0
+    off = distinct - distinct[0]
+    for step in float(gaps.min()) / np.arange(1, MAX_PARTS + 1):
+        if step > rounding and np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
+            return float(step)
+    digits = 10.0 ** np.floor(np.log10(float(gaps.min())))
+    while digits > rounding:
+        count = np.round(off / digits)
+        if np.all(np.abs(off - digits * count) < SAME_STEP * digits):
+            return float(digits * np.gcd.reduce(count.astype(np.int64)))
+        digits /= 10
+    return 0.0
 
 
 class Repeats:

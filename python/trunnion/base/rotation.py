@@ -7,8 +7,6 @@ from scipy.spatial.transform import Rotation
 
 from trunnion.base.units import Floats
 
-__all__ = ["rotations"]
-
 # ω × p = Σ ω_i (CROSS[i] @ p)
 _CROSS = np.array(
     [

@@ -11,9 +11,7 @@ import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.distance import cdist
 
-from trunnion.base.units import Floats as Array
-
-__all__ = ["Modes", "SmoothField"]
+from trunnion.base.units import Floats
 
 MAX_PLACES = 700  # a dense matrix of places: 700 take a second
 MAX_SHARE = 0.2  # modes to places: beyond it modes describe single places
@@ -21,7 +19,7 @@ FEWEST = 6
 SMOOTHINGS = 81
 
 
-def _spline(places: Array, values: Array, smoothing: float, at: Array) -> Array:
+def _spline(places: Floats, values: Floats, smoothing: float, at: Floats) -> Floats:
     """Spline of the least bending: r² ln r in the plane, r³ on a line and in space."""
     plane = places.shape[1] == 2
     spline = RBFInterpolator(
@@ -34,7 +32,7 @@ def _spline(places: Array, values: Array, smoothing: float, at: Array) -> Array:
     return np.asarray(spline(at), dtype=np.float64)
 
 
-def _bending(places: Array) -> Array:
+def _bending(places: Floats) -> Floats:
     r = cdist(places, places)
     if places.shape[1] == 2:
         return np.asarray(r * r * np.log(np.where(r > 0, r, 1.0)))
@@ -49,12 +47,12 @@ class _Spectrum:
     little each mode bends.
     """
 
-    linear: Array
-    modes: Array
-    weight: Array
+    linear: Floats
+    modes: Floats
+    weight: Floats
 
     @classmethod
-    def of(cls, places: Array) -> "_Spectrum":
+    def of(cls, places: Floats) -> "_Spectrum":
         m = len(places)
         q = np.linalg.qr(np.column_stack([np.ones(m), places]))[0]
         k = _bending(places)
@@ -64,7 +62,7 @@ class _Spectrum:
         order = np.argsort(-np.abs(w))[: m - q.shape[1]]
         return cls(q, v[:, order], np.abs(w[order]))
 
-    def smoothing(self, readings: Array) -> tuple[float, float]:
+    def smoothing(self, readings: Floats) -> tuple[float, float]:
         """Smoothing with the smallest PRESS of readings (m, c), and what freedom it leaves."""
         q, v, w = self.linear, self.modes, self.weight
         along = v.T @ readings
@@ -89,11 +87,11 @@ class Modes:
     rms at the places.
     """
 
-    places: Array
-    values: Array
+    places: Floats
+    values: Floats
 
     @classmethod
-    def of(cls, places: Array, readings: Array) -> "Modes | None":
+    def of(cls, places: Floats, readings: Floats) -> "Modes | None":
         """Modes over places (m, d), for readings (m, c); None: too few places.
 
         As many as the smoothing spline that predicts the readings best is worth in parameters.
@@ -115,7 +113,7 @@ class Modes:
         """How many modes."""
         return int(self.values.shape[1])
 
-    def at(self, places: Array) -> Array:
+    def at(self, places: Floats) -> Floats:
         """Return the modes at any places, shape (n, count)."""
         return _spline(self.places, self.values, 0.0, places)
 
@@ -128,16 +126,16 @@ class SmoothField:
     is worth, of each column of readings.
     """
 
-    places: Array
-    readings: Array
+    places: Floats
+    readings: Floats
     smoothing: float
     freedom: float
 
     @classmethod
-    def of(cls, places: Array, readings: Array) -> "SmoothField":
+    def of(cls, places: Floats, readings: Floats) -> "SmoothField":
         """Smooth readings (m, c) as much as predicts each place best from the others (PRESS)."""
         return cls(places, readings, *_Spectrum.of(places).smoothing(readings))
 
-    def at(self, places: Array) -> Array:
+    def at(self, places: Floats) -> Floats:
         """Return the field at any places, shape (n, c)."""
         return _spline(self.places, self.readings, self.smoothing, places)

@@ -5,24 +5,20 @@ identifiable* if its singular value is at most :data:`RANK_TOLERANCE` of the lar
 of it is held, its step is zero: the last one that has a fair share. The others are determined then.
 The core does the work (``rust/core/src/linear.rs``); time and memory are linear in rows.
 
-A model that is not linear in its parameters is judged at its start, where dependencies are exact
-(:func:`linear_fit` with ``hold`` afterwards): away from it, leftovers of second order look like
-information.
+A model that is not linear in its parameters is judged at its start, where dependencies are exact:
+away from it, leftovers of second order look like information. Afterwards it moves only in the
+``directions`` found there. Where every combination is exact these are the parameters that are not
+held. Where one is only weak, holding one parameter would put on the others what the data do show;
+the directions then leave the combination alone as a whole.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
-
-__all__ = ["RANK_TOLERANCE", "LinearFit", "combination_in_words", "linear_fit"]
-
-Array: TypeAlias = NDArray[np.float64]
-Flags: TypeAlias = NDArray[np.bool_]
+from trunnion.base.units import Flags, Floats
 
 RANK_TOLERANCE = _core.RANK_TOLERANCE
 """Share of the largest singular value up to which one counts as zero."""
@@ -51,29 +47,33 @@ class LinearFit:
         These combinations, shape (k, p), in the parameters' own units, largest component 1: a step
         along one of them changes no value. Reduced: each names one held parameter and what it
         cannot be told from.
+    directions
+        In which the parameters are identifiable, shape (rank, p), own units: unit vectors of those
+        that are not held, or the singular directions where a combination is weak and not exact.
     basis
         Orthonormal basis of the columns that are not held, shape (n, rank), or (0, rank) where it
         was not asked for.
     """
 
-    solution: Array
-    cofactor: Array
+    solution: Floats
+    cofactor: Floats
     rank: int
-    singular_values: Array
+    singular_values: Floats
     held: Flags
     not_identifiable: Flags
-    combinations: Array
-    basis: Array
+    combinations: Floats
+    directions: Floats
+    basis: Floats
 
     @property
-    def std(self) -> Array:
+    def std(self) -> Floats:
         """Standard errors per unit of noise, shape (p,); inf where not identifiable."""
         return np.where(self.not_identifiable, np.inf, np.sqrt(np.diag(self.cofactor)))
 
 
 def linear_fit(
-    columns: Array,
-    values: Array,
+    columns: Floats,
+    values: Floats,
     *,
     hold: Flags | None = None,
     tolerance: float = RANK_TOLERANCE,
@@ -113,7 +113,7 @@ def linear_fit(
     )
 
 
-def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Array) -> str:
+def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Floats) -> str:
     """Say what cannot be told apart: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
 
     Parameters

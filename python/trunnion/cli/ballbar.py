@@ -13,8 +13,6 @@ from trunnion.cli.diagnose import Html
 from trunnion.cli.diagnose import diagnose as diagnose_files
 from trunnion.cli.hybrid import mechanism_of
 
-__all__ = ["register"]
-
 Lengths = Annotated[
     list[Path],
     typer.Argument(

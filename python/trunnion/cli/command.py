@@ -23,8 +23,6 @@ from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.report import Table, plain
 from trunnion.files.output import check_new, whole_file
 
-__all__ = ["Answer", "Output", "check_outputs", "command", "one_set_up", "save", "sort_files"]
-
 P = ParamSpec("P")
 
 Output = Annotated[

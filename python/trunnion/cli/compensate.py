@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from trunnion.machine.estimate import Estimate
     from trunnion.setup import Setup
 
-__all__ = ["register"]
-
 # Between the nodes of a map in steps of 15°, where it is at its worst.
 _TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
 _POINTS = (7, 7, 5)

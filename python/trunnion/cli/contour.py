@@ -17,8 +17,6 @@ from trunnion.cli.values import named_values
 if TYPE_CHECKING:
     from trunnion.contouring import ContourRun
 
-__all__ = ["register"]
-
 CONTROLLERS = ("independent", "existing", "proposed")
 FEEDS_MM_MIN = (1000.0, 3000.0)
 FIGURES = {

@@ -6,8 +6,6 @@ import typer
 
 from trunnion.cli.command import Answer, command
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""

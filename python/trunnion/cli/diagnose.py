@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
     from trunnion.models.kinds import Kind
 
-__all__ = ["diagnose_as", "register"]
-
 DataAndSetup = Annotated[
     list[Path],
     typer.Argument(

@@ -15,8 +15,6 @@ from trunnion.cli.values import exactly, names
 if TYPE_CHECKING:
     from trunnion.hybrid import Mechanism
 
-__all__ = ["mechanism_of", "register"]
-
 SetupFile = Annotated[
     Path | None,
     typer.Argument(

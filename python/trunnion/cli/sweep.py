@@ -15,8 +15,6 @@ import trunnion as tn
 from trunnion.base.report import Table
 from trunnion.cli.command import Answer, Output, command
 
-__all__ = ["register"]
-
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from trunnion.turning.correction import Rule
     from trunnion.turning.profile import Follows
 
-__all__ = ["register"]
-
 ProgramFile = Annotated[Path, typer.Argument(metavar="PROGRAM", help="finishing program")]
 Dialect = Annotated[str, typer.Option(help="dialect of the program")]
 Holds = Annotated[str, typer.Option(help="what it holds: contour, nose-centre or tip")]

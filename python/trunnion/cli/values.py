@@ -6,8 +6,6 @@ from collections.abc import Iterable
 
 from trunnion.base.errors import InputError
 
-__all__ = ["exactly", "named_values", "names", "numbers"]
-
 MAX_NUMBERS = 100_000
 """Numbers that a range may stand for."""
 

@@ -8,55 +8,26 @@
 - `measuring`: a measurement of the compensated machine.
 """
 
-from trunnion.compensation.control import (
-    AxisCommands,
-    Compensation,
-    InverseCompensation,
-    ModelCompensation,
-    control_commands,
-    inverse_compensation,
-)
-from trunnion.compensation.machine import MachineErrors
-from trunnion.compensation.maps import ErrorMap, error_map, read_error_map
-from trunnion.compensation.measuring import remeasure
-from trunnion.compensation.parameters import (
-    CncParameters,
-    PrintedZeros,
-    Removable,
-    cnc_parameters,
-    printed_zeros,
-)
-from trunnion.compensation.uncertainty import ResidualInterval, residual_interval
-from trunnion.compensation.volumetric import (
-    PoseField,
-    VolumetricError,
-    error_fields,
-    volumetric_error,
-)
-from trunnion.machine.effects import MotionPose
-
-__all__ = [
-    "AxisCommands",
-    "CncParameters",
-    "Compensation",
-    "ErrorMap",
-    "InverseCompensation",
-    "MachineErrors",
-    "ModelCompensation",
-    "MotionPose",
-    "PoseField",
-    "PrintedZeros",
-    "Removable",
-    "ResidualInterval",
-    "VolumetricError",
-    "cnc_parameters",
-    "control_commands",
-    "error_fields",
-    "error_map",
-    "inverse_compensation",
-    "printed_zeros",
-    "read_error_map",
-    "remeasure",
-    "residual_interval",
-    "volumetric_error",
-]
+from trunnion.compensation.control import AxisCommands as AxisCommands
+from trunnion.compensation.control import Compensation as Compensation
+from trunnion.compensation.control import InverseCompensation as InverseCompensation
+from trunnion.compensation.control import ModelCompensation as ModelCompensation
+from trunnion.compensation.control import control_commands as control_commands
+from trunnion.compensation.control import inverse_compensation as inverse_compensation
+from trunnion.compensation.machine import MachineErrors as MachineErrors
+from trunnion.compensation.maps import ErrorMap as ErrorMap
+from trunnion.compensation.maps import error_map as error_map
+from trunnion.compensation.maps import read_error_map as read_error_map
+from trunnion.compensation.measuring import remeasure as remeasure
+from trunnion.compensation.parameters import CncParameters as CncParameters
+from trunnion.compensation.parameters import PrintedZeros as PrintedZeros
+from trunnion.compensation.parameters import Removable as Removable
+from trunnion.compensation.parameters import cnc_parameters as cnc_parameters
+from trunnion.compensation.parameters import printed_zeros as printed_zeros
+from trunnion.compensation.uncertainty import ResidualInterval as ResidualInterval
+from trunnion.compensation.uncertainty import residual_interval as residual_interval
+from trunnion.compensation.volumetric import PoseField as PoseField
+from trunnion.compensation.volumetric import VolumetricError as VolumetricError
+from trunnion.compensation.volumetric import error_fields as error_fields
+from trunnion.compensation.volumetric import volumetric_error as volumetric_error
+from trunnion.machine.effects import MotionPose as MotionPose

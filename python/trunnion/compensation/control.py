@@ -14,30 +14,19 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
+from trunnion.base.units import Flags, Floats
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = [
-    "AxisCommands",
-    "Belief",
-    "Compensation",
-    "InverseCompensation",
-    "ModelCompensation",
-    "control_commands",
-    "inverse_compensation",
-    "round_to",
-]
 
 
 @runtime_checkable
@@ -116,7 +105,7 @@ class InverseCompensation:
 
     def solve(
         self, setup: Setup, points_mm: Floats, rotary_deg: Floats, threads: int | None = None
-    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    ) -> tuple[Floats, Floats, Flags]:
         """Commands, direction left in arcsec, and where the rotary axes were held back."""
         core = self.known.core(setup)
         return core.commands(points_mm, rotary_deg, self.largest_turn_deg, threads)
@@ -146,7 +135,7 @@ class AxisCommands:
     linear_mm: Floats
     rotary_deg: Mapping[str, Floats]
     direction_left_arcsec: Floats | None = None
-    singular: NDArray[np.bool_] | None = None
+    singular: Flags | None = None
 
     def __len__(self) -> int:
         return len(self.linear_mm)
@@ -256,7 +245,7 @@ def inverse_compensation(
     chain = Chain(setup)
     rotary = chain.to_machine(rotary_deg, len(points))
     left: Floats | None = None
-    singular: NDArray[np.bool_] | None = None
+    singular: Flags | None = None
     if axes == "all":
         inverse = InverseCompensation.of(setup, errors, effects, largest_turn_deg=largest_turn_deg)
         commands, left, singular = inverse.solve(setup, points, rotary, threads)

@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import (
     PLACEMENT,
@@ -25,14 +25,6 @@ from trunnion.machine.effects import (
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-__all__ = [
-    "Effects",
-    "Floats",
-    "Known",
-    "MachineErrors",
-]
-
-Floats: TypeAlias = NDArray[np.float64]
 Known: TypeAlias = "MachineErrors | Estimate | Mapping[str, float] | None"
 """What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""
 Effects: TypeAlias = Estimate | Mapping[Any, Mapping[str, float]] | None

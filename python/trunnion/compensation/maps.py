@@ -27,11 +27,11 @@ from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )
@@ -42,8 +42,6 @@ from trunnion.files.table import Table
 from trunnion.files.text import decode
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["ErrorMap", "error_map", "read_error_map"]
 
 _RESOLUTION = re.compile(r"#.*\bresolution_um\s*=\s*(\S+)")
 LARGEST_MAP = 5_000_000
@@ -391,7 +389,7 @@ class MapRows(Table):
         rotary = [name for name in ("a_deg", "b_deg", "c_deg") if name in self.columns]
         return [*rotary, "x_mm", "y_mm", "z_mm"]
 
-    def order(self) -> tuple[list[Floats], NDArray[np.intp]]:
+    def order(self) -> tuple[list[Floats], Integers]:
         """Nodes of each axis, and for each node the row that has it."""
         names = self.names()
         found = [np.unique(self.columns[name], return_inverse=True) for name in names]

@@ -15,15 +15,14 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
-from trunnion.compensation.machine import NOMINAL, Floats, Known, MachineErrors
+from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import Effect
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Setup
-
-__all__ = ["remeasure"]
 
 _ROUNDS = 20
 _SETTLED_MM = 1e-10

@@ -24,19 +24,17 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.report import Cell, Result, Shown, Table
+from trunnion.base.units import Floats
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )
 from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["CncParameters", "PrintedZeros", "Removable", "cnc_parameters", "printed_zeros"]
 
 GROUPS = ("zeros", "centres", "work")
 _ROUNDS = 8

@@ -13,10 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import (
     Known,
@@ -26,9 +27,6 @@ from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-__all__ = ["ResidualInterval", "residual_interval"]
-
-Floats = NDArray[np.float64]
 _BLOCK = 500
 
 

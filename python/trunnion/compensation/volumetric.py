@@ -17,19 +17,17 @@ from numpy.typing import ArrayLike
 import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
+from trunnion.base.units import Floats
 from trunnion.compensation.control import Belief, Compensation, control_commands
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
-    Floats,
     Known,
     MachineErrors,
 )
 from trunnion.compensation.workspace import Where, Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["PoseField", "VolumetricError", "error_fields", "volumetric_error"]
 
 LARGEST_FIELD = 20_000_000
 """Numbers (three a point) that `field_um` holds at most; beyond, poses are taken one by one."""

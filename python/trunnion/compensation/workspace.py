@@ -14,8 +14,6 @@ from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["Where", "Workspace", "pose_grid"]
-
 
 class Where(TypedDict, total=False):
     """Fields of a :class:`Workspace` as arguments."""

@@ -24,41 +24,21 @@ Slips of the paper, and what is done here:
 - eq. (8) is numbered (0); Fig. 7 is captioned "contour error models" and shows orientation errors.
 """
 
-from trunnion.contouring.margins import Margins, margins
-from trunnion.contouring.paths import Path
-from trunnion.contouring.reproduction import (
-    ContourComparison,
-    compare,
-    offsets,
-    order_of_controller,
-)
-from trunnion.contouring.servo import (
-    Controller,
-    Coupling,
-    LinearAxis,
-    RotaryAxis,
-    Servo,
-    read_servo,
-)
-from trunnion.contouring.simulation import ContourRun, ContourSweep, Feed, simulate, sweep
-
-__all__ = [
-    "ContourComparison",
-    "ContourRun",
-    "ContourSweep",
-    "Controller",
-    "Coupling",
-    "Feed",
-    "LinearAxis",
-    "Margins",
-    "Path",
-    "RotaryAxis",
-    "Servo",
-    "compare",
-    "margins",
-    "offsets",
-    "order_of_controller",
-    "read_servo",
-    "simulate",
-    "sweep",
-]
+from trunnion.contouring.margins import Margins as Margins
+from trunnion.contouring.margins import margins as margins
+from trunnion.contouring.paths import Path as Path
+from trunnion.contouring.reproduction import ContourComparison as ContourComparison
+from trunnion.contouring.reproduction import compare as compare
+from trunnion.contouring.reproduction import offsets as offsets
+from trunnion.contouring.reproduction import order_of_controller as order_of_controller
+from trunnion.contouring.servo import Controller as Controller
+from trunnion.contouring.servo import Coupling as Coupling
+from trunnion.contouring.servo import LinearAxis as LinearAxis
+from trunnion.contouring.servo import RotaryAxis as RotaryAxis
+from trunnion.contouring.servo import Servo as Servo
+from trunnion.contouring.servo import read_servo as read_servo
+from trunnion.contouring.simulation import ContourRun as ContourRun
+from trunnion.contouring.simulation import ContourSweep as ContourSweep
+from trunnion.contouring.simulation import Feed as Feed
+from trunnion.contouring.simulation import simulate as simulate
+from trunnion.contouring.simulation import sweep as sweep

@@ -4,18 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.checks import floats
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
 from trunnion.contouring.simulation import location_errors, period_ms
-
-__all__ = ["Margins", "margins"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,13 +39,13 @@ class Margins(Result):
     """
 
     axes: str
-    gain: Array
-    phase_deg: Array
-    crossover_hz: Array
-    delay_ms: Array
-    u: Array
-    pole: Array
-    coupled_gain: Array
+    gain: Floats
+    phase_deg: Floats
+    crossover_hz: Floats
+    delay_ms: Floats
+    u: Floats
+    pole: Floats
+    coupled_gain: Floats
 
     @property
     def stable(self) -> bool:

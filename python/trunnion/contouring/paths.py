@@ -15,17 +15,14 @@ from math import factorial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
 
 import trunnion.nc as nc
 from trunnion._core import ContourPath
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, ProgramError
-
-__all__ = ["Path"]
-
-Array = NDArray[np.float64]
+from trunnion.base.units import Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +44,11 @@ class Path:
         Its amplitudes, shape (n, 6).
     """
 
-    breaks: Array
-    coefficients: Array
-    omega: Array
-    cosine: Array
-    sine: Array
+    breaks: Floats
+    coefficients: Floats
+    omega: Floats
+    cosine: Floats
+    sine: Floats
 
     def __post_init__(self) -> None:
         """Check by building the core's path."""
@@ -85,7 +82,7 @@ class Path:
         return cls._of(np.array([0.0, end]), c[None])
 
     @classmethod
-    def _of(cls, breaks: Array, coefficients: Array) -> "Path":
+    def _of(cls, breaks: Floats, coefficients: Floats) -> "Path":
         n = len(breaks) - 1
         return cls(breaks, coefficients, np.zeros(n), np.zeros((n, 6)), np.zeros((n, 6)))
 
@@ -204,19 +201,19 @@ class Path:
         """Arc length."""
         return self.core.length_mm
 
-    def points_mm(self, u: ArrayLike) -> Array:
+    def points_mm(self, u: ArrayLike) -> Floats:
         """Tool tip at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[0]
 
-    def tools(self, u: ArrayLike) -> Array:
+    def tools(self, u: ArrayLike) -> Floats:
         """Unit tool axis at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[1]
 
-    def curvature_per_mm(self, u: ArrayLike) -> Array:
+    def curvature_per_mm(self, u: ArrayLike) -> Floats:
         """Curvature at u, shape (n,)."""
         return self.core.frames(_row("u", u))[2]
 
-    def at_length(self, s_mm: ArrayLike) -> Array:
+    def at_length(self, s_mm: ArrayLike) -> Floats:
         """Parameter u at arc lengths from the start, shape (n,)."""
         return self.core.at_length(_row("s_mm", s_mm))
 
@@ -232,14 +229,14 @@ class Path:
         return f"Path({len(self.omega)} pieces, {self.length_mm:.6g} mm)"
 
 
-def _row(what: str, values: ArrayLike) -> Array:
+def _row(what: str, values: ArrayLike) -> Floats:
     row = np.atleast_1d(floats(what, values))
     if row.ndim != 1:
         raise InputError(f"{what}: got shape {row.shape}, expected (n,)")
     return row
 
 
-def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Array, Array]:
+def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Floats, Floats]:
     p = np.asarray(points_mm, dtype=np.float64)
     w = np.asarray(tools, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3 or len(p) < 2:
@@ -256,13 +253,13 @@ def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Array, Array]:
     return p, w / length
 
 
-def _tool(a_deg: float, c_deg: float) -> Array:
+def _tool(a_deg: float, c_deg: float) -> Floats:
     """Tool axis in the part's frame for rotary positions of the nominal machine."""
     a, c = np.deg2rad([a_deg, c_deg])
     return np.array([np.sin(a) * np.sin(c), np.sin(a) * np.cos(c), np.cos(a)])
 
 
-def _piece(moves: "nc.Moves", i: int) -> tuple[Array, float, Array, Array]:
+def _piece(moves: "nc.Moves", i: int) -> tuple[Floats, float, Floats, Floats]:
     """Coefficients (2, 6), omega, cosine, sine of one move over a unit of u."""
     start, end = moves.start[i], moves.end[i]
     w0, w1 = _tool(start[3], start[5]), _tool(end[3], end[5])

@@ -22,8 +22,6 @@ from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo
 from trunnion.contouring.simulation import MODEL_FIGURES, TOOL_FIGURES, ContourRun, simulate
 
-__all__ = ["ContourComparison", "compare", "offsets", "order_of_controller"]
-
 CONTROLLERS: tuple[Controller, ...] = ("independent", "existing", "proposed")
 
 

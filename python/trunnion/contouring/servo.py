@@ -22,17 +22,15 @@ from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.checks import choose, entry
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.frozen import FrozenMapping
+from trunnion.base.units import Floats
 from trunnion.setup import Setup, read_setup
 from trunnion.setup.fields import Choice, Key, Number, Section, key
 
-__all__ = ["Controller", "Coupling", "LinearAxis", "RotaryAxis", "Servo", "read_servo"]
-
-Array: TypeAlias = NDArray[np.float64]
 Feedback: TypeAlias = Literal["motor", "load"]
 LINEAR = ("X", "Y", "Z")
 ROTARY = ("A", "B", "C")
@@ -199,7 +197,7 @@ class Servo:
             out[letter] = {k: v for k, v in asdict(axis).items() if v != default[k]}
         return out
 
-    def row(self, letter: str) -> Array:
+    def row(self, letter: str) -> Floats:
         """Return the numbers of an axis in the order of its fields, shape (13,)."""
         if letter not in self.axes:
             known = ", ".join(self.axes) or "none"
@@ -208,7 +206,7 @@ class Servo:
         named = [f.name for f in fields(axis)]
         return np.array([number(f"servo.{letter}.{n}", getattr(axis, n)) for n in named])
 
-    def rows(self) -> Array:
+    def rows(self) -> Floats:
         """Return the numbers of X, Y, Z, A, C, shape (5, 13)."""
         return np.stack([self.row(letter) for letter in "XYZAC"])
 
@@ -267,7 +265,7 @@ class Coupling:
 
     position: Literal["circle", "tangent"] = "circle"
     orientation: Literal["proposed", "tangent"] = "proposed"
-    gains: Array = field(default_factory=lambda: _TABLE_1 / _AXIAL[:, None])
+    gains: Floats = field(default_factory=lambda: _TABLE_1 / _AXIAL[:, None])
     order: Literal["controller_last", "jacobian_last", "as_printed"] = "controller_last"
 
     def __post_init__(self) -> None:
@@ -289,7 +287,7 @@ class Coupling:
     ) -> tuple[
         Literal["circle", "tangent"],
         Literal["proposed", "tangent"],
-        Array,
+        Floats,
         Literal["controller_last", "jacobian_last", "as_printed"],
     ]:
         """Arguments of the core."""

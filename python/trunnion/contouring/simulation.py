@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Flags, Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of, number
 from trunnion.data.axis_log import AxisLog
@@ -19,9 +20,6 @@ from trunnion.setup.names import canonical_error_name
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ContourRun", "ContourSweep", "Feed", "simulate", "sweep"]
-
-Array = NDArray[np.float64]
 AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (
     "contour_um",
@@ -133,28 +131,28 @@ class ContourRun(Result):
     controller: str
     period_ms: float
     diverged: bool
-    u: Array
-    point_mm: Array
-    tip_mm: Array
-    reference: Array
-    commanded: Array
-    actual: Array
-    foot_u: Array
-    contour_vector_um: Array
-    contour_um: Array
-    orientation_arcsec: Array
-    following_um: Array
-    circle_um: Array
-    tangent_um: Array
-    proposed_arcsec: Array
-    tangent_arcsec: Array
+    u: Floats
+    point_mm: Floats
+    tip_mm: Floats
+    reference: Floats
+    commanded: Floats
+    actual: Floats
+    foot_u: Floats
+    contour_vector_um: Floats
+    contour_um: Floats
+    orientation_arcsec: Floats
+    following_um: Floats
+    circle_um: Floats
+    tangent_um: Floats
+    proposed_arcsec: Floats
+    tangent_arcsec: Floats
 
     def __len__(self) -> int:
         """Count of control periods."""
         return len(self.u)
 
     @property
-    def time_s(self) -> Array:
+    def time_s(self) -> Floats:
         """Time of each row."""
         return np.arange(len(self), dtype=np.float64) * (self.period_ms * 1e-3)
 
@@ -163,10 +161,10 @@ class ContourRun(Result):
         """Largest and root-mean-square errors, by name; inf where the loop diverged."""
         largest = inf if self.diverged else 0.0
 
-        def top(values: Array) -> float:
+        def top(values: Floats) -> float:
             return max(float(values.max(initial=0.0)), largest)
 
-        def rms(values: Array) -> float:
+        def rms(values: Floats) -> float:
             return max(float(np.sqrt(np.mean(values**2))) if len(values) else 0.0, largest)
 
         return {
@@ -214,7 +212,7 @@ class ContourRun(Result):
         if seed != int(seed):
             raise InputError(f"seed: got {seed:g}, expected a whole number")
         rng = np.random.default_rng(int(seed))
-        actual: Array = self.actual
+        actual: Floats = self.actual
         if log_delay_ms != 0.0:
             actual = _earlier(self.time_s, actual, log_delay_ms * 1e-3)
         sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600.0] * 2)
@@ -263,7 +261,7 @@ class ContourRun(Result):
         """Return a pandas DataFrame with one row a control period."""
         import pandas as pd
 
-        columns: dict[str, Array] = {"time_s": self.time_s, "u": self.u}
+        columns: dict[str, Floats] = {"time_s": self.time_s, "u": self.u}
         for name in ("point", "tip"):
             columns |= {
                 f"{name}_{a}_mm": v for a, v in zip("xyz", vars(self)[f"{name}_mm"].T, strict=True)
@@ -276,7 +274,7 @@ class ContourRun(Result):
         return pd.DataFrame(columns)
 
 
-def _earlier(time_s: Array, values: Array, delay_s: float) -> Array:
+def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
     """Values so much earlier; before the first sample the axes rest."""
     from scipy.interpolate import CubicSpline
 
@@ -392,19 +390,19 @@ class ContourSweep(Result):
         Errors of the models along the run.
     """
 
-    feeds_mm_min: Array
+    feeds_mm_min: Floats
     controllers: tuple[str, ...]
     steps: NDArray[np.int64]
-    diverged: NDArray[np.bool_]
-    contour_max_um: Array
-    contour_rms_um: Array
-    orientation_max_arcsec: Array
-    orientation_rms_arcsec: Array
-    following_max_um: Array
-    circle_max_um: Array
-    tangent_max_um: Array
-    proposed_max_arcsec: Array
-    tangent_max_arcsec: Array
+    diverged: Flags
+    contour_max_um: Floats
+    contour_rms_um: Floats
+    orientation_max_arcsec: Floats
+    orientation_rms_arcsec: Floats
+    following_max_um: Floats
+    circle_max_um: Floats
+    tangent_max_um: Floats
+    proposed_max_arcsec: Floats
+    tangent_max_arcsec: Floats
 
     def headline(self) -> str:
         """Counts, and how many diverged."""
@@ -441,7 +439,7 @@ class ContourSweep(Result):
 
 def sweep(
     paths: Sequence[Path],
-    feeds_mm_min: Sequence[float] | Array,
+    feeds_mm_min: Sequence[float] | Floats,
     *,
     controllers: Sequence[Controller] = ("independent", "existing", "proposed"),
     servo: Servo | None = None,

@@ -7,11 +7,10 @@ from os import PathLike
 
 import numpy as np
 
-from trunnion.files.columns import ColumnError, Float, Number, OptionalLabel, OptionalNumber
+from trunnion.base.units import Floats
+from trunnion.files.columns import ColumnError, Number, OptionalLabel, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["AxisLog", "read_axis_log"]
 
 UNIT_OF_AXIS = {"x": "mm", "y": "mm", "z": "mm", "a": "deg", "b": "deg", "c": "deg"}
 
@@ -44,11 +43,11 @@ class AxisLog(Table):
         """Letters of the axes that the log has, in the order x y z a b c."""
         return tuple(axis for axis in UNIT_OF_AXIS if _name(axis, "cmd") in self.columns)
 
-    def commanded(self, axis: str) -> Float:
+    def commanded(self, axis: str) -> Floats:
         """Return the commanded positions of an axis, mm or deg."""
         return self.columns[_name(axis, "cmd")]
 
-    def actual(self, axis: str) -> Float:
+    def actual(self, axis: str) -> Floats:
         """Return the actual positions of an axis, mm or deg."""
         return self.columns[_name(axis, "act")]
 

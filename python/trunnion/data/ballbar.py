@@ -2,9 +2,9 @@
 
 from os import PathLike
 
+from trunnion.base.units import Floats
 from trunnion.files.columns import (
     ColumnError,
-    Float,
     Label,
     Number,
     OptionalInteger,
@@ -13,8 +13,6 @@ from trunnion.files.columns import (
 )
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["Ballbar", "read_ballbar"]
 
 JOINTS = ("l1_mm", "l2_mm", "l3_mm", "q4_deg", "q5_deg")
 
@@ -43,13 +41,13 @@ class Ballbar(Table):
     time_s = OptionalNumber("time since the start")
 
     @property
-    def position_mm(self) -> Float | None:
+    def position_mm(self) -> Floats | None:
         """Commanded coordinates, (n, 2) or (n, 3); None where the joints are commanded."""
         x, y = self.x_mm, self.y_mm
         return None if x is None or y is None else stack(x, y, self.z_mm)
 
     @property
-    def joints(self) -> Float | None:
+    def joints(self) -> Floats | None:
         """Commanded joints, (n, 5): three lengths in mm, two angles in deg; None without them."""
         columns = [self.columns[name] for name in JOINTS if name in self.columns]
         return stack(*columns) if columns else None

@@ -6,8 +6,6 @@ from trunnion.files.columns import Number, OptionalInteger, OptionalLabel, Optio
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
-__all__ = ["Diameters", "read_diameters"]
-
 
 class Diameters(Table):
     """Errors of a turned diameter along the part.

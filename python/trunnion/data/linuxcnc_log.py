@@ -16,11 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import FileFormatError
+from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import Float, parse_number
+from trunnion.files.columns import parse_number
 from trunnion.files.text import decode
-
-__all__ = ["read_probe_log"]
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 
@@ -123,7 +122,7 @@ def _same_number(name: str, numbers: list[int], end: int, planned: int) -> None:
     )
 
 
-def _planned_joints(plan: Touches) -> Float:
+def _planned_joints(plan: Touches) -> Floats:
     """Return what the log should say, in its columns; X, Y and Z as planned, absent axes 0."""
     planned = np.zeros((len(plan), len(NAMES)))
     planned[:, :3] = plan.position_mm

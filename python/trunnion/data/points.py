@@ -2,11 +2,10 @@
 
 from os import PathLike
 
-from trunnion.files.columns import Float, Number, OptionalLabel, OptionalNumber, stack
+from trunnion.base.units import Floats
+from trunnion.files.columns import Number, OptionalLabel, OptionalNumber, stack
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["Points", "read_points"]
 
 
 class Points(Table):
@@ -27,12 +26,12 @@ class Points(Table):
         return 2 if self.z_mm is None else 3
 
     @property
-    def nominal_mm(self) -> Float:
+    def nominal_mm(self) -> Floats:
         """Programmed coordinates, (n, 2) or (n, 3)."""
         return stack(self.nominal_x_mm, self.nominal_y_mm, self.nominal_z_mm)
 
     @property
-    def measured_mm(self) -> Float:
+    def measured_mm(self) -> Floats:
         """Measured coordinates, (n, 2) or (n, 3)."""
         return stack(self.x_mm, self.y_mm, self.z_mm)
 

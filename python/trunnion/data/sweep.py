@@ -2,11 +2,10 @@
 
 from os import PathLike
 
-from trunnion.files.columns import Float, Label, Number, OptionalNumber, stack
+from trunnion.base.units import Floats
+from trunnion.files.columns import Label, Number, OptionalNumber, stack
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["Sweep", "read_sweep"]
 
 
 class Sweep(Table):
@@ -20,7 +19,7 @@ class Sweep(Table):
     time_s = OptionalNumber("time since the start")
 
     @property
-    def position_mm(self) -> Float:
+    def position_mm(self) -> Floats:
         """Measured positions, instrument frame, (n, 3)."""
         return stack(self.x_mm, self.y_mm, self.z_mm)
 

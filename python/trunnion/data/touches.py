@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.units import Floats
 from trunnion.files.columns import (
     ColumnError,
-    Float,
     Int,
     Number,
     OptionalInteger,
@@ -20,8 +20,6 @@ from trunnion.files.columns import (
 )
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
-
-__all__ = ["Touches", "read_touches"]
 
 ROTARY_AXES = ("a", "b", "c")
 UNIT_TOLERANCE = 1e-6
@@ -64,23 +62,23 @@ class Touches(Table):
     start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach")
 
     @property
-    def position_mm(self) -> Float:
+    def position_mm(self) -> Floats:
         """Ball centre at the trigger as recorded, machine frame, (n, 3)."""
         return stack(self.x_mm, self.y_mm, self.z_mm)
 
     @property
-    def direction(self) -> Float:
+    def direction(self) -> Floats:
         """Unit approach direction, machine frame, (n, 3)."""
         return stack(self.dir_x, self.dir_y, self.dir_z)
 
     @property
-    def start_mm(self) -> Float | None:
+    def start_mm(self) -> Floats | None:
         """Ball centre at the start of the approach, machine frame, (n, 3); None if not planned."""
         x, y, z = self.start_x_mm, self.start_y_mm, self.start_z_mm
         return None if x is None or y is None or z is None else stack(x, y, z)
 
     @property
-    def rotary_deg(self) -> Mapping[str, Float]:
+    def rotary_deg(self) -> Mapping[str, Floats]:
         """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
         return self._by_axis("deg")
 

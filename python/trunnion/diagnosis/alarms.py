@@ -7,8 +7,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.resolution import Floor
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 
@@ -34,13 +33,13 @@ class Alarm:
     too sure of themselves when the noise has heavy tails.
     """
 
-    gains: Callable[[Array], Array]
-    rank: IntArray
-    weight: Array  # independent places of each block
+    gains: Callable[[Floats], Floats]
+    rank: Integers
+    weight: Floats  # independent places of each block
     count: float
     fit: Fit
     floor: Floor
-    inflation: Array  # of the gain of each block
+    inflation: Floats  # of the gain of each block
     p: float = 1.0
 
     @classmethod
@@ -68,12 +67,12 @@ class Alarm:
         )
         return alarm._with_gains(gain)
 
-    def _with_gains(self, gain: Array) -> "Alarm":
+    def _with_gains(self, gain: Floats) -> "Alarm":
         if len(self.rank) and self.fit.rss > 0:
             self.p = min(1.0, self.count * float(self._smallest(gain[:, None], self.fit.rss)[0]))
         return self
 
-    def _smallest(self, gain: Array, rss: Array | float) -> Array:
+    def _smallest(self, gain: Floats, rss: Floats | float) -> Floats:
         """Smallest p-value, times its places, of each column of gains (b, s)."""
         gain = gain / self.inflation[:, None]
         out = np.ones(gain.shape[1])

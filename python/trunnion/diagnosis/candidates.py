@@ -11,24 +11,11 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Flags, Floats, Integers
 
-__all__ = [
-    "BATCH_NUMBERS",
-    "DEPENDENT",
-    "MAX_DOUBLES",
-    "ROUNDING",
-    "Candidates",
-    "inner",
-    "storage",
-]
-
-Flags: TypeAlias = NDArray[np.bool_]
-Piece: TypeAlias = tuple[int, Array]  # candidate, some of its variants (v, n, k)
+Piece: TypeAlias = tuple[int, Floats]  # candidate, some of its variants (v, n, k)
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
@@ -61,11 +48,11 @@ class Candidates:
 
     def __init__(
         self,
-        variants: Sequence[Array],
-        basis: Array,
+        variants: Sequence[Floats],
+        basis: Floats,
         level: float = NAMING_LEVEL,
-        own_level: Array | None = None,
-        own_price: Array | None = None,
+        own_level: Floats | None = None,
+        own_price: Floats | None = None,
     ) -> None:
         numbers = sum(v.size for v in variants)
         self._build(enumerate(variants), len(variants), numbers, basis)
@@ -73,7 +60,7 @@ class Candidates:
 
     @classmethod
     def of_pieces(
-        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Array
+        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats
     ) -> "Candidates":
         """Candidates of which not all columns are there at a time.
 
@@ -85,16 +72,16 @@ class Candidates:
         new._complete(basis, NAMING_LEVEL, None, None)
         return new
 
-    penalty: Array
-    inflation: Array
+    penalty: Floats
+    inflation: Floats
 
-    def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Array) -> None:
+    def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
         self.count = count
         n, p = basis.shape
         self.dof = n - p
         kind = storage(numbers)
-        parts: list[Array] = []
+        parts: list[Floats] = []
         owner, rank, start = [NONE], [NONE], [NONE]
         filled = 0
         for batch in _batches(pieces):
@@ -105,13 +92,13 @@ class Candidates:
             rank.append(some[1])
             start.append(some[2] + filled)
             filled += len(some[0])
-        self._parts: tuple[Array, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self._parts: tuple[Floats, ...] = tuple(parts) or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
         self._keep(self.rank > 0)
 
     def beside(
-        self, variants: Sequence[Array], own_level: Array, own_price: Array | None = None
+        self, variants: Sequence[Floats], own_level: Floats, own_price: Floats | None = None
     ) -> "Candidates":
         """Return these candidates and further ones, numbered after them.
 
@@ -137,28 +124,28 @@ class Candidates:
         new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         return new
 
-    def inflate(self, factor: Array) -> None:
+    def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
         self.penalty = self.penalty + (factor - self.inflation) * self._chance()
         self.inflation = factor
 
-    def _chance(self) -> Array:
+    def _chance(self) -> Floats:
         """Drop of -2 ln L that each block reaches by chance at its level (b,)."""
         return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
     def _complete(
         self,
-        basis: Array,
+        basis: Floats,
         level: float,
-        own_level: Array | None,
-        own_price: Array | None,
+        own_level: Floats | None,
+        own_price: Floats | None,
         multiplicity: float | None = None,
     ) -> None:
         """Group the blocks and price them."""
         self._basis, self._shared_level = basis, level
         self.identifiable = np.unique(self.owner)
         self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
-        self._gram_rows: dict[int, Array] = {}
+        self._gram_rows: dict[int, Floats] = {}
         self._group()
         own = np.zeros(self.count) if own_level is None else own_level
         shared = np.sum(own[self.identifiable] == 0) if multiplicity is None else multiplicity
@@ -180,7 +167,7 @@ class Candidates:
         """Count of columns."""
         return sum(len(part) for part in self._parts)
 
-    def columns(self, block: int) -> Array:
+    def columns(self, block: int) -> Floats:
         """Columns of a block, one a row, shape (k, n)."""
         first = int(self.start[block])
         for part in self._parts:
@@ -189,7 +176,7 @@ class Candidates:
             first -= len(part)
         return np.zeros((0, 0))
 
-    def gram_rows(self, block: int) -> Array:
+    def gram_rows(self, block: int) -> Floats:
         """Inner products of a block's columns with all columns, shape (k, M)."""
         self.prepare([block])
         return self._gram_rows[block]
@@ -230,7 +217,7 @@ class Candidates:
         """Columns of a block."""
         return slice(int(self.start[block]), int(self.start[block] + self.rank[block]))
 
-    def _places(self) -> Array:
+    def _places(self) -> Floats:
         """How many independent places the nonlinear parameters of each block's candidate have.
 
         Going through the values of a nonlinear parameter the gain rises above u about
@@ -251,18 +238,18 @@ class Candidates:
             out[blocks] = min(float(len(blocks)), 1.0 + length / np.pi * np.sqrt(np.pi * u / 2))
         return out
 
-    def products(self, r: Array) -> Array:
+    def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
         return np.concatenate([inner(part, r) for part in self._parts])
 
-    def gains(self, r: Array) -> Array:
+    def gains(self, r: Floats) -> Floats:
         """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
         z2 = self.products(r) ** 2
         total = np.concatenate([np.zeros((1, *z2.shape[1:])), np.cumsum(z2, axis=0)])
         return np.asarray(total[self.start + self.rank] - total[self.start])
 
     @cached_property
-    def by_rank(self) -> list[tuple[int, IntArray, IntArray]]:
+    def by_rank(self) -> list[tuple[int, Integers, Integers]]:
         """Blocks of each rank k: (k, block numbers (b,), column numbers (b, k))."""
         out = []
         for k in np.unique(self.rank):
@@ -271,7 +258,7 @@ class Candidates:
         return out
 
     @cached_property
-    def first_of_leader(self) -> IntArray:
+    def first_of_leader(self) -> Integers:
         """Number of the first block of each leader; blocks of one candidate are neighbours."""
         return np.searchsorted(self.owner, self.leaders)
 
@@ -289,8 +276,8 @@ def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
 
 
 def _orthonormal_blocks(
-    variants: Sequence[Array], basis: Array, least: float
-) -> tuple[Array, IntArray, IntArray]:
+    variants: Sequence[Floats], basis: Floats, least: float
+) -> tuple[Floats, Integers, Integers]:
     """Orthonormalise the columns of each block beside the basis; drop what is dependent.
 
     Columns no longer than ``least`` count as zero. Returns the columns, one a row, shape (M, n),
@@ -299,7 +286,7 @@ def _orthonormal_blocks(
     width = np.array([v.shape[2] for v in variants for _ in v], dtype=np.intp)
     rank = np.zeros(len(width), dtype=np.intp)
     start = np.zeros(len(width), dtype=np.intp)
-    out: list[Array] = []
+    out: list[Floats] = []
     filled = 0
     for k in np.unique(width):
         x = np.concatenate([v.transpose(0, 2, 1) for v in variants if v.shape[2] == k])
@@ -314,7 +301,7 @@ def _orthonormal_blocks(
     return np.concatenate(out) if out else np.zeros((0, len(basis))), rank, start
 
 
-def _orthonormal(x: Array) -> tuple[Array, IntArray]:
+def _orthonormal(x: Floats) -> tuple[Floats, Integers]:
     """Orthonormalise blocks of rows, shape (b, k, n), largest first; what is dependent last."""
     if x.shape[1] == 1:
         s2 = np.einsum("bkn,bkn->bk", x, x)
@@ -328,12 +315,12 @@ def _orthonormal(x: Array) -> tuple[Array, IntArray]:
     return np.asarray((u * scale[:, None, :]).transpose(0, 2, 1) @ x), seen.sum(axis=1)
 
 
-def _squares(v: Array) -> Array:
+def _squares(v: Floats) -> Floats:
     """Squared length of every column of variants (v, n, k)."""
     return np.asarray(np.einsum("vnk,vnk->vk", v, v))
 
 
-def inner(columns: Array, r: Array) -> Array:
+def inner(columns: Floats, r: Floats) -> Floats:
     """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
 
     Sums of many numbers in single precision would make columns look independent that are not.

@@ -7,8 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, inflation
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
@@ -41,14 +40,14 @@ class Case:
     """
 
     model: Model
-    rows: IntArray
+    rows: Integers
     whiten: Whiten
     plain: Fit
     linearised: "Linearised"
     floor: Floor = NO_FLOOR
     grid: Grid | None = None
     likely: Fit | None = None
-    _drawn: dict[int, tuple[Fit, tuple[Array, Array] | None]] = field(default_factory=dict)
+    _drawn: dict[int, tuple[Fit, tuple[Floats, Floats] | None]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -77,7 +76,7 @@ class Case:
             found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
         return found
 
-    def term_inflation(self, f: Fit) -> Array:
+    def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
         drawn = self.rounding(f)
         if drawn is None:
@@ -85,7 +84,7 @@ class Case:
         gain, rank = self.dictionary.gains(drawn[0], f.basis)
         return inflation(gain, rank, drawn[1])
 
-    def rounding(self, f: Fit) -> tuple[Array, Array] | None:
+    def rounding(self, f: Fit) -> tuple[Floats, Floats] | None:
         """Residuals of a fit that errors of rounding make, and the noise of each (kept).
 
         Shapes (m, s), white and orthogonal to the fit's basis, and (s,); None where the readings
@@ -117,11 +116,11 @@ class Case:
         """Structure without a name, whitened."""
         return Dictionary(self.model, self.rows, self.whiten)
 
-    def white(self, column: Array) -> Array:
+    def white(self, column: Floats) -> Floats:
         """Whiten a column of all readings and take those that are used."""
         return np.asarray(self.whiten(column))[self.rows]
 
-    def without(self, bad: IntArray) -> "Case":
+    def without(self, bad: Integers) -> "Case":
         """Return the case with these readings left out as well."""
         if not len(bad):
             return self
@@ -152,7 +151,7 @@ class Linearised:
         Count of columns.
     """
 
-    def __init__(self, model: Model, nuisance: Array, whiten: Whiten) -> None:
+    def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
         self.values = [grid_values(effect) for effect in model.effects]
         linear = [sum(p.linear for p in effect.parameters) for effect in model.effects]
         self.width = sum(len(v) * k for v, k in zip(self.values, linear, strict=True))
@@ -160,14 +159,14 @@ class Linearised:
         few = self.width * len(model.readings) <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
 
-    def pieces(self) -> Iterable[tuple[int, Array]]:
+    def pieces(self) -> Iterable[tuple[int, Floats]]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make() if self._kept is None else self._kept
 
 
 def _pieces(
-    model: Model, nuisance: Array, whiten: Whiten, values: list[list[Values]]
-) -> Iterator[tuple[int, Array]]:
+    model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
+) -> Iterator[tuple[int, Floats]]:
     n = len(model.readings)
     for j, effect in enumerate(model.effects):
         most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
@@ -206,13 +205,13 @@ class Explanation:
     note: str | None = None
 
 
-def kept_rows(n: int, bad: IntArray) -> Flags:
+def kept_rows(n: int, bad: Integers) -> Flags:
     """Mask of the readings that stay."""
     mask = np.ones(n, dtype=bool)
     mask[bad] = False
     return mask
 
 
-def rms(r: Array) -> float:
+def rms(r: Floats) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(r * r)))

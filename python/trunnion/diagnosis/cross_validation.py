@@ -10,13 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT
-from trunnion.diagnosis.fit import Fit, Flags, Whiten
+from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Model
-
-__all__ = ["cross_validated"]
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
@@ -24,7 +21,7 @@ MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
 ROUNDING = 1e-12
 
 
-def cross_validated(model: Model, rows: IntArray, f: Fit, whiten: Whiten) -> Array:
+def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Floats:
     """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
     labels = np.asarray(model.groups)[rows]
     order = np.argsort(labels, kind="stable")
@@ -55,33 +52,31 @@ class _Problem:
     """
 
     p: int
-    white: Array
-    raw: Array
-    y: Array
-    y_raw: Array
-    residual: Array
-    residual_raw: Array
-    basis: Array
+    white: Floats
+    raw: Floats
+    y: Floats
+    y_raw: Floats
+    residual: Floats
+    residual_raw: Floats
+    basis: Floats
 
     @classmethod
-    def of(cls, rows: IntArray, f: Fit, whiten: Whiten) -> "_Problem":
-        """Of the parameters that the fit identifies."""
-        free = np.flatnonzero(~f.held)
-        own = np.concatenate(
-            [np.zeros(len(f.nuisance)), [f.effects[i][name] for i, name in f.names]]
-        )[free]
-        raw = f.jacobian[np.ix_(rows, free)]
-        white = np.asarray(whiten(f.jacobian))[np.ix_(rows, free)]
+    def of(cls, rows: Integers, f: Fit, whiten: Whiten) -> "_Problem":
+        """Of the directions that the fit identifies."""
+        effects = [f.effects[i][name] for i, name in f.names]
+        own = f.directions[:, len(f.nuisance) :] @ effects
+        raw = f.jacobian[rows] @ f.directions.T
+        white = np.asarray(whiten(f.jacobian))[rows] @ f.directions.T
         y_raw = f.residuals[rows] + raw @ own
         y = np.asarray(whiten(f.residuals))[rows] + white @ own
         scale = np.linalg.norm(white, axis=0)
         white, raw = white / scale, raw / scale
         part = f.basis.T @ y
         residual_raw = y_raw - raw @ np.linalg.solve(f.basis.T @ white, part)
-        p = int(np.sum(free < len(f.nuisance)))
+        p = int(np.any(f.directions[:, : len(f.nuisance)], axis=1).sum())
         return cls(p, white, raw, y, y_raw, y - f.basis @ part, residual_raw, f.basis)
 
-    def in_groups(self, labels: IntArray, order: IntArray) -> tuple["_Problem", IntArray]:
+    def in_groups(self, labels: Integers, order: Integers) -> tuple["_Problem", Integers]:
         """Sort the readings by group; with where each group starts, and where the last ends."""
         ordered = labels[order]
         first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
@@ -91,13 +86,15 @@ class _Problem:
         return _Problem(self.p, *(x[order] for x in rows)), start
 
 
-def _chunks(start: IntArray) -> list[IntArray]:
+def _chunks(start: Integers) -> list[Integers]:
     """Numbers of neighbouring groups with not too many readings together."""
     chunk = start[:-1] // MAX_ROWS
     return np.split(np.arange(len(chunk)), np.flatnonzero(np.diff(chunk)) + 1)
 
 
-def _left_out(problem: _Problem, to_basis: Array, part: slice, at: IntArray) -> tuple[Array, Flags]:
+def _left_out(
+    problem: _Problem, to_basis: Floats, part: slice, at: Integers
+) -> tuple[Floats, Flags]:
     """Misses of groups whose readings the others predict, and of which groups that is sure.
 
     With q the rows of a group in the basis and e its residuals in the fit to all, the fit to the
@@ -121,7 +118,7 @@ def _left_out(problem: _Problem, to_basis: Array, part: slice, at: IntArray) -> 
     return problem.residual_raw[part] + np.einsum("ij,ij->i", raw, each), sure
 
 
-def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: slice) -> Array:
+def _own_fit(problem: _Problem, gram: Floats, rhs: Floats, frame: Floats, part: slice) -> Floats:
     """Misses of a group of which the others do not identify all."""
     p = problem.p
     a, y = problem.white[part], problem.y[part]
@@ -139,7 +136,7 @@ def _own_fit(problem: _Problem, gram: Array, rhs: Array, frame: Array, part: sli
     return np.asarray(problem.y_raw[part] - problem.raw[part] @ beta)
 
 
-def _frame(gram: Array) -> Array:
+def _frame(gram: Floats) -> Floats:
     """Directions in which all readings together identify a unit, however weakly.
 
     What a part of them identifies is then judged by the share that it keeps.
@@ -149,7 +146,7 @@ def _frame(gram: Array) -> Array:
     return np.asarray(v[:, some] / np.sqrt(w[some]))
 
 
-def _pseudo_inverse(matrix: Array) -> tuple[Array, Array]:
+def _pseudo_inverse(matrix: Floats) -> tuple[Floats, Floats]:
     """Inverse of a Gram matrix of unit columns where that is possible, and a basis elsewhere."""
     if not matrix.size:
         return matrix, matrix

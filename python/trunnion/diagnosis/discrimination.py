@@ -12,13 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.effect import lengths
-from trunnion.diagnosis.fit import Flags
 from trunnion.diagnosis.selection import WITHIN
-
-__all__ = ["Discrimination", "Hypothesis"]
 
 DRAWS = 200
 SEED = 1
@@ -39,8 +35,8 @@ class Hypothesis:
         Penalised -2 ln L above the best set's, on the old readings.
     """
 
-    predicted: Array
-    columns: Array
+    predicted: Floats
+    columns: Floats
     distance: float
 
 
@@ -60,7 +56,7 @@ class Discrimination:
     """
 
     def __init__(
-        self, nuisance: Array, old: Flags, sets: Sequence[Hypothesis], sigma: float
+        self, nuisance: Floats, old: Flags, sets: Sequence[Hypothesis], sigma: float
     ) -> None:
         self.sets = sets
         self.new = np.flatnonzero(~old)
@@ -76,7 +72,7 @@ class Discrimination:
         self.weight = weight / weight.sum()
         self.pairs = [(i, j) for i in range(len(sets)) for j in range(len(sets)) if i != j]
 
-    def choose(self, count: int) -> IntArray:
+    def choose(self, count: int) -> Integers:
         """Choose readings (indices into all readings; one may come several times)."""
         designs = [d[self.new] for d in self.designs]
         spreads = list(self.spreads)
@@ -104,7 +100,7 @@ class Discrimination:
                         miss[i, j] = miss[i, j] - pull * (now / spread)
         return np.array(chosen, dtype=np.intp)
 
-    def chance(self, chosen: IntArray) -> float:
+    def chance(self, chosen: Integers) -> float:
         """Chance that, whichever set is true, every other ends more than 6 from it."""
         if not len(chosen):
             return 0.0
@@ -124,7 +120,7 @@ class Discrimination:
             total += float(self.weight[i] * np.mean(clear))
         return total
 
-    def alike(self, chosen: IntArray) -> list[tuple[int, int]]:
+    def alike(self, chosen: Integers) -> list[tuple[int, int]]:
         """Pairs that predict these readings alike: less than one sigma apart in all."""
         out = []
         for i, j in self.pairs:
@@ -135,7 +131,7 @@ class Discrimination:
                     out.append((i, j))
         return out
 
-    def _factor(self, j: int, chosen: IntArray) -> Array:
+    def _factor(self, j: int, chosen: Integers) -> Floats:
         """Cholesky factor of the covariance with which a set predicts the chosen readings."""
         d = self.designs[j][chosen]
         return np.asarray(np.linalg.cholesky(np.eye(len(chosen)) + d @ self.spreads[j] @ d.T))

@@ -23,23 +23,6 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.setup.names import effect_ids, iso_codes
 
-__all__ = [
-    "Effect",
-    "EffectLike",
-    "EffectValues",
-    "Parameter",
-    "Values",
-    "as_effect",
-    "drift",
-    "for_compensation",
-    "gridded",
-    "lengths",
-    "linear",
-    "periodic",
-    "wave",
-    "with_own",
-]
-
 EffectLike: TypeAlias = UserEffect
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
 NamedValues: TypeAlias = Mapping[str, float]

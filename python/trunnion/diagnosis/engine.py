@@ -26,14 +26,15 @@ Time and memory are linear in readings. Numbers do not depend on the count of th
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, recognised
 from trunnion.base.threads import one_blas_thread
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, explain
 from trunnion.diagnosis.fit import Fit, Whiten, fit
 from trunnion.diagnosis.model import Model, Scaling, identity
+from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
@@ -49,7 +50,7 @@ FAR_SIGMAS = 4.0
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
 
-Choice = tuple[float, Explanation, IntArray]  # score, explanation, readings set aside
+Choice = tuple[float, Explanation, Integers]  # score, explanation, readings set aside
 
 
 def diagnose(model: Model) -> Diagnosis:
@@ -85,8 +86,8 @@ def _case(model: Model) -> Case:
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)
-    step, grid = model.readings.step, None
-    if step is not None and np.any(step > 0):
+    step, grid = _steps(model), None
+    if np.any(step > 0):
         grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = model.whitener(plain.residuals)
     if grid is not None and whiten is identity:
@@ -102,6 +103,16 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     floor = NO_FLOOR if grid is None else _floor(grid, whiten)
     linearised = Linearised(model, plain.nuisance, whiten)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
+
+
+def _steps(model: Model) -> Floats:
+    """Step of each reading: the model's, or one that is recognised in the readings of a unit."""
+    readings = model.readings
+    if readings.step is not None:
+        return np.asarray(readings.step, dtype=np.float64)
+    _, index = units_of(readings)
+    steps = [recognised(readings.values[index == i]) for i in range(index.max() + 1)]
+    return np.asarray(steps)[index]
 
 
 def _white(grid: Grid, noise: float) -> Whiten:
@@ -171,7 +182,7 @@ def _choose(case: Case) -> Choice:
     return best
 
 
-def _proposals(case: Case, best: Choice, aside: IntArray) -> list[IntArray]:
+def _proposals(case: Case, best: Choice, aside: Integers) -> list[Integers]:
     """Propose further readings to set aside: far out under the causes, or competing with them."""
     out_of_causes = []
     if not len(best[2]) and best[1].sets and not case.exact(best[1].fit):
@@ -182,7 +193,7 @@ def _proposals(case: Case, best: Choice, aside: IntArray) -> list[IntArray]:
     return out_of_causes
 
 
-def _explained_without(case: Case, bad: IntArray) -> Choice:
+def _explained_without(case: Case, bad: Integers) -> Choice:
     """Explain without these readings, or those of them that stay bad."""
     n = len(case.rows)
     without = explain(case.without(bad))
@@ -197,7 +208,7 @@ def _explained_without(case: Case, bad: IntArray) -> Choice:
     return score + out.outlier_penalty(n) * len(bad), without, bad
 
 
-def _with_same_direction(case: Case, bad: IntArray) -> IntArray:
+def _with_same_direction(case: Case, bad: Integers) -> Integers:
     """Add readings that bend the fit as a bad one does: no data tell which of them it is."""
     q = case.plain.basis
     size = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", q, q), TINY))
@@ -209,7 +220,7 @@ def _with_same_direction(case: Case, bad: IntArray) -> IntArray:
     return np.unique(np.concatenate(found)).astype(np.intp)
 
 
-def _among_causes(case: Case, suspects: IntArray) -> IntArray:
+def _among_causes(case: Case, suspects: Integers) -> Integers:
     """Let a few suspect readings compete with the causes, each as a cause of its own."""
     n = len(case.model.readings)
     alone = np.zeros((n, len(suspects)))
@@ -221,14 +232,14 @@ def _among_causes(case: Case, suspects: IntArray) -> IntArray:
     return np.sort(suspects[[m - count for m in top.members if m >= count]])
 
 
-def _still_out(case: Case, e: Explanation, bad: IntArray) -> IntArray:
+def _still_out(case: Case, e: Explanation, bad: Integers) -> Integers:
     """Drop from the readings set aside those that the explanation found without them fits."""
     sigma = float(np.sqrt(case.floor.noise(e.fit.rss, e.fit.dof)))
     size = np.abs(np.asarray(case.without(bad).whiten(e.fit.residuals))[bad])
     return np.asarray(bad[size > INLIER_SIGMAS * sigma])
 
 
-def _far_out(case: Case, f: Fit) -> IntArray:
+def _far_out(case: Case, f: Fit) -> Integers:
     """Find readings far out under a fit (indices into the readings it used)."""
     leverage = np.einsum("ij,ij->i", f.basis, f.basis)
     size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, MIN_FREE))

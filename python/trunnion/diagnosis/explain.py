@@ -5,15 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
+from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
-
-__all__ = ["best_score", "explain"]
 
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
 
@@ -141,7 +139,7 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 # --- structure without a name
 
 
-def _term_penalty(case: Case, f: Fit) -> Array:
+def _term_penalty(case: Case, f: Fit) -> Floats:
     """Penalty of terms beside a fit, on the scale of the penalties of causes."""
     level = SCAN_LEVEL / max(len(case.dictionary.terms), 1)
     rank = np.maximum(case.dictionary.of_fit(f)[1], 1)
@@ -158,7 +156,7 @@ def _one_term_score(case: Case, plain: Fit) -> float:
     return float(np.min(np.where(rank > 0, left + penalty, np.inf), initial=np.inf))
 
 
-def _evidence(case: Case, f: Fit) -> Array:
+def _evidence(case: Case, f: Fit) -> Floats:
     """Drop of -2 ln L of each term less its penalty."""
     d = case.dictionary
     gain, rank = d.of_fit(f)

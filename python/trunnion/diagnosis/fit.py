@@ -1,8 +1,8 @@
 """Least squares of a model with its nuisance parameters and a set of effects.
 
 What the readings do not identify of the nuisance parameters is decided at the model's start, where
-dependencies are exact, and held there (:mod:`trunnion.base.statistics`): at the end of a fit
-leftovers of second order look like information.
+dependencies are exact, and stays there (:mod:`trunnion.base.statistics`): at the end of a fit
+leftovers of second order look like information. A fit moves in the directions that are left.
 """
 
 import itertools
@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import LinearFit, linear_fit
@@ -48,13 +49,13 @@ class Fit:
     names:
         (effect id, parameter name) of each column after the nuisance's.
     covariance:
-        Of nuisance and effect parameters per unit of noise; 0 for those that are held.
-    held:
-        Parameters that stayed at their start, one for each combination that is not identifiable.
+        Of nuisance and effect parameters per unit of noise; 0 for those that did not move.
     not_identifiable:
-        Parameters that take part in such a combination.
+        Parameters that take part in a combination that is not identifiable.
+    directions:
+        In which the parameters moved, shape (rank, p + k): those of the nuisance, then effects.
     basis:
-        Orthonormal basis of the whitened jacobian, rows used, columns that are held left out.
+        Orthonormal basis of the whitened jacobian along the directions, rows used.
     """
 
     nuisance: Array
@@ -64,8 +65,8 @@ class Fit:
     jacobian: Array
     names: tuple[tuple[str, str], ...]
     covariance: Array
-    held: Flags
     not_identifiable: Flags
+    directions: Array
     basis: Array
 
     def std(self) -> Array:
@@ -123,7 +124,7 @@ def fit(
         promised = float(np.sum((solved.basis.T @ w) ** 2))
         if promised <= 1e-10 * rss or rss <= 0:
             break
-        taken = _downhill(problem, at, solved.solution, rss)
+        taken = _downhill(problem, at, solved.solution @ problem.directions, rss)
         if taken is None:
             break
         at, r, w, rss_new = taken
@@ -139,9 +140,9 @@ def fit(
         w - solved.basis @ (solved.basis.T @ w),
         jac,
         tuple((e.id, p.name) for e, p in problem.index),
-        solved.cofactor,
-        solved.held,
-        solved.not_identifiable | problem.not_identifiable,
+        problem.directions.T @ solved.cofactor @ problem.directions,
+        problem.not_identifiable(solved),
+        problem.directions[~solved.held],
         solved.basis,
     )
 
@@ -164,10 +165,8 @@ class _Problem:
         self.index = [(e, p) for e in effects for p in e.parameters]
         self.all_used = len(rows) == len(model.readings)
         columns = self.used(model.jacobian(model.start, {}))
-        judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
-        none = np.zeros(len(self.index), dtype=bool)
-        self.hold = np.concatenate([judged.held, none])
-        self.not_identifiable = np.concatenate([judged.not_identifiable, none])
+        self.judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
 
     def used(self, a: Array) -> Array:
         """Whiten an array of all readings and take those that are used."""
@@ -185,9 +184,15 @@ class _Problem:
         return np.concatenate(parts, axis=1)
 
     def solve(self, jac: Array, w: Array) -> LinearFit:
-        """Solve for a step to whitened residuals ``w``."""
-        tolerance = self.model.rank_tolerance
-        return linear_fit(self.used(jac), w, hold=self.hold, tolerance=tolerance, basis=True)
+        """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
+        along = self.used(jac) @ self.directions.T
+        return linear_fit(along, w, tolerance=self.model.rank_tolerance, basis=True)
+
+    def not_identifiable(self, solved: LinearFit) -> Flags:
+        """Parameters of combinations that are not identifiable at the start, or ``solved``."""
+        out: Flags = (solved.combinations @ self.directions != 0).any(axis=0)
+        out[: len(self.judged.held)] |= self.judged.not_identifiable
+        return out
 
     def moved(self, at: _Point, step: Array) -> _Point:
         """Return the point after a step, effects within their bounds."""
@@ -230,7 +235,7 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         trial = Values({p.name: 0.0 if p.linear else values[e.id][p.name] for p in e.parameters})
         return problem.used(model.effect_jacobian(at.nuisance, e, trial)[:, linear[e.id]])
 
-    base = problem.used(model.jacobian(at.nuisance, {}))[:, ~problem.hold[: len(at.nuisance)]]
+    base = problem.used(model.jacobian(at.nuisance, {})) @ problem.judged.directions.T
     for e in effects:
         if e.linear:
             continue

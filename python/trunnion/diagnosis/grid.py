@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy import optimize
 
-__all__ = ["best_place"]
-
 MAX_CELLS = 8
 
 

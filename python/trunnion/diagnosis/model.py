@@ -31,18 +31,6 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
 from trunnion.machine.effects import Owner
 
-__all__ = [
-    "BaseModel",
-    "Covariate",
-    "LinearModel",
-    "Model",
-    "Nuisance",
-    "Readings",
-    "Scaling",
-    "Uncertainty",
-    "identity",
-]
-
 
 @dataclass(frozen=True)
 class Nuisance:

@@ -9,8 +9,7 @@ such noise gives.
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 
 __all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
 
@@ -28,7 +27,7 @@ _MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
-def robust_residuals(design: Array, values: Array, floor: float = 0.0) -> Array:
+def robust_residuals(design: Floats, values: Floats, floor: float = 0.0) -> Floats:
     """Residuals, per leverage, of a fit that a few readings cannot bend, shape (n,).
 
     Least absolute deviations by reweighting, then Tukey's bisquare (c = 4.685) from there with the
@@ -37,7 +36,7 @@ def robust_residuals(design: Array, values: Array, floor: float = 0.0) -> Array:
     n, p = design.shape
     q = np.linalg.qr(design)[0]
 
-    def fit(weights: Array) -> Array:
+    def fit(weights: Floats) -> Floats:
         root = np.sqrt(weights)
         solution = np.linalg.lstsq(q * root[:, None], values * root, rcond=None)[0]
         return np.asarray(values - q @ solution)
@@ -67,8 +66,8 @@ def robust_residuals(design: Array, values: Array, floor: float = 0.0) -> Array:
 
 
 def far_out(
-    r: Array, leverage: Array, floor: float = 0.0, level: float = OUTLIER_LEVEL
-) -> IntArray:
+    r: Floats, leverage: Floats, floor: float = 0.0, level: float = OUTLIER_LEVEL
+) -> Integers:
     """Find readings that are too far out for the noise of the others (indices).
 
     ``r``: residuals of a robust fit, shape (n,); ``leverage``: diagonal of the hat matrix of the
@@ -111,7 +110,7 @@ def far_out(
     return np.zeros(0, dtype=np.intp)
 
 
-def one_by_one(design: Array, values: Array, floor: float = 0.0) -> IntArray:
+def one_by_one(design: Floats, values: Floats, floor: float = 0.0) -> Integers:
     """Set aside, each time, the reading that the others miss most (indices, MAX_ASIDE at most).
 
     Baarda's data snooping, then back: a reading stays aside only if those set aside with it do not
@@ -153,7 +152,7 @@ def one_by_one(design: Array, values: Array, floor: float = 0.0) -> IntArray:
     return np.sort(np.asarray(aside, dtype=np.intp))
 
 
-def _weights(log_likelihood: Array) -> Array:
+def _weights(log_likelihood: Floats) -> Floats:
     w = np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(w / w.sum())
 

@@ -10,18 +10,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.report import Result, Table, measured, number, significant
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Alternative", "Cause", "Gain", "Residuals", "Verdict"]
-
-Flags: TypeAlias = NDArray[np.bool_]
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.effect import Effect
@@ -15,8 +14,6 @@ from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
 from trunnion.diagnosis.result import Diagnosis
 
-__all__ = ["report"]
-
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
@@ -24,7 +21,7 @@ TINY = 1e-300
 SINGULAR = 1e-8  # of a correlation matrix of estimates
 
 
-def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
+def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     """Put an explanation without the readings ``dropped`` into words and numbers.
 
     ``case``: of all readings.
@@ -76,7 +73,7 @@ def report(case: Case, e: Explanation, dropped: IntArray) -> Diagnosis:
     )
 
 
-def _gain(case: Case, rows: IntArray, plain: Fit, f: Fit) -> Gain:
+def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:
     """Residuals fitted and cross-validated, on the readings that are no outliers."""
     units, index = units_of(case.model.readings)
     return Gain.of(
@@ -178,7 +175,7 @@ def _causes(
     return tuple(cause for _, cause in out)
 
 
-def _size(case: Case, effect: Effect, f: Fit, variance: float) -> tuple[Array, float, int]:
+def _size(case: Case, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
     """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank."""
     p = len(case.model.nuisance)
     at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]

@@ -42,8 +42,6 @@ from trunnion.files.table import places
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-__all__ = ["Alternative", "Cause", "Diagnosis", "Gain", "Residuals", "Verdict"]
-
 UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
 MAX_SETS = 6  # in a sentence
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0

@@ -12,13 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
-
-__all__ = ["SCAN_LEVEL", "UNNAMED_TERM_PENALTY", "Dictionary", "Term"]
 
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do
@@ -88,7 +85,7 @@ class Dictionary:
         What each block of columns stands for.
     """
 
-    def __init__(self, model: Model, rows: IntArray, whiten: Whiten = identity) -> None:
+    def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:
         self.terms: list[Term] = []
         self._parts: list[_Part] = []
         for v, said, values, enter in _covariates(model, rows):
@@ -106,16 +103,16 @@ class Dictionary:
         longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
         for part in self._parts:
             part.normalise(ROUNDING * longest, storage(numbers_kept))
-        self._known: dict[int, tuple[Fit, Array, IntArray]] = {}
+        self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
-    def of_fit(self, f: Fit) -> tuple[Array, IntArray]:
+    def of_fit(self, f: Fit) -> tuple[Floats, Integers]:
         """Gains and ranks of all terms for the residuals of a fit (kept), shapes (t,)."""
         known = self._known.get(id(f))
         if known is None:
             known = self._known[id(f)] = (f, *self.gains(f.white, f.basis))
         return known[1], known[2]
 
-    def gains(self, r: Array, basis: Array) -> tuple[Array, IntArray]:
+    def gains(self, r: Floats, basis: Floats) -> tuple[Floats, Integers]:
         """Gain in RSS of every term alone, and how many columns it adds.
 
         ``r``: residuals (n,), or many of them (n, s), orthogonal to ``basis`` (n, q), which holds
@@ -136,7 +133,7 @@ class Dictionary:
             gain[at], rank[at] = _eliminated(a, z)
         return gain.reshape((-1, *r.shape[1:])), rank
 
-    def block(self, term: int) -> Array:
+    def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
         part = next(x for x in self._parts if x.first <= term < x.first + len(x))
         return part.block(term - part.first)
@@ -152,7 +149,7 @@ class _Part:
     then component.
     """
 
-    def __init__(self, first: int, functions: Array, components: Array) -> None:
+    def __init__(self, first: int, functions: Floats, components: Floats) -> None:
         self.first, self.functions, self.components = first, functions, components
         self.size = np.sqrt(self._weighted(functions**2, components**2))  # (m, c, k)
         self.scale = self.size
@@ -161,7 +158,7 @@ class _Part:
     def __len__(self) -> int:
         return len(self.functions) * len(self.components)
 
-    def whitened(self, rows: IntArray, n: int, whiten: Whiten) -> "_Part":
+    def whitened(self, rows: Integers, n: int, whiten: Whiten) -> "_Part":
         """Return the part with its columns, given for some of n readings, whitened."""
         if whiten is identity:
             return self
@@ -189,12 +186,12 @@ class _Part:
         self.functions = self.functions.astype(kind, copy=False)
 
     @staticmethod
-    def _weighted(x: Array, weights: Array) -> Array:
+    def _weighted(x: Floats, weights: Floats) -> Floats:
         """Sum over readings of x (m, ..., n) times each weight (c, n): (m, c, ...)."""
         flat = x.reshape(-1, x.shape[-1]) @ weights.T
         return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
-    def products(self, r: Array) -> Array:
+    def products(self, r: Floats) -> Floats:
         """Inner products of the columns with r (n, s), shape (terms, k, s)."""
         m, k, n = self.functions.shape
         flat = self.functions.reshape(m * k, n)
@@ -204,14 +201,14 @@ class _Part:
             out[:, i] = products * self.scale[:, i, :, None]
         return out.reshape(-1, k, r.shape[1])
 
-    def block(self, number: int) -> Array:
+    def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""
         f, c = divmod(number, len(self.components))
         columns = self.functions[f].astype(np.float64) * self.components[c]
         return np.asarray((columns * self.scale[f, c][:, None]).T)
 
 
-def _eliminated(a: Array, z: Array) -> tuple[Array, IntArray]:
+def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
     """Gain and rank of blocks from what the basis leaves of their Gram matrices and products.
 
     ``a``: (b, k, k); ``z``: (b, k, s). Pivots that depend on earlier ones are left out.
@@ -232,15 +229,15 @@ def _eliminated(a: Array, z: Array) -> tuple[Array, IntArray]:
 
 
 def _covariates(
-    model: Model, rows: IntArray
-) -> Iterator[tuple[Covariate, bool, NDArray[Any], dict[str, Array]]]:
+    model: Model, rows: Integers
+) -> Iterator[tuple[Covariate, bool, NDArray[Any], dict[str, Floats]]]:
     """Covariates that say something new, whether all but the jumps is said, values, components."""
     enter = {"": np.ones(len(rows))}
     for name, c in model.components.items():
         c = np.asarray(c, dtype=np.float64)[rows]
         if not any(np.array_equal(c, d) for d in enter.values()) and np.any(c):
             enter[name] = c
-    seen: list[tuple[bool, bool, IntArray]] = []
+    seen: list[tuple[bool, bool, Integers]] = []
     for v in model.covariates:
         values = np.asarray(v.values)[rows]
         said = False
@@ -256,7 +253,7 @@ def _covariates(
         yield v, said, values, enter
 
 
-def _functions(v: Covariate, values: Array) -> Iterator[tuple[str, list[object], Array]]:
+def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object], Floats]]:
     """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n)."""
     if v.classes:
         distinct, index, count = np.unique(values, return_inverse=True, return_counts=True)
@@ -287,7 +284,7 @@ def _functions(v: Covariate, values: Array) -> Iterator[tuple[str, list[object],
         yield "jump", list(places), (values >= places[:, None]).astype(float)[:, None]
 
 
-def _waves(rates: Array | IntArray, x: Array) -> Array:
+def _waves(rates: Floats | Integers, x: Floats) -> Floats:
     """Return cosine and sine of each multiple, shape (m, 2, n)."""
     angle = np.multiply.outer(np.asarray(rates, dtype=np.float64), x)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -6,13 +6,11 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import linear_fit
-from trunnion.base.units import Floats as Array
+from trunnion.base.units import Floats
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.effect import EffectValues, Values
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Gain, units_of
-
-__all__ = ["score"]
 
 STEPS = 8
 
@@ -46,7 +44,7 @@ def score(
     return Gain.of(one, two, one, two, units, index[keep])
 
 
-def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Array:
+def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Floats:
     """Residuals with the machine kept; set-up and workpiece fitted anew, outliers held down."""
     free = np.array([x.owner.of_setup for x in model.nuisance], dtype=bool)
     at = np.array(model.start, dtype=np.float64)
@@ -69,7 +67,7 @@ def _anew(model: Model, known: Mapping[str, float], effects: EffectValues) -> Ar
     loose = [e for e in kept if e.owner.of_setup]
     index = [(e, i) for e in loose for i, q in enumerate(e.parameters) if q.linear]
     y = model.readings.values
-    r: Array = y - model.predict(at, values)
+    r: Floats = y - model.predict(at, values)
     whiten = model.whitener(r)
     weight = np.ones(len(y))
     hold = None

@@ -25,8 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.resolution import NO_FLOOR, Floor
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
 
 __all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
@@ -63,8 +62,8 @@ class _State:
         self,
         mask: int,
         blocks: tuple[int, ...],
-        taken: Array,
-        residual: Array,
+        taken: Floats,
+        residual: Floats,
         rss: float,
         penalty: float,
     ) -> None:
@@ -101,7 +100,7 @@ def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
     )
 
 
-def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Array, IntArray]:
+def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Floats, Integers]:
     """Drop of RSS and count of new columns for every state and every block, shape (s, b)."""
     k_max = max(s.taken.shape[0] for s in states)
     taken = np.zeros((len(states), k_max, c.width))
@@ -140,7 +139,7 @@ def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Array, IntArray]:
     return gain, rank
 
 
-def _wide_gain(taken: Array, residual: Array, span: slice) -> tuple[Array, IntArray]:
+def _wide_gain(taken: Floats, residual: Floats, span: slice) -> tuple[Floats, Integers]:
     """Drop of RSS and count of new columns of one block of many columns, for every state (s,)."""
     t = taken[:, :, span]
     w, u = np.linalg.eigh(np.eye(t.shape[2]) - t.transpose(0, 2, 1) @ t)
@@ -159,8 +158,8 @@ class _Scorer:
         self.least = least  # of a sum of squares: rounding
 
     def __call__(
-        self, rss: Array | float, columns: IntArray | int, penalty: Array | float
-    ) -> Array:
+        self, rss: Floats | float, columns: Integers | int, penalty: Floats | float
+    ) -> Floats:
         room = self.dof - columns - 1.0
         score = self.floor.deviance(np.maximum(rss, self.least), self.dof)
         score = score + penalty * self.dof / np.maximum(room, 1.0)
@@ -170,7 +169,7 @@ class _Scorer:
 
 def search(
     c: Candidates,
-    r: Array,
+    r: Floats,
     *,
     floor: Floor = NO_FLOOR,
     within: float = WITHIN,
@@ -193,7 +192,7 @@ def search(
 class _Search:
     """All sets that were looked at, and the best score among them."""
 
-    def __init__(self, c: Candidates, r: Array, floor: Floor, within: float) -> None:
+    def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
         self.c, self.within = c, within
         rss = float(r @ r)
         self.score = _Scorer(c.dof, floor, 1e-14 * rss)
@@ -248,7 +247,7 @@ class _Search:
         gain, rank = _gains(c, states)
         size = np.array([s.taken.shape[0] for s in states])
         rss = np.array([s.rss for s in states])[:, None] - gain
-        penalty: Array = np.array([s.penalty for s in states])[:, None] + c.penalty
+        penalty: Floats = np.array([s.penalty for s in states])[:, None] + c.penalty
         total = self.score(rss, size[:, None] + rank, penalty)
         total = np.where(rank > 0, total, np.inf)
         # the best variant of each candidate

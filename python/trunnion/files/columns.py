@@ -13,28 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import shown
+from trunnion.base.units import Flags, Floats
 
-__all__ = [
-    "Column",
-    "ColumnError",
-    "Float",
-    "Int",
-    "Integer",
-    "Label",
-    "Labels",
-    "Number",
-    "OptionalInteger",
-    "OptionalLabel",
-    "OptionalNumber",
-    "has_break",
-    "natural",
-    "parse_number",
-    "raw_array",
-    "shown_field",
-    "stack",
-]
-
-Float = NDArray[np.float64]
 Int = NDArray[np.int64]
 Labels = NDArray[np.int64] | NDArray[np.str_]
 T = TypeVar("T", bound=NDArray[Any] | None)
@@ -100,7 +80,7 @@ class Column(Generic[T]):
         """Return the values in the column's type, or raise `ColumnError`."""
         raise NotImplementedError
 
-    def refuse(self, values: NDArray[Any], bad: NDArray[np.bool_], expected: str) -> None:
+    def refuse(self, values: NDArray[Any], bad: Flags, expected: str) -> None:
         """Raise `ColumnError` at the first bad row, if there is one."""
         if bad.any():
             row = int(np.argmax(bad))
@@ -149,11 +129,11 @@ class _Numeric(Column[T]):
         return numbers
 
 
-class Number(_Numeric[Float]):
+class Number(_Numeric[Floats]):
     """A required column of finite numbers."""
 
 
-class OptionalNumber(_Numeric[Float | None]):
+class OptionalNumber(_Numeric[Floats | None]):
     """A column of finite numbers that may be missing (None)."""
 
     required = False
@@ -223,7 +203,7 @@ def parse_number(value: object) -> float | None:
         return None
 
 
-def _floats(values: NDArray[Any]) -> Float | None:
+def _floats(values: NDArray[Any]) -> Floats | None:
     """Convert all values at once; None if one of them may not be a number."""
     if values.dtype.kind in "fiu":
         return values.astype(np.float64)
@@ -281,7 +261,7 @@ def raw_array(values: ArrayLike, name: str) -> NDArray[Any]:
     return array
 
 
-def stack(*columns: Float | None) -> Float:
+def stack(*columns: Floats | None) -> Floats:
     """Put columns side by side, (n, number of columns), read-only; absent ones are left out."""
     stacked = np.stack([column for column in columns if column is not None], axis=1)
     stacked.flags.writeable = False

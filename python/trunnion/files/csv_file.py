@@ -18,8 +18,6 @@ from trunnion.base.errors import FileFormatError
 from trunnion.files.columns import ColumnError, shown_field
 from trunnion.files.text import decode
 
-__all__ = ["read_table", "write_columns"]
-
 
 class Readable(Protocol):
     """What the reader has to know of a kind of data."""

@@ -26,13 +26,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.report import plain, read_json
+from trunnion.base.units import Integers
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["ColumnMapping", "Origin", "Table", "places"]
 
 Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
 """What chooses rows: a number, a slice, numbers, a mask."""
@@ -64,8 +63,8 @@ class Origin:
     """
 
     files: tuple[str, ...]
-    file: NDArray[np.intp]
-    line: NDArray[np.intp]
+    file: Integers
+    line: Integers
 
     def __getitem__(self, index: Any) -> "Origin":
         """Return the origin of some rows."""

@@ -2,8 +2,6 @@
 
 from trunnion.base.errors import FileFormatError
 
-__all__ = ["decode", "position_of"]
-
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 

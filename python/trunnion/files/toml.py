@@ -14,8 +14,6 @@ from pathlib import Path
 from trunnion.base.errors import FileFormatError
 from trunnion.files.text import decode, position_of
 
-__all__ = ["MAX_DEPTH", "Span", "TomlText"]
-
 MAX_DEPTH = 40
 """Tables and arrays in one another."""
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.identifiability import design
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
-
-__all__ = ["choose_poses"]
-
-Floats = NDArray[np.float64]
 
 
 def choose_poses(
@@ -28,7 +25,7 @@ def choose_poses(
     tolerance: float = 100.0,
     blocks: ArrayLike | None = None,
     threads: int | None = 1,
-) -> NDArray[np.intp]:
+) -> Integers:
     """Choose readings by D-optimality: the largest determinant of the errors' information.
 
     Each reading (or block) is added where the determinant grows most, then exchanged as long as

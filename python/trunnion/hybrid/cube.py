@@ -13,21 +13,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
-
-__all__ = [
-    "CubeChange",
-    "CubeStudy",
-    "cube_study",
-    "transformed_cube",
-]
-
-Floats = NDArray[np.float64]
 
 CORNERS: Floats = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 #: Pairs of corners that an edge joins: those that differ in one coordinate.

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
@@ -21,10 +21,6 @@ from trunnion.hybrid.readings import (
     start_centres,
 )
 from trunnion.hybrid.spectrum import Spectrum, combination
-
-__all__ = ["Identifiability", "design", "identifiability"]
-
-Floats = NDArray[np.float64]
 
 #: A combination with a smaller standard error (µm or arcsec) counts as well determined.
 MAX_WELL_DETERMINED_UM = 5.0

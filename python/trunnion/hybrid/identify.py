@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
 
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
+from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
@@ -27,10 +27,6 @@ from trunnion.hybrid.readings import (
 )
 from trunnion.hybrid.spectrum import Spectrum
 from trunnion.machine.estimate import Estimate, named_combination
-
-__all__ = ["BallbarIdentification", "identify_ballbar"]
-
-Floats = NDArray[np.float64]
 
 #: A combination is estimated only if its standard error is less than this, µm or arcsec.
 MAX_STD_ERROR_UM = 1000.0
@@ -152,7 +148,7 @@ class _Problem:
 
     lengths_mm: Floats
     joints: Floats
-    index: NDArray[np.intp]
+    index: Integers
     labels: tuple[str, ...]
     names: tuple[str, ...]
     mechanism: Mechanism

@@ -42,11 +42,12 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion._core import Hybrid, hybrid_example
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
 from trunnion.hybrid.results import (
     FORWARD_COLUMNS,
@@ -57,10 +58,6 @@ from trunnion.hybrid.results import (
 )
 from trunnion.setup import Setup
 from trunnion.setup.fields import Key, Number, Numbers, Section, Vector
-
-__all__ = ["Mechanism"]
-
-Floats = NDArray[np.float64]
 
 
 def _dimension_keys() -> dict[str, int]:

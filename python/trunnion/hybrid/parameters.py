@@ -5,8 +5,6 @@ from __future__ import annotations
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 
-__all__ = ["JOINTS", "OUTSIDE_ERRORS", "PAPER_ERRORS", "error_name"]
-
 _PAPER, _OUTSIDE = _core.hybrid_parameters()
 #: Names of the paper's 17 errors, with units.
 PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
-
-__all__ = ["ballbar_plan"]
-
-Floats = NDArray[np.float64]
 
 #: Axes of the circles: first and second coordinate; angles run from the first to the second.
 PLANES: Mapping[str, tuple[int, int]] = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0), "XZ": (0, 2)}

@@ -9,22 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError
+from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
-
-__all__ = [
-    "MIN_READINGS",
-    "check_enough",
-    "check_near",
-    "gradient_with_centres",
-    "joints_of",
-    "setup_index",
-    "start_centres",
-]
-
-Floats = NDArray[np.float64]
 
 #: A bar further from the modelled length than this is refused, mm.
 MAX_DEVIATION_MM = 5.0
@@ -32,7 +20,7 @@ MAX_DEVIATION_MM = 5.0
 MIN_READINGS = 3
 
 
-def setup_index(data: Ballbar) -> tuple[NDArray[np.intp], tuple[str, ...]]:
+def setup_index(data: Ballbar) -> tuple[Integers, tuple[str, ...]]:
     """Number of the set-up of each row, (n,), and the labels in order of appearance."""
     _, first, inverse = np.unique(data.setup, return_index=True, return_inverse=True)
     order = np.argsort(first)
@@ -58,7 +46,7 @@ def joints_of(data: Ballbar) -> Floats:
     return joints
 
 
-def start_centres(tips: Floats, lengths_mm: Floats, index: NDArray[np.intp]) -> Floats:
+def start_centres(tips: Floats, lengths_mm: Floats, index: Integers) -> Floats:
     """Centre of the sphere (of each set-up) that fits tool points and lengths best, (setups, 3).
 
     |p|² - L² = 2 p·c - |c|² + const is linear in the centre; where the points lie in a plane the
@@ -95,7 +83,7 @@ def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
         )
 
 
-def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
+def check_enough(index: Integers, labels: Sequence[str]) -> None:
     """Refuse set-ups whose readings cannot place the ball.
 
     Raises
@@ -112,7 +100,7 @@ def check_enough(index: NDArray[np.intp], labels: Sequence[str]) -> None:
             )
 
 
-def gradient_with_centres(gradient: Floats, direction: Floats, index: NDArray[np.intp]) -> Floats:
+def gradient_with_centres(gradient: Floats, direction: Floats, index: Integers) -> Floats:
     """Columns of the errors followed by three of each centre: the latter are -direction.
 
     Parameters

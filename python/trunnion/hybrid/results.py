@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS
 
-__all__ = ["ClosureDependence", "Constraint", "Forward", "Sensitivity"]
-
-Floats = NDArray[np.float64]
 FORWARD_COLUMNS = 26
 
 

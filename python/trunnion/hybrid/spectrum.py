@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Spectrum", "combination"]
-
-Floats = NDArray[np.float64]
+from trunnion.base.units import Floats
 
 #: Relative singular values below this are zero: those that are zero come out at 1e-13 and less.
 RANK_TOLERANCE = 1e-9

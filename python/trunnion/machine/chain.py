@@ -21,8 +21,6 @@ from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
 
-__all__ = ["Chain", "artefact_dimensions"]
-
 # What an effect of an artefact does depends on these, that there is such an effect does not.
 _ANY_ARTEFACT = {"cross": [2.0, 1.0, 1.0], "cuboid": [1.0] * 3, "sphere": [1.0, 0.0, 0.0, 0.0]}
 

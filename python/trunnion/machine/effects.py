@@ -10,20 +10,6 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 
-__all__ = [
-    "PLACEMENT",
-    "Effect",
-    "EffectInfo",
-    "Motion",
-    "MotionPose",
-    "Moving",
-    "Owner",
-    "ParameterInfo",
-    "UserEffect",
-    "effect_id",
-    "split_effects",
-]
-
 PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
 """Placement of the artefact on the table: T_S = translate(dx, dy, dz) R(ra, rb, rc)."""
 

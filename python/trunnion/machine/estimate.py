@@ -17,15 +17,6 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import Moving, Owner, effect_id
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
 
-__all__ = [
-    "Combinations",
-    "Estimate",
-    "Parameter",
-    "in_words",
-    "named_combination",
-    "read_estimate",
-]
-
 SECOND_ORDER = 1e-3
 """Components below this share of a combination are second-order and not named."""
 

@@ -12,16 +12,13 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from trunnion.base.checks import array, choose
 from trunnion.base.errors import InputError
+from trunnion.base.units import Flags, Floats
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
-
-__all__ = ["AxisSolution", "forward_kinematics", "inverse_kinematics", "kinematic_jacobian"]
-
-Floats = NDArray[np.float64]
 
 
 class AxisSolution(NamedTuple):
@@ -37,7 +34,7 @@ class AxisSolution(NamedTuple):
     """
 
     axes: Floats
-    singular: NDArray[np.bool_]
+    singular: Flags
 
 
 def forward_kinematics(

@@ -19,8 +19,6 @@ from trunnion.base.smooth import SmoothField
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.machine.effects import MotionPose
 
-__all__ = ["FieldMotion", "LinearMotion", "Travel", "angular", "bow", "motion_from_dict", "wave"]
-
 AXES = "xyz"
 MEAN_SQUARE = 1.0 / 3.0  # of a position between -1 and 1
 

@@ -48,7 +48,7 @@ import numpy.typing as npt
 
 from trunnion._core import turning_cause
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.units import Floats
+from trunnion.base.units import Flags, Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import (
     Effect,
@@ -63,8 +63,6 @@ from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings,
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 from trunnion.setup.fields import Number, Part, Section, key
-
-__all__ = ["CAUSES", "Conditions", "DiameterLaw", "build", "conditions_of"]
 
 # Grids from which the engine refines, so fine that what a grid point misses of a strong cause
 # (45 µm, noise 0.5 µm) stays below the noise: else it would be named as a cause of its own.
@@ -244,7 +242,7 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
-    def _blocks(self) -> list[npt.NDArray[np.bool_]]:
+    def _blocks(self) -> list[Flags]:
         n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]

@@ -26,8 +26,6 @@ from trunnion.probing.plan import plan
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Setup
 
-__all__ = ["axis_log", "ballbar", "diameters", "hybrid_ballbar", "points", "sweep", "touches"]
-
 SEED = 1
 NOISE_UM = 0.3
 

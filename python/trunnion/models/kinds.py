@@ -19,17 +19,6 @@ from trunnion.machine.effects import EffectInfo
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
 
-__all__ = [
-    "Builder",
-    "Kind",
-    "add_kind",
-    "catalogue",
-    "diagnose",
-    "kind_of_columns",
-    "kinds",
-    "model_of",
-]
-
 Builder: TypeAlias = Callable[[Any, Any, Sequence[EffectLike | str]], Model]
 """``build(data, setup, effects)``: the set-up may be None; ``effects`` are further candidates."""
 

@@ -18,8 +18,6 @@ from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
 
-__all__ = ["NextPass", "next_passes"]
-
 Named = Mapping[str, Mapping[str, float]]
 
 # Two laws this many standard deviations apart are distinguished in more than 99 of 100 cases.

@@ -11,19 +11,17 @@ import numpy as np
 from trunnion.base.checks import instance
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
-from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
-from trunnion.diagnosis.fit import Flags, fit
+from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Prospect", "next_touches", "prospect"]
 
 MAX_SETS = 8
 COUNTS = (16, 32, 64, 128)

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["axes_or_new", "new_figure"]
-
 
 def new_figure(width: float, height: float) -> Figure:
     """Return a new figure of this size in inches, laid out so that nothing is clipped."""

@@ -13,15 +13,6 @@ from trunnion.contouring.reproduction import ContourComparison
 from trunnion.contouring.simulation import ContourRun, ContourSweep
 from trunnion.plot.axes import axes_or_new
 
-__all__ = [
-    "plot_contour_error",
-    "plot_contour_sweep",
-    "plot_margins",
-    "plot_model_error",
-    "plot_orientation_error",
-    "plot_path",
-]
-
 STYLES = {
     "independent": {"color": "0.45", "linestyle": "-."},
     "existing": {"color": "tab:orange", "linestyle": "--"},

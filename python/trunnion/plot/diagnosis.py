@@ -8,13 +8,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Floats as Array
+from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.model import Covariate
 from trunnion.diagnosis.records import Residuals
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.plot.axes import axes_or_new
-
-__all__ = ["diagnosis_figures", "plot_diagnosis", "plot_residuals"]
 
 BEFORE, AFTER, OUT = "#c1272d", "#1f5fa8", "#7a7a7a"
 BINS = 16
@@ -49,7 +47,7 @@ def plot_residuals(
     d: Diagnosis,
     covariate: Covariate,
     *,
-    touched: NDArray[np.bool_] | None = None,
+    touched: Flags | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw residuals before and after against one covariate; outliers as crosses at the edge."""
@@ -104,14 +102,14 @@ def _record(d: Diagnosis) -> Residuals:
     return d.residuals
 
 
-def _positions(v: Covariate) -> tuple[Array, list[str] | None]:
+def _positions(v: Covariate) -> tuple[Floats, list[str] | None]:
     if not v.classes:
         return np.asarray(v.values, dtype=np.float64), None
     labels, index = np.unique(v.values, return_inverse=True)
     return index.astype(np.float64), [str(x) for x in labels]
 
 
-def _share(y: Array, v: NDArray[np.generic]) -> float:
+def _share(y: Floats, v: NDArray[np.generic]) -> float:
     """Share of the variance of |y| and y between bins of a covariate, less what chance gives."""
     distinct, index = np.unique(v, return_inverse=True)
     if len(distinct) > BINS:
@@ -127,7 +125,7 @@ def _share(y: Array, v: NDArray[np.generic]) -> float:
     return 1 - (1 - between / total) * (len(y) - 1) / (len(y) - bins)
 
 
-def _covariate_of(change: Array, record: Residuals, rows: NDArray[np.bool_]) -> Covariate:
+def _covariate_of(change: Floats, record: Residuals, rows: Flags) -> Covariate:
     """Return the covariate that tells most of how a change varies."""
     best, top = record.covariates[0], -np.inf
     sizes = np.abs(change)

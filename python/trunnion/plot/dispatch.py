@@ -11,8 +11,6 @@ from trunnion.base.errors import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["draw", "pictures"]
-
 PICTURES = {
     "BallbarIdentification": "plot_ballbar_residuals",
     "ClosedFormResult": "plot_estimates",

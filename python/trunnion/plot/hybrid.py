@@ -16,15 +16,6 @@ from trunnion.hybrid.identify import BallbarIdentification
 from trunnion.hybrid.results import Sensitivity
 from trunnion.plot.axes import axes_or_new, new_figure
 
-__all__ = [
-    "plot_ballbar_residuals",
-    "plot_ballbar_view",
-    "plot_cube",
-    "plot_cubes",
-    "plot_identifiability",
-    "plot_sensitivity",
-]
-
 
 def plot_cube(
     change: CubeChange, *, magnification: float | None = None, ax: Axes | None = None

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from trunnion.base.units import unit_of
+from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
@@ -19,9 +19,6 @@ from trunnion.setup import Setup
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-__all__ = ["plot_artefact", "plot_estimates", "plot_observability"]
 
 INK = "#24425c"
 ACCENT = "#c8502d"
@@ -32,7 +29,7 @@ def plot_artefact(
     touches: Touches,
     setup: Setup,
     *,
-    residuals_um: NDArray[np.float64] | None = None,
+    residuals_um: Floats | None = None,
     magnification: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:

@@ -14,8 +14,6 @@ from trunnion.turning.profile import Profile
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["plot_correction", "plot_probe_path", "plot_profile"]
-
 
 def plot_profile(profile: Profile, *, ax: Axes | None = None) -> Axes:
     """Draw the upper half of the part, Z to the right, radius up, to scale."""

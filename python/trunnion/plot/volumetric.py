@@ -12,8 +12,6 @@ from trunnion.base.errors import InputError
 from trunnion.compensation.volumetric import VolumetricError
 from trunnion.plot.axes import axes_or_new
 
-__all__ = ["plot_over_poses", "plot_share", "plot_volumetric"]
-
 _PLANES = {"xy": (0, 1, 2), "xz": (0, 2, 1), "yz": (1, 2, 0)}
 _COLOURS = "viridis"
 _ARROWS = 8

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError, UnknownNameError
@@ -15,10 +14,6 @@ from trunnion.probing.identify import known_sigma_um
 from trunnion.probing.model import TouchModel
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
-
-__all__ = ["closed_form"]
-
-Floats = NDArray[np.float64]
 
 PER_C = ("c_deg", "EA", "EB_C", "EC", "EX", "EY_C", "EZ")
 PER_A = ("a_deg", "EB_A", "EY_A")

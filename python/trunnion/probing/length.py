@@ -6,8 +6,6 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 
-__all__ = ["smallest_length_mm"]
-
 
 def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> float:
     """Smallest length of the artefact, L > λ_LR csc λ_RR (Kang, Kim and Jee 2022, equation (21)).

@@ -5,19 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, artefact_dimensions
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
-
-__all__ = ["TouchModel", "catalogue"]
-
-Floats = NDArray[np.float64]
 
 
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:

@@ -8,23 +8,18 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.checks import finite, instance
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.statistics import linear_fit
-from trunnion.base.units import unit_of
+from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Combinations, in_words, named_combination
 from trunnion.probing.identify import known_sigma_um
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
-
-__all__ = ["Observability", "observability"]
-
-Floats = NDArray[np.float64]
 
 EXACT = 1e-9
 """The same for bases that only remove exact dependencies."""

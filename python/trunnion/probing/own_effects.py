@@ -20,8 +20,6 @@ from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect
 from trunnion.probing.model import TouchModel
 
-__all__ = ["Found", "Loss", "TouchProblem", "own_names"]
-
 CLOSE_UM = 1e-6
 """A step that moves no reading further ends the search."""
 MAX_HALVINGS = 12

@@ -7,14 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from trunnion.base.report import Cell, Result, Table
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.estimate import Estimate
-
-__all__ = ["ClosedFormResult", "IdentificationResult", "LackOfFit", "PerPosition"]
 
 # The paper's Table 2 prints these differences under these names.
 DIFFERENCES = (("EB0C", "EB0A"), ("EY0C", "EY0A"), ("EX0C", "EX0B"), ("EA0C", "EA0B"))
@@ -46,9 +43,7 @@ class LackOfFit:
     degrees_of_freedom: tuple[int, int]
 
 
-def lack_of_fit(
-    residuals_um: Floats, repeats: NDArray[np.intp], parameters: int
-) -> LackOfFit | None:
+def lack_of_fit(residuals_um: Floats, repeats: Integers, parameters: int) -> LackOfFit | None:
     """Lack of fit where touches repeat; None where there are no repeats.
 
     Parameters

@@ -1,34 +1,45 @@
 """The machine as a `pinocchio` model: an outside check of the kinematics, and a way to its tools.
 
-Written from the conventions, without the core: location errors are the placements of the joints.
+Written from the conventions, only names come from the core: location errors are the
+placements of the joints.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trunnion.base.errors import UnknownNameError
+import trunnion._core as _core
+from trunnion.base.checks import choose, optional_module
+from trunnion.base.units import ARCSEC, unit_of
 from trunnion.setup.names import canonical_error_name
 
 if TYPE_CHECKING:
     from trunnion.setup import Setup
 
-__all__ = ["pinocchio_model"]
+MM_PER_UM = 1e-3
 
-_MM_PER_UM = 1e-3
-_RAD_PER_ARCSEC = np.pi / 648000.0
-_ERRORS = {
-    "trt-ca": ("EA0A", "EB0A", "EC0A", "EY0A", "EZ0A", "EX0C", "EY0C", "EB0C"),
-    "trt-bc": ("EB0B", "EA0B", "EC0B", "EX0B", "EZ0B", "EX0C", "EY0C", "EA0C"),
-    "table-c-head-b": (
-        *("EB0B", "EA0B", "EC0B", "EX0B", "EZ0B"),
-        *("EX0C", "EY0C", "EA0C", "EB0C"),
-    ),
-}
+
+def _errors(setup: Setup, errors: Mapping[str, float]) -> dict[str, float]:
+    """Return every location error of the machine, mm and rad."""
+    preset = setup.machine.preset
+    given = {canonical_error_name(name): size for name, size in errors.items()}
+    presets = _core.presets()
+    e = {name: 0.0 for name, _ in presets[choose("preset", preset, presets)][2]}
+    for name, size in {**setup.machine.errors, **given}.items():
+        factor = MM_PER_UM if unit_of(name) == "µm" else ARCSEC
+        e[choose(f"errors of {preset}", name, e)] = float(size) * factor
+    return e
+
+
+def _placed(pin: Any, tilts: tuple[float, float, float], offset: tuple[float, float, float]) -> Any:
+    """Return the pose translate(offset) Rx Ry Rz."""
+    turns = (pin.utils.rotate(axis, tilt) for axis, tilt in zip("xyz", tilts, strict=True))
+    alpha, beta, gamma = turns
+    return pin.SE3(alpha @ beta @ gamma, np.array(offset))
 
 
 def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> Any:
@@ -36,10 +47,9 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
 
     Joints of one degree of freedom each, in the order of the configuration ``q``: X, Y, Z (mm, they
     carry the tool), then A and C (B and C on the other machines; rad, right-handed turns of the
-    table, whatever the sense of the control). With ``data = model.createData()`` after
-    ``pin.forwardKinematics``, ``data.oMi[model.getJointId("C")]`` is ``T_A Rx(a) T_C Rz(c)``.
-    Frames "table" (workpiece side, after C) and "ball" (tool side) end the two chains. On
-    ``table-c-head-b`` the B joint is the head's, ``setup.probe.length_mm`` above the ball.
+    table, whatever the sense of the control). Joint C is at ``T_A Rx(a) T_C Rz(c)``. Frames "table"
+    (workpiece side, after C) and "ball" (tool side) end the two chains. On ``table-c-head-b`` the B
+    joint is the head's, ``setup.probe.length_mm`` above the ball.
 
     Parameters
     ----------
@@ -59,51 +69,25 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
     ImportError
         Without pinocchio.
     """
-    try:
-        import pinocchio as pin
-    except ImportError as error:
-        raise ImportError(
-            "pinocchio is not installed; expected for trunnion.pinocchio_model: "
-            "pip install 'trunnion[reference]'"
-        ) from error
-
+    pin = optional_module("pinocchio", "trunnion.pinocchio_model", "reference")
     preset = setup.machine.preset
-    if preset not in _ERRORS:
-        raise UnknownNameError(f"preset: got {preset!r}, expected one of {', '.join(_ERRORS)}")
-    given = {canonical_error_name(name): size for name, size in (errors or {}).items()}
-    e = dict.fromkeys(_ERRORS[preset], 0.0)
-    for name, size in {**setup.machine.errors, **given}.items():
-        if name not in e:
-            known = ", ".join(e)
-            raise UnknownNameError(f"{preset}: got error {name!r}, expected one of {known}")
-        e[name] = float(size) * (_MM_PER_UM if name[1] in "XYZ" else _RAD_PER_ARCSEC)
-
-    def placed(tilts: tuple[float, float, float], offset: tuple[float, float, float]) -> Any:
-        """Return the pose translate(offset) Rx Ry Rz."""
-        alpha, beta, gamma = tilts
-        turn = pin.utils.rotate("x", alpha) @ pin.utils.rotate("y", beta)
-        rotation: NDArray[np.float64] = turn @ pin.utils.rotate("z", gamma)
-        return pin.SE3(rotation, np.array(offset))
-
+    e, placed = _errors(setup, errors or {}), partial(_placed, pin)
     model = pin.Model()
     model.name = preset
-    here = pin.SE3.Identity()
+    here = ball = pin.SE3.Identity()
     tool = 0
     for name, joint in (("X", pin.JointModelPX), ("Y", pin.JointModelPY), ("Z", pin.JointModelPZ)):
         tool = model.addJoint(tool, joint(), here, name)
-
     if preset == "trt-ca":
         T_A = placed((e["EA0A"], e["EB0A"], e["EC0A"]), (0.0, e["EY0A"], e["EZ0A"]))
         T_C = placed((0.0, e["EB0C"] - e["EB0A"], 0.0), (e["EX0C"], e["EY0C"] - e["EY0A"], 0.0))
         cradle = model.addJoint(0, pin.JointModelRX(), T_A, "A")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
-        ball = here
     elif preset == "trt-bc":
         T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, e["EZ0B"]))
         T_C = placed((e["EA0C"] - e["EA0B"], 0.0, 0.0), (e["EX0C"] - e["EX0B"], e["EY0C"], 0.0))
         cradle = model.addJoint(0, pin.JointModelRY(), T_B, "B")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
-        ball = here
     else:
         length = setup.probe.length_mm
         T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, length + e["EZ0B"]))
@@ -112,6 +96,6 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         table = model.addJoint(0, pin.JointModelRZ(), T_C, "C")
         ball = placed((0.0, 0.0, 0.0), (0.0, 0.0, -length))
 
-    model.addFrame(pin.Frame("table", table, here, pin.FrameType.OP_FRAME))
-    model.addFrame(pin.Frame("ball", tool, ball, pin.FrameType.OP_FRAME))
+    for name, joint, place in (("table", table, here), ("ball", tool, ball)):
+        model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
     return model

@@ -1,12 +1,5 @@
 """What is hidden in the samples, and the errors that the paper of the main job injected."""
 
-__all__ = [
-    "HIDDEN_BACKLASH_UM",
-    "HIDDEN_EFFECTS",
-    "OTHER_ERRORS",
-    "TABLE_2",
-]
-
 TABLE_2 = {
     "EA0A": 21.6,
     "EB0A": 18.0,

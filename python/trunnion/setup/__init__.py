@@ -1,25 +1,11 @@
 """The set-up: machine, artefact and probe of a measurement, read from ``setup.toml`` or built."""
 
-from trunnion.setup.parts import (
-    Artefact,
-    AxisSetup,
-    Machine,
-    PlanSetup,
-    Probe,
-    Resolution,
-    Setup,
-    TableSetup,
-)
-from trunnion.setup.read import read_setup
-
-__all__ = [
-    "Artefact",
-    "AxisSetup",
-    "Machine",
-    "PlanSetup",
-    "Probe",
-    "Resolution",
-    "Setup",
-    "TableSetup",
-    "read_setup",
-]
+from trunnion.setup.parts import Artefact as Artefact
+from trunnion.setup.parts import AxisSetup as AxisSetup
+from trunnion.setup.parts import Machine as Machine
+from trunnion.setup.parts import PlanSetup as PlanSetup
+from trunnion.setup.parts import Probe as Probe
+from trunnion.setup.parts import Resolution as Resolution
+from trunnion.setup.parts import Setup as Setup
+from trunnion.setup.parts import TableSetup as TableSetup
+from trunnion.setup.read import read_setup as read_setup

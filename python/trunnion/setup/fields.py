@@ -42,24 +42,6 @@ from trunnion.base.report import Table
 from trunnion.base.units import unit_of
 from trunnion.files.toml import MAX_DEPTH, TomlText
 
-__all__ = [
-    "COORDINATE",
-    "LENGTH",
-    "Choice",
-    "Flag",
-    "Key",
-    "Number",
-    "Numbers",
-    "Part",
-    "Section",
-    "Sign",
-    "Takes",
-    "Vector",
-    "key",
-    "keys_of",
-    "report",
-]
-
 T = TypeVar("T")
 
 # --- what a key takes

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 
 from trunnion.base.errors import UnknownNameError
 
-__all__ = ["canonical_error_name", "effect_ids", "is_code", "iso_codes"]
-
 # EA0C: an error E in direction A..C (tilt) or X..Z (offset), zero for location, of an axis.
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
 

@@ -17,8 +17,6 @@ from trunnion.setup.parts import (
     Setup,
 )
 
-__all__ = ["read_setup"]
-
 
 def read_setup(path: str | PathLike[str]) -> Setup:
     """Read ``setup.toml``; ``print(setup)`` lists its keys.

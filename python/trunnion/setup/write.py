@@ -13,8 +13,6 @@ from trunnion.setup.fields import report
 if TYPE_CHECKING:
     from trunnion.setup.parts import Setup
 
-__all__ = ["headline_of", "report_of", "tables_of", "toml_of"]
-
 PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan")
 PROCESSES = ("turning", "servo", "ballbar", "hybrid")
 

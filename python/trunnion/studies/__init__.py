@@ -6,20 +6,13 @@ and come back in any order (:mod:`.run`) into arrays and a file (:mod:`.store`),
 a labelled dataset (:mod:`.dataset`).
 """
 
-from trunnion.probing.length import smallest_length_mm
-from trunnion.studies.dataset import open_sweep
-from trunnion.studies.run import sweep
-from trunnion.studies.study import STUDIES, Block, FunctionStudy, Output, Parameter, Seeds, Study
-
-__all__ = [
-    "STUDIES",
-    "Block",
-    "FunctionStudy",
-    "Output",
-    "Parameter",
-    "Seeds",
-    "Study",
-    "open_sweep",
-    "smallest_length_mm",
-    "sweep",
-]
+from trunnion.probing.length import smallest_length_mm as smallest_length_mm
+from trunnion.studies.dataset import open_sweep as open_sweep
+from trunnion.studies.run import sweep as sweep
+from trunnion.studies.study import STUDIES as STUDIES
+from trunnion.studies.study import Block as Block
+from trunnion.studies.study import FunctionStudy as FunctionStudy
+from trunnion.studies.study import Output as Output
+from trunnion.studies.study import Parameter as Parameter
+from trunnion.studies.study import Seeds as Seeds
+from trunnion.studies.study import Study as Study

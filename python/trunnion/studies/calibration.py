@@ -10,13 +10,12 @@ from types import MappingProxyType
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.units import Floats
 from trunnion.probing.model import TouchModel
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import OFF_SURFACE_MM
 from trunnion.setup import Artefact, Machine, Probe, Resolution, Setup
-from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value
-
-__all__ = ["CALIBRATION_PARAMETERS", "Bench", "CalibrationStudy"]
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Value
 
 CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {

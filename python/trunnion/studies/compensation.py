@@ -11,8 +11,6 @@ import numpy as np
 from trunnion.studies.calibration import CALIBRATION_PARAMETERS, bench_of
 from trunnion.studies.study import Block, Output, Parameter, Seeds, Value
 
-__all__ = ["CompensationStudy"]
-
 METHODS = ("identified", "separating", "printed")
 GRID_MM = tuple(
     np.linspace(low, high, count).tolist()

@@ -17,16 +17,6 @@ from trunnion.studies.study import Value
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "dataset",
-    "import_xarray",
-    "journal_of",
-    "open_sweep",
-    "read_same",
-    "target_of",
-    "write",
-]
-
 
 def import_xarray() -> ModuleType:
     """xarray, which holds the results.

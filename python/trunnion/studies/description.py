@@ -14,8 +14,6 @@ from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.studies.grid import Grid
 from trunnion.studies.study import FunctionStudy, Output, Study
 
-__all__ = ["FAILURE", "Description", "check_names"]
-
 FAILURE = ("failure_sample", "failure_parameters", "failure_error")
 """Variables of a result that list its failed samples."""
 

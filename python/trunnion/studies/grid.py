@@ -14,8 +14,6 @@ from trunnion.base.checks import entry, named, shown
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.studies.study import Parameter, Study, Value
 
-__all__ = ["MAX_NUMBERS", "Grid"]
-
 MAX_NUMBERS = 250_000_000
 """Numbers in a result, 2 GB: beyond it a sweep is a mistake or several sweeps."""
 MAX_NODES = 1_000_000

@@ -9,15 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from trunnion.base.errors import DataError
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.models.kinds import diagnose
 from trunnion.probing.model import TouchModel, catalogue
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Probe, Setup
-from trunnion.studies.study import Block, Floats, Output, Parameter, Seeds, Value, guarded
-
-__all__ = ["DiagnosisPowerStudy"]
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, guarded
 
 NONE = "none"
 

@@ -10,8 +10,6 @@ from importlib.util import find_spec
 from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, TimeRemainingColumn
 
-__all__ = ["progress_bar"]
-
 QUIET_S = 0.5
 """A sweep that takes less than this shows no bar unless it is asked for."""
 

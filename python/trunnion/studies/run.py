@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-__all__ = ["sweep"]
-
 MAX_TRIES = 3
 """How often a block is sent out whose worker died."""
 MAX_WAITING = 64

@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats
 from trunnion.studies.description import Description
-from trunnion.studies.study import Block, Floats
-
-__all__ = ["Blocks", "Journal", "Place", "exclusive"]
+from trunnion.studies.study import Block
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""

@@ -15,14 +15,11 @@ from types import CodeType
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.checks import shown
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
+from trunnion.base.units import Floats
 
-__all__ = ["STUDIES", "Block", "FunctionStudy", "Output", "Parameter", "Seeds", "Study", "study_of"]
-
-Floats = NDArray[np.float64]
 Value = float | int | str | bool
 
 

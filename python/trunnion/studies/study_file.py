@@ -24,8 +24,6 @@ from trunnion.studies.study import STUDIES
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["sweep_file"]
-
 KEYS = ("study", "samples", "seed", "grid", "fixed")
 
 

@@ -10,24 +10,16 @@ the part is too thin.
 >>> print(path.program("linuxcnc-lathe", feed=200).text())   # doctest: +SKIP
 """
 
-from trunnion.turning.correction import Correction, change_um, correct
-from trunnion.turning.gauge import Gauge
-from trunnion.turning.listing import Crossing, crossings
-from trunnion.turning.probing import Interval, ProbePath, TurningProbe, probe_path
-from trunnion.turning.profile import Corner, Finishing, Profile
-
-__all__ = [
-    "Corner",
-    "Correction",
-    "Crossing",
-    "Finishing",
-    "Gauge",
-    "Interval",
-    "ProbePath",
-    "Profile",
-    "TurningProbe",
-    "change_um",
-    "correct",
-    "crossings",
-    "probe_path",
-]
+from trunnion.turning.correction import Correction as Correction
+from trunnion.turning.correction import change_um as change_um
+from trunnion.turning.correction import correct as correct
+from trunnion.turning.gauge import Gauge as Gauge
+from trunnion.turning.listing import Crossing as Crossing
+from trunnion.turning.listing import crossings as crossings
+from trunnion.turning.probing import Interval as Interval
+from trunnion.turning.probing import ProbePath as ProbePath
+from trunnion.turning.probing import TurningProbe as TurningProbe
+from trunnion.turning.probing import probe_path as probe_path
+from trunnion.turning.profile import Corner as Corner
+from trunnion.turning.profile import Finishing as Finishing
+from trunnion.turning.profile import Profile as Profile

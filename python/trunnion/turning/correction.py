@@ -12,13 +12,11 @@ import numpy.typing as npt
 from trunnion._core import Program, turning_change, turning_correct
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Flags, Floats
 from trunnion.data.diameters import Diameters
 from trunnion.turning.profile import Follows
 
-__all__ = ["Correction", "Rule", "change_um", "correct"]
-
 Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
-FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,13 +51,13 @@ class Correction(Result):
     unit_um: float
     window: int
     inserted: npt.NDArray[np.int64]
-    window_z_mm: FloatArray
-    window_mean_um: FloatArray
+    window_z_mm: Floats
+    window_mean_um: Floats
     window_k: npt.NDArray[np.int64]
-    z_mm: FloatArray
-    error_um: FloatArray
-    remaining_um: FloatArray
-    covered: npt.NDArray[np.bool_]
+    z_mm: Floats
+    error_um: Floats
+    remaining_um: Floats
+    covered: Flags
     bound_um: float | None
 
     @property
@@ -96,7 +94,7 @@ class Correction(Result):
         return (Table.of("Error of the diameter, µm", columns, rows, digits=2),)
 
 
-def _extent(name: str, values: FloatArray) -> tuple[str, float, float, float]:
+def _extent(name: str, values: Floats) -> tuple[str, float, float, float]:
     rms = float(np.sqrt(np.mean(values**2)))
     return name, float(values.min()), float(values.max()), rms
 
@@ -206,7 +204,7 @@ def change_um(
     nose_mm: float = 0.0,
     feed: float | None = None,
     machine_codes: Sequence[tuple[str, float]] = (),
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[Floats, Flags]:
     """How two programs differ: diameter of the second minus that of the first at each z.
 
     Add it to an error that repeats to see what the second program leaves. Also says where both cut;
@@ -226,7 +224,7 @@ def change_um(
 
 def _columns(
     readings: Diameters | tuple[npt.ArrayLike, npt.ArrayLike],
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Floats, Floats]:
     if isinstance(readings, Diameters):
         if readings.pass_ is not None and len(np.unique(readings.pass_)) > 1:
             raise InputError(

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from trunnion.base.errors import DataError, InputError
-
-__all__ = ["Gauge"]
-
-FloatArray: TypeAlias = npt.NDArray[np.float64]
+from trunnion.base.units import Floats
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ class Gauge:
         feed_mm_min: float,
         noise_um: float = 0.0,
         seed: int | None = None,
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[Floats, Floats]:
         """Give what the gauge stores on one interval.
 
         Parameters
@@ -113,7 +109,7 @@ class Gauge:
                 f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
             )
         pitch = feed_mm_min / 60.0 / self.rate_hz
-        at: FloatArray = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
+        at: Floats = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:
             read = read + np.random.default_rng(seed).normal(0.0, noise_um, read.size)
@@ -130,9 +126,7 @@ class Gauge:
             read = 2 * self.resolution_um * np.round(stylus / self.resolution_um)
         return np.interp(at, way, z), read
 
-    def _lag(
-        self, at: FloatArray, way: FloatArray, error: FloatArray, feed_mm_s: float
-    ) -> FloatArray:
+    def _lag(self, at: Floats, way: Floats, error: Floats, feed_mm_s: float) -> Floats:
         """Give what a first-order response still lacks; exact for an error straight by pieces."""
         if self.response_s == 0:
             return np.zeros_like(at)

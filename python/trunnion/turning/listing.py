@@ -6,16 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from trunnion._core import Program
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.nc import follow
-
-__all__ = ["Crossing", "crossings"]
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

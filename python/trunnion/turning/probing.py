@@ -13,9 +13,8 @@ from trunnion._core import Program, TurnedProbePath, TurnedProfile
 from trunnion.base.checks import finite, floats
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.units import Flags, Floats
 from trunnion.turning.profile import Blocks, Profile
-
-__all__ = ["Interval", "ProbePath", "TurningProbe", "probe_path"]
 
 
 @dataclass(frozen=True)
@@ -95,16 +94,16 @@ class ProbePath(Result):
         measuring, never negative.
     """
 
-    elements: npt.NDArray[np.float64]
+    elements: Floats
     reliefs: tuple[tuple[float, float, float], ...]
     probe: TurningProbe
     options: dict[str, Any]
     intervals: tuple[Interval, ...]
     left_out: dict[int, str]
-    moves_mm: npt.NDArray[np.float64]
-    feed: npt.NDArray[np.bool_]
-    measures: npt.NDArray[np.bool_]
-    clearance_mm: npt.NDArray[np.float64]
+    moves_mm: Floats
+    feed: Flags
+    measures: Flags
+    clearance_mm: Floats
 
     @property
     def profile(self) -> Profile:
@@ -114,7 +113,7 @@ class ProbePath(Result):
     def _core(self) -> TurnedProbePath:
         return self.profile.core.probe_path(**self.options)
 
-    def contact_z_mm(self, interval: int, z_mm: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    def contact_z_mm(self, interval: int, z_mm: npt.ArrayLike) -> Floats:
         """Z of the point of contact for centres at `z_mm` (equation of 2.3(5)).
 
         Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
@@ -123,7 +122,7 @@ class ProbePath(Result):
         z = np.atleast_1d(floats("z_mm", z_mm))
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
-    def stations_mm(self, pitch_mm: float) -> npt.NDArray[np.float64]:
+    def stations_mm(self, pitch_mm: float) -> Floats:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
         if finite("pitch_mm", pitch_mm) <= 0:
             raise InputError(f"pitch_mm: got {pitch_mm}, expected more than zero")

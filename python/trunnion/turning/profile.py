@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProfile
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
-
-__all__ = ["Blocks", "Corner", "Finishing", "Follows", "Kind", "Profile"]
+from trunnion.base.units import Floats
 
 Kind: TypeAlias = Literal["sharp", "fillet", "arc-in", "arc-out", "arc-to-arc", "relief"]
 Follows: TypeAlias = Literal["contour", "nose-centre", "tip"]
@@ -149,7 +147,7 @@ class Profile:
         )
 
     @property
-    def elements(self) -> npt.NDArray[np.float64]:
+    def elements(self) -> Floats:
         """Lines and arcs, shape (n, 7): kind, z0, x0, z1, x1, centre z, centre x.
 
         Kind is 0 for a line, 1 for a convex arc (centre in the material), -1 for a concave one.
@@ -161,7 +159,7 @@ class Profile:
         follows: Follows,
         nose_mm: float,
         convex: Literal["meet", "roll"] = "roll",
-    ) -> npt.NDArray[np.float64]:
+    ) -> Floats:
         """Give what a program that cuts this profile holds; same columns as `elements`."""
         return self.core.path(follows, nose_mm, convex)
 
@@ -169,7 +167,7 @@ class Profile:
         """Radius at z; the larger one at a wall; None beside the part."""
         return self.core.radius_at(z_mm)
 
-    def outline_mm(self, step_mm: float = 0.2) -> npt.NDArray[np.float64]:
+    def outline_mm(self, step_mm: float = 0.2) -> Floats:
         """Points (z, x) along the contour, arcs divided to `step_mm`, for drawing; shape (m, 2)."""
         return outline(self.elements, step_mm)
 
@@ -257,7 +255,7 @@ class Profile:
         return Finishing(dialect, program.text(), tuple(left_out))
 
 
-def outline(elements: npt.NDArray[np.float64], step_mm: float) -> npt.NDArray[np.float64]:
+def outline(elements: Floats, step_mm: float) -> Floats:
     """Points along lines and arcs, arcs divided to `step_mm`; shape (m, 2), columns z and x."""
     points = [elements[:1, 1:3]]
     for kind, *row in elements:

@@ -9,6 +9,10 @@
 //! combination is put on one of its parameters, the last one that has a fair share in it, which is
 //! held: its step is zero. All others are then determined. Time and memory are linear in rows:
 //! everything is decided on the triangular factor of the columns.
+//!
+//! Holding a parameter changes no value of an exact combination. A combination that the data show
+//! weakly is better left alone as a whole: [`LinearFit::directions`] are those in which a fit may
+//! move then.
 
 use nalgebra::{DMatrix, DVector, DVectorView};
 
@@ -29,6 +33,8 @@ const MIN_SHARE: f64 = 1e-3;
 const MIN_HELD_SHARE: f64 = 0.25;
 /// A column shorter than this share of the longest is rounding (sin 180°) and counts as empty.
 const EMPTY_COLUMN: f64 = 1e-10;
+/// A combination below this singular value, as a share of the largest, is exact: rounding.
+const EXACT: f64 = 1e-9;
 /// Below this singular value the basis is orthogonalised twice.
 const WELL_CONDITIONED: f64 = 1e-3;
 /// Rows that are factored at once, at least: they stay in the cache.
@@ -70,6 +76,10 @@ pub struct LinearFit {
     /// These combinations, one row of p each in the parameters' own units, largest component 1,
     /// in reduced form: each names one held parameter and what it cannot be told from.
     pub combinations: Vec<f64>,
+    /// Directions in which the parameters are identifiable, one row of p each in their own units: a
+    /// unit vector for each parameter that is not held where all combinations are exact; otherwise
+    /// the singular directions, which leave a weak combination alone.
+    pub directions: Vec<f64>,
     /// Orthonormal basis of the columns that are not held, n × rank row-major; empty unless expected.
     pub basis: Vec<f64>,
 }
@@ -102,6 +112,7 @@ pub fn linear_fit(
         singular_values: judged.singular_values,
         not_identifiable: judged.not_identifiable,
         combinations: judged.combinations,
+        directions: judged.directions.unwrap_or_else(|| unit_vectors(p, &free)),
         held,
         basis: Vec::new(),
     };
@@ -173,6 +184,15 @@ fn scaled(r: &DMatrix<f64>, free: &[usize], scales: &[f64]) -> DMatrix<f64> {
     out
 }
 
+/// Unit vectors of chosen parameters, one row of p each.
+fn unit_vectors(p: usize, chosen: &[usize]) -> Vec<f64> {
+    let mut out = vec![0.0; p * chosen.len()];
+    for (row, &k) in out.chunks_exact_mut(p.max(1)).zip(chosen) {
+        row[k] = 1.0;
+    }
+    out
+}
+
 /// Inverse of an upper triangular matrix.
 fn inverse_of(r: &DMatrix<f64>) -> DMatrix<f64> {
     let mut inverse = DMatrix::identity(r.nrows(), r.nrows());
@@ -187,6 +207,8 @@ struct Judged {
     pivots: Vec<usize>,
     not_identifiable: Vec<bool>,
     combinations: Vec<f64>,
+    /// Singular directions above the tolerance, if one below it is not exact.
+    directions: Option<Vec<f64>>,
 }
 
 fn judge(r: &DMatrix<f64>, hold: &[bool], tolerance: f64) -> Judged {
@@ -198,12 +220,15 @@ fn judge(r: &DMatrix<f64>, hold: &[bool], tolerance: f64) -> Judged {
     // An empty column has no scale of its own; dividing by infinity leaves zeros.
     let divisors: Vec<f64> =
         tried.iter().map(|&k| if empty[k] { f64::INFINITY } else { lengths[k] }).collect();
+    let scales: Vec<f64> =
+        lengths.iter().zip(&empty).map(|(l, e)| if *e { 1.0 } else { *l }).collect();
     let mut judged = Judged {
-        scales: lengths.iter().zip(&empty).map(|(l, e)| if *e { 1.0 } else { *l }).collect(),
+        scales: scales.clone(),
         singular_values: Vec::new(),
         pivots: Vec::new(),
         not_identifiable: vec![false; p],
         combinations: Vec::new(),
+        directions: None,
     };
     if tried.is_empty() {
         return judged;
@@ -211,13 +236,25 @@ fn judge(r: &DMatrix<f64>, hold: &[bool], tolerance: f64) -> Judged {
     let svd = scaled(r, &tried, &divisors).svd(false, true);
     let Some(directions) = svd.v_t else { return judged };
     let largest = svd.singular_values.max();
-    let mut null_space: Vec<Vec<f64>> = Vec::new();
+    let own_units = |row: &[f64]| -> Vec<f64> {
+        let mut own = vec![0.0; p];
+        for (component, &k) in row.iter().zip(&tried) {
+            own[k] = component / scales[k];
+        }
+        own
+    };
+    let (mut null_space, mut kept, mut exact) = (Vec::new(), Vec::new(), true);
     for (value, direction) in svd.singular_values.iter().zip(directions.row_iter()) {
+        let direction: Vec<f64> = direction.iter().copied().collect();
         judged.singular_values.push(*value);
         if *value <= tolerance * largest {
-            null_space.push(direction.iter().copied().collect());
+            exact &= *value <= EXACT * largest;
+            null_space.push(direction);
+        } else {
+            kept.extend(own_units(&direction));
         }
     }
+    judged.directions = (!exact).then_some(kept);
     judged.singular_values.sort_by(|a, b| b.total_cmp(a));
     for (i, &k) in tried.iter().enumerate() {
         let share: f64 = null_space.iter().map(|row| row[i] * row[i]).sum();
@@ -226,10 +263,7 @@ fn judge(r: &DMatrix<f64>, hold: &[bool], tolerance: f64) -> Judged {
     let (pivots, rows) = reduced(null_space);
     judged.pivots = pivots.iter().map(|&i| tried[i]).collect();
     for row in rows {
-        let mut own = vec![0.0; p];
-        for (component, &k) in row.iter().zip(&tried) {
-            own[k] = component / judged.scales[k];
-        }
+        let own = own_units(&row);
         let largest =
             own.iter().fold(0.0_f64, |most, v| if v.abs() > most.abs() { *v } else { most });
         judged.combinations.extend(own.iter().map(|v| v / largest));

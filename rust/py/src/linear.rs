@@ -9,7 +9,8 @@ use crate::errors::IntoPy;
 
 /// Least squares of `columns` (n, p) · x = `values` (n,): solution (p,), cofactor (p, p), rank,
 /// singular values, what is held (p,), what is not identifiable (p,), the combinations that are not
-/// (k, p), and the orthonormal basis (n, rank), which has no columns unless it is expected.
+/// (k, p), the directions that are (rank, p), and the orthonormal basis (n, rank), which has no
+/// columns unless it is expected.
 #[pyfunction]
 pub fn linear_fit<'py>(
     py: Python<'py>,
@@ -27,6 +28,7 @@ pub fn linear_fit<'py>(
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
 )> {
     let p = columns.as_array().ncols();
     let columns = rows("columns", &columns, p)?;
@@ -41,6 +43,7 @@ pub fn linear_fit<'py>(
         PyArray1::from_vec(py, fit.held),
         PyArray1::from_vec(py, fit.not_identifiable),
         matrix(py, fit.combinations, p)?,
+        matrix(py, fit.directions, p)?,
         matrix(py, fit.basis, fit.rank)?,
     ))
 }

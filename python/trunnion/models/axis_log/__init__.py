@@ -28,6 +28,6 @@ effects, :mod:`.columns` what its entries are made of, :mod:`.checks` what a log
 :mod:`.model` what the engine asks.
 """
 
-from trunnion.models.axis_log.model import AxisLogModel, ExtendedServo, build
-
-__all__ = ["AxisLogModel", "ExtendedServo", "build"]
+from trunnion.models.axis_log.model import AxisLogModel as AxisLogModel
+from trunnion.models.axis_log.model import ExtendedServo as ExtendedServo
+from trunnion.models.axis_log.model import build as build

@@ -9,8 +9,6 @@ from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
 
-__all__ = ["check_loops", "check_motion", "check_servo", "has_tip"]
-
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
 MAX_LEAD = 0.25  # time by which an axis may be ahead of its command, times the loop gain

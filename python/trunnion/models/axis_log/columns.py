@@ -10,8 +10,6 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis.effect import Effect
 from trunnion.models.axis_log.signals import AxisSignal, Blocks, ToolTip
 
-__all__ = ["Places", "Signals", "on_readings"]
-
 MAX_CHORD_STEPS = 4
 
 

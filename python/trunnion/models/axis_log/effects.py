@@ -23,16 +23,6 @@ from trunnion.machine.effects import Owner
 from trunnion.models.axis_log.columns import Places, Signals
 from trunnion.models.axis_log.signals import AxisSignal, Units
 
-__all__ = [
-    "AXIS_EFFECTS",
-    "LOG_EFFECTS",
-    "AxisEffect",
-    "Located",
-    "LogEffect",
-    "catalogue",
-    "changed_servo",
-]
-
 LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
 ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))

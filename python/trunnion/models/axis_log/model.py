@@ -20,9 +20,6 @@ from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
 from trunnion.setup import Setup
 
-__all__ = ["AxisLogModel", "ExtendedServo", "build"]
-
-
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 

@@ -20,8 +20,6 @@ from trunnion.data.axis_log import AxisLog
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-__all__ = ["TIP_COLUMNS", "AxisSignal", "Blocks", "Run", "ToolTip", "Units", "runs_of"]
-
 MAX_READINGS = 4500
 MIN_SAMPLES = 20  # of a run
 MAX_SUBSTEPS = 100  # control periods between two samples

@@ -17,8 +17,6 @@ from trunnion.machine.effects import Motion, Owner
 from trunnion.machine.linear_axes import LinearMotion
 from trunnion.models.ballbar.path import AXES, Path
 
-__all__ = ["CATALOGUED", "Bar", "ballbar_length", "cyclic", "drifts", "expansion", "three_axis"]
-
 CATALOGUED = (
     *(f"scale_{a}" for a in AXES),
     *(f"backlash_{a}" for a in AXES),

@@ -12,8 +12,6 @@ from trunnion.hybrid.mechanism import Mechanism
 from trunnion.models.ballbar.effects import Bar, cyclic, expansion
 from trunnion.models.ballbar.path import Path
 
-__all__ = ["hybrid"]
-
 LEGS = (0, 1, 2)
 GROUPS = (("", LEGS, "the legs"), *((f"_{k + 1}", (k,), f"leg {k + 1}") for k in LEGS))
 """Suffix of the id, members, name: all legs alike, and each by itself."""

@@ -22,8 +22,6 @@ from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
-__all__ = ["Hybrid", "Machine", "ThreeAxis", "machine_of"]
-
 
 class Machine(Protocol):
     """What a ball-bar test has to know of the machine; n readings."""

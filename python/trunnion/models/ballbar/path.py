@@ -5,15 +5,12 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trunnion.base.errors import DataError
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.readings import setup_index
 from trunnion.machine.linear_axes import Travel
-
-__all__ = ["AXES", "Path"]
 
 AXES = "xyz"
 #: Travel slower than this fraction of the change from one reading to the next is a standstill.
@@ -149,7 +146,7 @@ class Path:
         return bool(sign[rows[k - 1]] != 0.0 or since < self.along[rows[k - 1]] - 1e-9)
 
 
-def _turns_back(tips: Floats) -> NDArray[np.bool_]:
+def _turns_back(tips: Floats) -> Flags:
     """Steps (n - 1,) with which the machine goes back where it came from: a new run.
 
     Standstill before such a step belongs to the new run but for its first reading.

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from trunnion.setup import Setup
 from trunnion.setup.fields import Flag, Number, Section, Sign, Vector, key
 
-__all__ = ["BallbarSettings"]
-
 
 @dataclass(frozen=True)
 class BallbarSettings:

@@ -14,14 +14,9 @@ place to place is *field*; what belongs to one hole and is there again when the 
 again is *hole by hole*; the rest is the measurement. :func:`repeatable_part` tells them apart.
 """
 
-from trunnion.models.points.model import ExtendedPoints, FeatureScatter, PointsModel, build
-from trunnion.models.points.repeatability import RepeatablePart, repeatable_part
-
-__all__ = [
-    "ExtendedPoints",
-    "FeatureScatter",
-    "PointsModel",
-    "RepeatablePart",
-    "build",
-    "repeatable_part",
-]
+from trunnion.models.points.model import ExtendedPoints as ExtendedPoints
+from trunnion.models.points.model import FeatureScatter as FeatureScatter
+from trunnion.models.points.model import PointsModel as PointsModel
+from trunnion.models.points.model import build as build
+from trunnion.models.points.repeatability import RepeatablePart as RepeatablePart
+from trunnion.models.points.repeatability import repeatable_part as repeatable_part

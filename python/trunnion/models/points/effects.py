@@ -22,8 +22,6 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
 from trunnion.models.points.geometry import AXES, Places, groups_of
 
-__all__ = ["CATALOGUED", "OF_TIME", "Field", "catalogue", "in_every_coordinate"]
-
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
 OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")

@@ -13,8 +13,6 @@ from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.points import Points
 from trunnion.machine.linear_axes import Travel
 
-__all__ = ["AXES", "Frame", "Places", "first_of", "groups_of", "places_of", "rotation", "rounded"]
-
 AXES = "xyz"
 SAME_PLACE_MM = 1e-3
 MIN_PITCH_MM = 4.0

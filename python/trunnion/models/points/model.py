@@ -50,8 +50,6 @@ from trunnion.models.points.geometry import (
 )
 from trunnion.models.points.variance import variance_components
 
-__all__ = ["ExtendedPoints", "FeatureScatter", "PointsModel", "build"]
-
 MAX_DISTANCE_MM = 5.0
 FOLDS = 10
 FOLD_SEED = 1

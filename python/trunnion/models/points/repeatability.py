@@ -15,8 +15,6 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.points.geometry import AXES, rounded
 from trunnion.models.points.model import ExtendedPoints, PointsModel
 
-__all__ = ["RepeatablePart", "repeatable_part"]
-
 MIN_FEATURES = 10
 
 

@@ -7,8 +7,6 @@ from scipy import special
 
 from trunnion.base.units import Floats, Integers
 
-__all__ = ["variance_components"]
-
 MAX_P_VALUE = 0.005
 MIN_FREEDOM = 3
 

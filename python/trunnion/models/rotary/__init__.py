@@ -16,7 +16,9 @@ from the plain circle. Axes position less well than instruments measure, so that
 brought to one noise before anything is tested.
 """
 
-from trunnion.models.rotary.geometry import Circle, circles, fit_circles
-from trunnion.models.rotary.model import ExtendedSweep, SweepModel, build
-
-__all__ = ["Circle", "ExtendedSweep", "SweepModel", "build", "circles", "fit_circles"]
+from trunnion.models.rotary.geometry import Circle as Circle
+from trunnion.models.rotary.geometry import circles as circles
+from trunnion.models.rotary.geometry import fit_circles as fit_circles
+from trunnion.models.rotary.model import ExtendedSweep as ExtendedSweep
+from trunnion.models.rotary.model import SweepModel as SweepModel
+from trunnion.models.rotary.model import build as build

@@ -15,8 +15,6 @@ from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers
 from trunnion.data.sweep import Sweep
 
-__all__ = ["Circle", "Geometry", "circles", "fit_circles", "targets_of"]
-
 MIN_POSITIONS = 3
 MIN_CIRCLE_POSITIONS = 4
 

@@ -34,8 +34,6 @@ from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
 
-__all__ = ["ExtendedSweep", "SweepModel", "build"]
-
 BLOCKS = 10
 NOISE_LEVEL = 0.01
 DIRECTIONS = ("radial", "tangential", "axial")

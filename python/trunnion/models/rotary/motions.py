@@ -14,8 +14,6 @@ from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import Parameter, wave
 from trunnion.machine.effects import Owner
 
-__all__ = ["MOTIONS", "MOTION_UNIT", "Conditions", "Motion", "catalogue", "senses"]
-
 MOTIONS = ("EX", "EY", "EZ", "EA", "EB", "EC")  # µm, µm, µm, arcsec, arcsec, arcsec
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
 MAX_HARMONIC = 8
