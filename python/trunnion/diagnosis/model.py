@@ -63,6 +63,8 @@ class Readings:
     step:
         Step in which each reading is recorded, 0 where there is none; None: not known. The noise
         of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
+    hint:
+        What to do about a step that is recognised in the readings.
     """
 
     values: Floats
@@ -70,6 +72,7 @@ class Readings:
     unit: str | tuple[str, ...] = "µm"
     sigma: Floats | None = None
     step: Floats | None = None
+    hint: str = ""
 
     def __len__(self) -> int:
         """Count of readings."""

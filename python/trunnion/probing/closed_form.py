@@ -10,8 +10,7 @@ import trunnion._core as _core
 from trunnion.base.errors import DataError, UnknownNameError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
-from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import TouchModel
+from trunnion.probing.model import TouchModel, known_sigma_um
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
 
@@ -92,7 +91,7 @@ def closed_form(
     kept = count if method == "printed" else len(values)
     used = np.any(operator != 0, axis=0)
     freedom = int(used.sum()) - kept
-    sigma = known_sigma_um(setup)
+    sigma = known_sigma_um(setup, data)
     if sigma == 0.0:
         # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
         sigma = model.core.fit(

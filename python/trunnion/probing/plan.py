@@ -8,6 +8,7 @@ import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, artefact_dimensions
 from trunnion.setup import Setup
@@ -17,6 +18,9 @@ __all__ = ["plan"]
 
 MAX_DEG = 3600.0
 """Ten turns: more is a slip of the pen."""
+USUAL_PERIOD_MS = 1.0
+"""Servo period of LinuxCNC unless its configuration says otherwise."""
+DITHER_SEED = 1
 MAX_STOPS = 100_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
@@ -33,6 +37,7 @@ def plan(
     positions_deg: Sequence[tuple[float, float]] = (),
     layout: str = "side",
     all_faces: bool = False,
+    dither: bool = True,
 ) -> Touches:
     """Plan the touches of a measurement.
 
@@ -64,6 +69,11 @@ def plan(
         top faces of the same arms ("top"); the paper's text allows both.
     all_faces
         At ±90° touch every reachable face of the cross, not only the paper's four.
+    dither
+        Start each approach up to one tick further back, by another part of it each time. Readings
+        of a control that looks at the probe once in a servo period lie on a grid of ticks counted
+        from the start; from one start all touches alike round alike, and look like errors of the
+        machine. Where the set-up knows no tick, it is taken as that of 1 ms.
 
     Returns
     -------
@@ -127,6 +137,12 @@ def plan(
         layout=layout,
         all_faces=all_faces,
     )
+    start = found["start_mm"]
+    if dither:
+        start = start - _dither_mm(setup, found["feed_mm_min"])[:, None] * found["direction"]
+        if setup.resolution.linear_um:
+            step = 1e-3 * setup.resolution.linear_um
+            start = step * np.round(start / step)
     columns: dict[str, object] = {}
     turned = chain.to_control(found["sense"])
     for letter, positions in chain.to_control(found["rotary_deg"]).items():
@@ -135,10 +151,18 @@ def plan(
     for index, axis in enumerate("xyz"):
         columns[f"{axis}_mm"] = found["contact_mm"][:, index]
         columns[f"dir_{axis}"] = found["direction"][:, index] + 0.0
-        columns[f"start_{axis}_mm"] = found["start_mm"][:, index]
+        columns[f"start_{axis}_mm"] = start[:, index]
     for name in ("cycle", "point", "feed_mm_min", "time_s"):
         columns[name] = found[name]
     return Touches(columns)
+
+
+def _dither_mm(setup: Setup, feed_mm_min: Floats) -> Floats:
+    """How much further back each approach starts, mm: 0 to 1 tick, the same for the same plan."""
+    ticks = setup.probe.ticks_um(feed_mm_min)
+    ticks = np.where(ticks > 0, ticks, USUAL_PERIOD_MS * feed_mm_min / 60.0)
+    part = np.random.default_rng(DITHER_SEED).uniform(size=len(feed_mm_min))
+    return np.asarray(1e-3 * ticks * part)
 
 
 def _length(values: Sequence[object]) -> int:

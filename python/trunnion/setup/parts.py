@@ -184,9 +184,9 @@ class Probe(Part):
     ball_radius_mm: float = key(1.0, LENGTH, "radius of the ball")
     repeatability_um: float = key(0.0, UNCERTAINTY, "standard deviation; 0: to be estimated")
     tick_um: float = key(0.0, UNCERTAINTY, "travel between two looks at the probe, at every feed")
-    servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
     length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
+    servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""

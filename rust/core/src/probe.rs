@@ -2,6 +2,9 @@
 
 use crate::{Error, Result};
 
+/// Part of a tick by which a contact may come after a look and still be seen by it: rounding.
+const AT_ONCE: f64 = 1e-6;
+
 /// A touch-trigger probe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
@@ -53,7 +56,7 @@ impl Probe {
     #[must_use]
     pub fn trigger(&self, travel: f64, feed: f64) -> f64 {
         let tick = self.tick_at(feed);
-        if tick == 0.0 { travel } else { (travel / tick).ceil() * tick }
+        if tick == 0.0 { travel } else { (travel / tick - AT_ONCE).ceil() * tick }
     }
 
     /// How late the trigger comes on average, mm: half a tick. Every estimate takes it off.
