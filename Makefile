@@ -35,13 +35,18 @@ bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
 .PHONY: power
-power: build  ## how often a diagnosis is right: the whole table, twenty minutes, into docs/power.md
+power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/power.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m power
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/power-measured.md
 
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md
+
+.PHONY: power-ticks
+power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/power-ticks.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/power-ticks.md
 
 .PHONY: power-axis-logs
 power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md

@@ -70,10 +70,10 @@ def displaced_um(
     points: Floats,
     a_deg: float = 0.0,
     c_deg: float = 0.0,
-    believed: Mapping[str, float] | None = None,
+    assumed: Mapping[str, float] | None = None,
 ) -> Floats:
-    """p_machine of the machine with errors minus that of the believed one, µm, machine frame."""
+    """p_machine of the machine with errors minus that of the assumed one, µm, machine frame."""
     p = np.column_stack([points, np.ones(len(points))]).T
     real = table_pose(errors, a_deg, c_deg) @ p
-    known = table_pose(believed or {}, a_deg, c_deg) @ p
+    known = table_pose(assumed or {}, a_deg, c_deg) @ p
     return (real - known)[:3].T * 1e3

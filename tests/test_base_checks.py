@@ -58,7 +58,7 @@ def test_arrays() -> None:
     assert checks.array("p", [1, 2, 3], 3).shape == (1, 3)
     assert checks.array("p", [[1, 2, 3]] * 4, 3, rows=4).flags.c_contiguous
     cases: tuple[tuple[Any, str], ...] = (
-        ([1, 2], r"got shape \(1, 2\), expected \(n, 3\)"),
+        ([1, 2], r"got shape \(2,\), expected \(n, 3\)"),
         ([["a", 1, 2]], r"expected numbers of shape \(n, 3\)"),
         ([[1, 2, 3], [4]], r"expected numbers of shape \(n, 3\)"),
         ([[1, 2, 3], [4, np.inf, 6]], "row 1: got .*, expected finite numbers"),

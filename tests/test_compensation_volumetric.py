@@ -166,7 +166,7 @@ def test_a_users_own_motion_enters() -> None:
     [
         ({"errors": {"EX0A": 1.0}}, "EX0A"),
         ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, expected a finite number"),
-        ({"errors": 3}, "errors: got int"),
+        ({"errors": 3}, "errors: got 3, expected names with values"),
         ({"effects": {"nonsense": {}}}, "effect: got 'nonsense'"),
         ({"effects": {"scale_x": {"um": 1.0}}}, "parameter of effect 'scale_x': got 'um'"),
         ({"x_mm": (10, -10)}, "x_mm: got"),
@@ -174,7 +174,7 @@ def test_a_users_own_motion_enters() -> None:
         ({"c_deg": "ninety"}, "c_deg: got 'ninety'"),
         ({"points": (1, 5, 5)}, "points along x_mm: got 1"),
         ({"placement": {"dq_um": 1.0}}, "placement: got 'dq_um'"),
-        ({"compensation": "map"}, "compensation: got str"),
+        ({"compensation": "map"}, "compensation: got 'map'"),
         ({"senses": {"B": 1}}, "senses: got axis B"),
     ],
 )

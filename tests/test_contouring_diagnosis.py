@@ -414,20 +414,20 @@ def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
         AxisLogModel(log.with_columns(tip_x_mm=x, tip_y_mm=gap, tip_z_mm=x), SETUP)
 
 
-def test_wrong_kinds_of_values_are_told_by_name() -> None:
+def test_wrong_kinds_of_values_are_reported_by_name() -> None:
     path = ct.Path.paper()
     x = ct.LinearAxis("fast", 5.0)  # type: ignore[arg-type]
     wrong: list[tuple[str, Callable[[], object]]] = [
-        ("path: got str", lambda: ct.simulate("p.nc", 1000.0)),  # type: ignore[arg-type]
-        ("feed: got 'slow'", lambda: ct.simulate(path, "slow")),  # type: ignore[arg-type]
-        ("feed: got -5 mm/min", lambda: ct.simulate(path, -5.0)),
+        ("path: got 'p.nc'", lambda: ct.simulate("p.nc", 1000.0)),  # type: ignore[arg-type]
+        ("feed_mm_min: got 'slow'", lambda: ct.simulate(path, "slow")),  # type: ignore[arg-type]
+        ("feed_mm_min: got -5.0", lambda: ct.simulate(path, -5.0)),
         ("dwell_s: got 1 without decelerate", lambda: ct.Feed(1000.0, dwell_s=1.0)),
-        ("servo: got dict", lambda: ct.simulate(path, 1e3, servo={})),  # type: ignore[arg-type]
+        ("servo: got {}", lambda: ct.simulate(path, 1e3, servo={})),  # type: ignore[arg-type]
         ("servo.X.gain_per_s: got 'fast'", lambda: ct.Servo({"X": x}).row("X")),
-        ("location error EX0C: got 'a'", lambda: ct.simulate(path, 1e3, errors={"EX0C": "a"})),  # type: ignore[dict-item]
+        ("location errors.EX0C: got 'a'", lambda: ct.simulate(path, 1e3, errors={"EX0C": "a"})),  # type: ignore[dict-item]
         ("paths: got one Path", lambda: ct.sweep(path, [1000.0])),  # type: ignore[arg-type]
-        ("radius: got -1 mm", lambda: ct.Path.circle(-1.0)),
+        ("radius_mm: got -1.0", lambda: ct.Path.circle(-1.0)),
     ]
-    for told, call in wrong:
-        with pytest.raises(InputError, match=re.escape(told)):
+    for message, call in wrong:
+        with pytest.raises(InputError, match=re.escape(message)):
             call()

@@ -122,8 +122,8 @@ def test_location_errors_pass_the_controller_unless_it_knows_them() -> None:
     # Away from A = 0: see below.
     path = ct.Path.circle(15.0, tilt_deg=30.0, centre_mm=(10.0, 0.0, 50.0))
     wrong = ct.simulate(path, 1000.0, errors=errors).figures
-    known = ct.simulate(path, 1000.0, errors=errors, believed=identified).figures
-    exact = ct.simulate(path, 1000.0, errors=errors, believed=errors).figures
+    known = ct.simulate(path, 1000.0, errors=errors, assumed=identified).figures
+    exact = ct.simulate(path, 1000.0, errors=errors, assumed=errors).figures
     ideal = ct.simulate(path, 1000.0).figures
     assert wrong["contour_max_um"] > 10
     assert wrong["orientation_max_arcsec"] > 15
@@ -137,7 +137,7 @@ def test_a_known_tilt_makes_c_swing_where_the_path_begins_at_the_pole() -> None:
     # pole by the tilt, so that C has to turn quickly there: no controller takes that out.
     errors = {"EB0C": 25.0, "EA0A": 30.0}
     path = ct.Path.paper(offset_mm=(0, 0, 50))
-    run = ct.simulate(path, 1000.0, errors=errors, believed=errors)
+    run = ct.simulate(path, 1000.0, errors=errors, assumed=errors)
     nominal = ct.simulate(path, 1000.0)
     swing = np.abs(np.diff(run.reference[:, 4])).max()
     assert swing > 20 * np.abs(np.diff(nominal.reference[:, 4])).max()

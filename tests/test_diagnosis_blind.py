@@ -1,71 +1,114 @@
-"""A sample of the power table: fails when a rate has moved. The whole of it: ``make power``."""
+"""The rates of the power table (docs/power.md), held with as many runs as that takes.
+
+`make test` holds them over several cases together, `make power` each by itself.
+"""
 
 from __future__ import annotations
 
+from math import ceil
+
+import numpy as np
 import pytest
-from scipy import stats
 
-from power.study import Case, Tally, part, run
+from power.study import Case, Outcome, part, run
+from promise import kept, needed_runs
 
-RUNS = 12
-
-
-def no_worse(good: int, count: int, expected: float) -> bool:
-    """Whether this many good ones of count speak against a rate of at least that (1 in 1000)."""
-    return good >= stats.binom.ppf(0.001, count, expected)
-
-
-def count(tally: Tally, what: str) -> int:
-    return sum(bool(getattr(o, what)) for o in tally.outcomes)
-
-
-@pytest.mark.parametrize("plan", ["paper", "rich"])
-@pytest.mark.parametrize("noise", ["gaussian", "heavy"])
-def test_no_effect(plan: str, noise: str) -> None:
-    t = run(Case("no effect", plan, noise_um=(0.1, 2.0), noise=noise), RUNS, seed=11)
-    consistent = sum(o.diagnosis.verdict == "consistent" for o in t.outcomes)
-    assert no_worse(consistent, RUNS, 0.95)
+NOTHING = [
+    Case("no effect", plan, noise_um=(0.1, 2.0), noise=noise)
+    for plan in ("paper", "rich")
+    for noise in ("gaussian", "heavy")
+]
+HIDDEN = [
+    (Case("one", "paper", 1, 1.0), 0.99),
+    (Case("one", "rich", 1, 0.4), 0.99),
+    (Case("two", "paper", 2, 1.0), 0.95),
+    (Case("two", "rich", 2, 0.5), 0.97),
+    (Case("three", "rich", 3, 0.7), 0.95),
+    (Case("four", "rich", 4, 1.0), 0.90),
+]
+UNKNOWN = [Case("unknown", plan, size=1.0, unknown=True) for plan in ("paper", "rich")]
+OUTLIERS = [Case("outliers", plan, outliers=0.05) for plan in ("paper", "rich")]
 
 
-@pytest.mark.parametrize(
-    ("case", "expected"),
-    [
-        (Case("one", "paper", 1, 1.0), 0.99),
-        (Case("one", "rich", 1, 0.4), 0.99),
-        (Case("two", "paper", 2, 1.0), 0.95),
-        (Case("two", "rich", 2, 0.5), 0.97),
-        (Case("three", "rich", 3, 0.7), 0.95),
-        (Case("four", "rich", 4, 1.0), 0.90),
-    ],
-    ids=lambda x: f"{x.name} {x.plan}" if isinstance(x, Case) else None,
-)
-def test_hidden_effects_are_found(case: Case, expected: float) -> None:
-    t = run(case, RUNS, seed=12)
-    assert no_worse(count(t, "among"), RUNS, expected)
-    assert no_worse(RUNS - count(t, "wrong"), RUNS, 0.97)
-    assert t.alternatives <= 3
-    covered, intervals = t.coverage
-    assert no_worse(round(covered * intervals), intervals, 0.90)
+def outcomes(cases: list[Case], promise: float, seed: int) -> list[Outcome]:
+    """As many runs as it takes to hold the promise, shared by the cases."""
+    each = ceil(needed_runs(promise) / len(cases))
+    return [o for case in cases for o in run(case, each, seed).outcomes]
 
 
-@pytest.mark.parametrize("plan", ["paper", "rich"])
-def test_effects_outside_the_catalogue(plan: str) -> None:
-    t = run(Case("unknown", plan, size=1.0, unknown=True), RUNS, seed=13)
-    assert no_worse(count(t, "quantity_named"), RUNS, 0.90)
+def hold(good: list[bool], promise: float) -> None:
+    assert kept(sum(good), len(good), promise), f"{sum(good)} of {len(good)}"
 
 
-@pytest.mark.parametrize("plan", ["paper", "rich"])
-def test_bad_touches(plan: str) -> None:
-    t = run(Case("outliers", plan, outliers=0.05), RUNS, seed=14)
-    assert no_worse(count(t, "outliers_found"), RUNS, 0.95)
-    unnamed = sum(not o.diagnosis.causes for o in t.outcomes)
-    assert no_worse(unnamed, RUNS, 0.97)
+def check_nothing(cases: list[Case]) -> None:
+    made = outcomes(cases, 0.95, seed=11)
+    hold([o.diagnosis.verdict == "consistent" for o in made], 0.95)
+
+
+def check_hidden(cases: list[Case], promise: float) -> list[Outcome]:
+    made = outcomes(cases, min(promise, 0.97), seed=12)
+    hold([o.among for o in made], promise)
+    hold([not o.wrong for o in made], 0.97)
+    assert np.median([len(o.diagnosis.alternatives) for o in made]) <= 3
+    return made
+
+
+def check_unknown(cases: list[Case]) -> None:
+    hold([o.quantity_named for o in outcomes(cases, 0.90, seed=13)], 0.90)
+
+
+def check_outliers(cases: list[Case]) -> None:
+    made = outcomes(cases, 0.95, seed=14)
+    hold([o.outliers_found for o in made], 0.95)
+    hold([not o.diagnosis.causes for o in made], 0.97)
+
+
+def test_no_effect() -> None:
+    check_nothing(NOTHING)
+
+
+@pytest.mark.power
+@pytest.mark.parametrize("case", NOTHING, ids=lambda case: f"{case.plan} {case.noise}")
+def test_no_effect_of_each(case: Case) -> None:
+    check_nothing([case])
+
+
+def test_hidden_effects_are_found_and_their_intervals_hold_the_truth() -> None:
+    """All sizes and numbers of effects together: the mean of what each promises, 0.958."""
+    made = check_hidden([case for case, _ in HIDDEN], 0.95)
+    hold([holds for o in made for holds in o.covered()], 0.90)
+
+
+@pytest.mark.power
+@pytest.mark.parametrize(("case", "promise"), HIDDEN, ids=lambda x: getattr(x, "name", None))
+def test_hidden_effects_of_each_size_are_found(case: Case, promise: float) -> None:
+    check_hidden([case], promise)
+
+
+def test_effects_outside_the_catalogue() -> None:
+    check_unknown(UNKNOWN)
+
+
+@pytest.mark.power
+@pytest.mark.parametrize("case", UNKNOWN, ids=lambda case: case.plan)
+def test_effects_outside_the_catalogue_of_each(case: Case) -> None:
+    check_unknown([case])
+
+
+def test_outliers() -> None:
+    check_outliers(OUTLIERS)
+
+
+@pytest.mark.power
+@pytest.mark.parametrize("case", OUTLIERS, ids=lambda case: case.plan)
+def test_outliers_of_each(case: Case) -> None:
+    check_outliers([case])
 
 
 def test_large_effects_are_no_outliers() -> None:
-    t = run(Case("large", "rich", 1, 8.0), RUNS, seed=15)
-    assert no_worse(count(t, "among"), RUNS, 0.97)
-    assert not any(o.diagnosis.outliers for o in t.outcomes)
+    made = outcomes([Case("large", "rich", 1, 8.0)], 0.97, seed=15)
+    hold([o.among for o in made], 0.97)
+    assert not any(o.diagnosis.outliers for o in made)
 
 
 def test_bias_of_the_location_errors_is_removed() -> None:
@@ -79,14 +122,17 @@ def test_bias_of_the_location_errors_is_removed() -> None:
         assert o.diagnosis.gain.heldout_rms_after_um < 0.5 * o.diagnosis.gain.heldout_rms_before_um
 
 
-def test_the_predicted_chance_of_parting_is_kept() -> None:
-    """Aliases of A under the paper's plan, parted by the touches that ``next_touches`` plans."""
-    t = run(Case("alike", "paper", size=1.0, only=("a_positioning",)), 4, seed=17)
-    parted = promised = 0
+def test_the_predicted_discrimination_is_achieved() -> None:
+    """Aliases of A under the paper's plan, told apart by the touches of ``next_touches``.
+
+    Few runs, so that it fails only if the prediction is far off; the rate is in docs/power.md.
+    """
+    t = run(Case("alike", "paper", size=1.0, only=("a_positioning",)), 8, seed=17)
+    achieved = predicted = 0
     for k, o in enumerate(t.outcomes):
         if o.diagnosis.verdict == "ambiguous":
             chance, came = part(o, 16, seed=k)
-            promised += chance >= 0.9
-            parted += chance >= 0.9 and came
-    assert promised >= 2
-    assert no_worse(parted, promised, 0.9)
+            predicted += chance >= 0.9
+            achieved += chance >= 0.9 and came
+    assert predicted >= 4
+    assert achieved >= 0.6 * predicted

@@ -120,16 +120,23 @@ def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None)
     """
     shape = f"({'n' if rows is None else rows}, {columns})"
     try:
-        found = np.atleast_2d(np.asarray(value, dtype=np.float64))
+        given = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{what}: got {shown(value)}, expected numbers of shape {shape}") from None
+    found = np.atleast_2d(given)
     if found.ndim != 2 or found.shape[1] != columns or rows not in (None, len(found)):
-        raise InputError(f"{what}: got shape {found.shape}, expected {shape}")
+        raise InputError(f"{what}: got shape {given.shape}, expected {shape}")
     bad = ~np.isfinite(found).all(axis=1)
     if bad.any():
         row = int(np.argmax(bad))
         raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
     return np.ascontiguousarray(found)
+
+
+def point(what: str, value: ArrayLike) -> tuple[float, float, float]:
+    """Return three finite numbers."""
+    x, y, z = array(what, value, 3, rows=1)[0].tolist()
+    return x, y, z
 
 
 def floats(what: str, value: object) -> Floats:

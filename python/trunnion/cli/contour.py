@@ -89,7 +89,7 @@ def simulate(
                 controller=name,  # type: ignore[arg-type]
                 servo=servo,
                 errors=named_values("--error", error),
-                believed=named_values("--assumed", assumed),
+                assumed=named_values("--assumed", assumed),
             ),
         )
         for feed in feed_mm_min or FEEDS_MM_MIN

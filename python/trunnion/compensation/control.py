@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.checks import array, positive, shown
 from trunnion.base.errors import InputError
 from trunnion.base.units import Flags, Floats
 from trunnion.compensation.machine import (
@@ -39,11 +40,11 @@ class Compensation(Protocol):
 
 
 @runtime_checkable
-class Belief(Protocol):
-    """A compensation that is a machine which the control believes in, with zeros of its axes."""
+class ControlModel(Protocol):
+    """A compensation that is the machine which the control assumes, with zeros of its axes."""
 
-    def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
-        """Return the believed machine and the zeros added to rotary positions, arcsec."""
+    def control_model(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
+        """Return the assumed machine and the zeros added to rotary positions, arcsec."""
         ...
 
 
@@ -62,7 +63,7 @@ class ModelCompensation:
         """Make it from errors and effects, or from a result that has them."""
         return cls(MachineErrors.of(setup, errors, effects))
 
-    def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
+    def control_model(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the identified machine; no zeros are changed."""
         return self.known.core(setup), [0.0] * Chain(setup).count
 
@@ -92,8 +93,7 @@ class InverseCompensation:
         cls, setup: Setup, errors: Known, effects: Effects = None, *, largest_turn_deg: float = 1.0
     ) -> InverseCompensation:
         """Make it from errors and effects, or from a result that has them."""
-        if not (np.isfinite(largest_turn_deg) and largest_turn_deg > 0):
-            raise InputError(f"largest_turn_deg: got {largest_turn_deg!r}, expected above 0")
+        positive("largest_turn_deg", largest_turn_deg)
         known = MachineErrors.of(setup, errors, effects)
         if known.own:
             raise InputError(
@@ -163,6 +163,13 @@ def nominal_commands(setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Flo
     return np.hstack([linear, rotary_deg])
 
 
+def is_compensation(compensation: object) -> TypeGuard[Compensation]:
+    """Whether there is one; what is neither one nor None is refused."""
+    if compensation is not None and not isinstance(compensation, Compensation):
+        raise InputError(f"compensation: got {shown(compensation)}, expected one or None")
+    return compensation is not None
+
+
 def control_commands(
     setup: Setup,
     compensation: Compensation | None,
@@ -173,32 +180,13 @@ def control_commands(
 ) -> Floats:
     """Return what the control sends for programmed poses: the whole behaviour of a control.
 
-    Parameters
-    ----------
-    setup
-        Machine and resolution.
-    compensation
-        None: the nominal machine.
-    points_mm
-        Tool points in the workpiece's frame, (n, 3).
-    rotary_deg
-        Commanded rotary positions, (n, axes), in the contract's sign and the machine's order.
-    rounded
-        Round the commands to the control's resolution.
-
-    Returns
-    -------
-    ndarray
-        (n, 3 + axes): X, Y, Z in mm and rotary positions in degrees.
+    Arguments and result as for `Compensation.commands`; without a compensation the commands are
+    those of the nominal machine. `rounded`: to the control's resolution.
     """
-    if compensation is None:
-        commands = nominal_commands(setup, points_mm, rotary_deg)
-    elif isinstance(compensation, Compensation):
+    if is_compensation(compensation):
         commands = compensation.commands(setup, points_mm, rotary_deg)
     else:
-        raise InputError(
-            f"compensation: got {type(compensation).__name__}, expected a compensation or None"
-        )
+        commands = nominal_commands(setup, points_mm, rotary_deg)
     return rounded_commands(setup, commands) if rounded else commands
 
 
@@ -239,9 +227,7 @@ def inverse_compensation(
     InputError
         Points or rotary positions of another shape or not finite; unknown names.
     """
-    points = np.atleast_2d(np.asarray(points_mm, dtype=float))
-    if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
-        raise InputError(f"points_mm: got shape {points.shape}, expected finite (n, 3)")
+    points = array("points_mm", points_mm, 3)
     chain = Chain(setup)
     rotary = chain.to_machine(rotary_deg, len(points))
     left: Floats | None = None

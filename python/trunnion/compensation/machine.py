@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 import trunnion._core as _core
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.checks import choose, finite, named, numbers
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import (
@@ -79,10 +80,7 @@ class MachineErrors:
         `errors` is a mapping, or an estimate (its effects are taken unless given separately), or a
         `MachineErrors`. Location errors that are not given are those of the set-up file, else zero.
 
-        Raises
-        ------
-        DataError
-            An estimate with a location error or an effect that its data do not identify.
+        An estimate with a location error or an effect that its data do not identify is refused.
         """
         chain = Chain(setup)
         if isinstance(errors, MachineErrors):
@@ -96,25 +94,22 @@ class MachineErrors:
         std_errors = {k: v for given in estimates for k, v in given.std_errors.items()}
         errors = errors.errors if isinstance(errors, Estimate) else errors
         effects = effects.effects if isinstance(effects, Estimate) else effects
+        expected = (
+            "names with values, or an estimate: the result of an identification, the model of a "
+            "diagnosis"
+        )
         for what, value in (("errors", errors), ("effects", effects), ("placement", placement)):
-            if value is not None and not isinstance(value, Mapping):
-                raise InputError(
-                    f"{what}: got {type(value).__name__}, expected names with values, or an "
-                    "estimate: the result of an identification, the model of a diagnosis"
-                )
-        named = chain.named_errors(errors)
+            named(what, value, expected)
+        known = chain.named_errors(errors)
         for name in placement or {}:
-            if name not in PLACEMENT:
-                raise UnknownNameError(
-                    f"placement: got {name!r}, expected one of {', '.join(PLACEMENT)}"
-                )
+            choose("placement", name, PLACEMENT)
         machine, own, ignored = _sorted_effects(setup, effects or {}, estimates)
-        _refuse_unseen(std_errors, {*named, *machine, *(moving.id for moving in own)})
+        _refuse_not_identifiable(std_errors, {*known, *machine, *(moving.id for moving in own)})
         return cls(
-            errors={name: _finite(name, value) for name, value in named.items()},
+            errors={name: finite(name, value) for name, value in known.items()},
             effects=machine,
             own=own,
-            placement={k: _finite(k, v) for k, v in (placement or {}).items()},
+            placement={name: finite(name, value) for name, value in (placement or {}).items()},
             ignored=ignored,
         )
 
@@ -152,33 +147,23 @@ class MachineErrors:
         return moved
 
 
-def _refuse_unseen(std_errors: Mapping[str, float], used: set[str]) -> None:
+def _refuse_not_identifiable(std_errors: Mapping[str, float], used: set[str]) -> None:
     """Nothing is corrected by a number that nobody measured; `used` are errors and effects."""
-    unseen = [
+    missing = [
         name
         for name, value in std_errors.items()
         if not np.isfinite(value) and name.partition(".")[0] in used
     ]
-    if unseen:
+    if missing:
         raise DataError(
-            f"{', '.join(unseen)}: got no estimate (the data cannot see it), expected one: nothing "
-            "bounds what compensation leaves; give the errors as names and values if theirs are "
-            "known otherwise"
+            f"{', '.join(missing)}: got no estimate (not identifiable), expected one: nothing "
+            "bounds what compensation leaves; give the errors as names and values if "
+            "theirs are known otherwise"
         )
 
 
 NOMINAL = MachineErrors()
 """A machine without errors."""
-
-
-def _finite(name: str, value: object) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        number = np.nan
-    if not np.isfinite(number) or isinstance(value, bool):
-        raise InputError(f"{name}: got {value!r}, expected a finite number")
-    return number
 
 
 def _sorted_effects(
@@ -195,24 +180,20 @@ def _sorted_effects(
     ignored: list[str] = []
     for effect, values in effects.items():
         name = chain.effect_id(effect) if isinstance(effect, str) else effect_id(effect)
-        numbers = {k: _finite(f"{name}.{k}", v) for k, v in values.items()}
+        sizes = numbers(name, values)
         motion = effect.motion if isinstance(effect, Moving) else motions.get(name)
         if motion is not None:
-            own.append(OwnMotion(name, motion, numbers))
+            own.append(OwnMotion(name, motion, sizes))
         elif not isinstance(effect, str) or name in idle:
             ignored.append(name)
         elif name in known:
             parameters = [p.name for p in known[name].parameters]
             for parameter in values:
-                if parameter not in parameters:
-                    raise UnknownNameError(
-                        f"parameter of effect {name!r}: got {parameter!r}, expected one of "
-                        f"{', '.join(parameters)}"
-                    )
+                choose(f"parameter of effect {name!r}", parameter, parameters)
             if known[name].owner is Owner.MACHINE:
-                machine[name] = numbers
+                machine[name] = sizes
             else:
                 ignored.append(name)
         else:
-            raise UnknownNameError(f"effect: got {name!r}, expected one of {', '.join(known)}")
+            choose("effect", name, known)
     return machine, tuple(own), tuple(ignored)

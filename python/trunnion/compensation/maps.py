@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
+from trunnion.base.checks import array, floats, positive, within
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation, nominal_commands
@@ -97,7 +98,7 @@ class ErrorMap(report.Result):
         InputError
             If a position lies outside the map; a map is not extrapolated.
         """
-        linear = np.atleast_2d(np.asarray(position_mm, dtype=float))
+        linear = array("position_mm", position_mm, 3)
         missing = [letter for letter in self.rotary_deg if letter not in rotary_deg]
         if missing:
             raise InputError(f"rotary_deg: got no axis {missing[0]}, expected its position")
@@ -263,12 +264,10 @@ def error_map(
     InputError
         Ranges that are none, a map of more than five million nodes.
     """
-    for what, step in (("linear_step_mm", linear_step_mm), ("rotary_step_deg", rotary_step_deg)):
-        if not (np.isfinite(step) and step > 0):
-            raise InputError(f"{what}: got {step!r}, expected a number above 0")
-    least = setup.resolution.linear_um if resolution_um is None else float(resolution_um)
-    if not (np.isfinite(least) and least >= 0):
-        raise InputError(f"resolution_um: got {resolution_um!r}, expected 0 or above")
+    positive("linear_step_mm", linear_step_mm)
+    positive("rotary_step_deg", rotary_step_deg)
+    resolution = setup.resolution.linear_um if resolution_um is None else resolution_um
+    least = within("resolution_um", resolution, 0.0)
     known = MachineErrors.of(setup, errors, effects)
     letters = Chain(setup).letters
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
@@ -277,19 +276,7 @@ def error_map(
         for letter in letters
     }
     where = Workspace(x_mm, y_mm, z_mm, spread.get("A"), spread.get("C"), spread.get("B"))
-    rotary, _ = where.rotary(setup)
-    box = list(where.ends())
-    low, high = _reach(setup, rotary, box)
-    linear = [
-        np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
-        for lo, hi in zip(low, high, strict=True)
-    ]
-    count = np.prod([len(nodes) for nodes in (*rotary.values(), *linear)])
-    if count > LARGEST_MAP:
-        raise InputError(
-            f"error map: got {int(count):,} nodes, expected at most {LARGEST_MAP:,}: take larger "
-            "steps"
-        )
+    rotary, linear = _nodes(setup, where, linear_step_mm)
     exact = _corrections(setup, known, rotary, linear)
     for i, letter in enumerate(letters):
         if len(rotary[letter]) > 1 and np.ptp(exact, axis=i).max() < _CONSTANT_UM:
@@ -301,9 +288,27 @@ def error_map(
     return replace(made, interpolation_error_um=_interpolation_error(setup, known, made))
 
 
+def _nodes(
+    setup: Setup, where: Workspace, linear_step_mm: float
+) -> tuple[dict[str, Floats], list[Floats]]:
+    """Nodes of the rotary and of the linear axes of a map."""
+    rotary, _ = where.rotary(setup)
+    low, high = _reach(setup, rotary, list(where.ends()))
+    linear = [
+        np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
+        for lo, hi in zip(low, high, strict=True)
+    ]
+    count = int(np.prod([len(nodes) for nodes in (*rotary.values(), *linear)]))
+    if count > LARGEST_MAP:
+        raise InputError(
+            f"error map: got {count:,} nodes, expected at most {LARGEST_MAP:,}: take larger steps"
+        )
+    return rotary, linear
+
+
 def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
-    nodes = np.atleast_1d(np.asarray(given, dtype=float))
-    if nodes.ndim != 1 or not np.all(np.isfinite(nodes)) or np.any(np.diff(nodes) <= 0):
+    nodes = np.atleast_1d(floats(name, given))
+    if nodes.ndim != 1 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high), rising nodes or a number")
     if len(nodes) != 2:
         return nodes

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.errors import InputError
+from trunnion.base.checks import instance
 from trunnion.base.units import Floats
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
 from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
@@ -97,8 +97,7 @@ def remeasure(
         Rows of the plan with the positions that the control shows. Identified without known
         errors, they give what the compensation has left (and the placement of the artefact).
     """
-    if not isinstance(plan, Touches):
-        raise InputError(f"plan: got {type(plan).__name__}, expected trunnion.Touches")
+    instance("plan", plan, Touches, "trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)
     truth: dict[str, Any] = {
         "errors": state.errors,

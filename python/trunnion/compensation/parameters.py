@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import choose
+from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.base.units import Floats
 from trunnion.compensation.control import round_to
@@ -122,19 +123,18 @@ class CncParameters(Result):
     work: Mapping[str, float] = field(default_factory=dict)
     removable: tuple[Removable, ...] = ()
 
-    def belief(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
+    def control_model(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the machine that the control reckons with, and its zeros."""
         core = MachineErrors(errors=self.centres_um, placement=self.work).core(setup)
         chain = Chain(setup)
         for letter in self.zeros_arcsec:
-            if letter not in chain.letters:
-                raise InputError(f"zeros_arcsec: got axis {letter}, expected among {chain.name}")
+            choose("zeros_arcsec", letter, chain.letters)
         zeros = chain.to_machine({k: self.zeros_arcsec.get(k, 0.0) for k in chain.letters})[0]
         return core, zeros.tolist()
 
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z by the control's transformation, rotary axes with their zeros added."""
-        core, zeros = self.belief(setup)
+        core, zeros = self.control_model(setup)
         linear = core.linear_commands(points_mm, rotary_deg, None)
         return np.hstack([linear, rotary_deg + np.array(zeros) / 3600.0])
 
@@ -222,8 +222,7 @@ def cnc_parameters(
     (-20.0, 15.0)
     """
     for group in groups:
-        if group not in GROUPS:
-            raise UnknownNameError(f"groups: got {group!r}, expected among {', '.join(GROUPS)}")
+        choose("groups", group, GROUPS)
     known = MachineErrors.of(setup, errors, effects, placement)
     if known.own:
         raise InputError(
@@ -315,9 +314,9 @@ class _Fit:
     def solve(self) -> CncParameters:
         values = np.zeros(len(self.names))
         for _ in range(_ROUNDS):
-            believed, zeros = self.parameters(values).belief(self.setup)
-            left = self.residuals(self.truth.fields(believed, zeros, self.poses)[0])[:, 0]
-            rates = self.truth.control_rates(believed, zeros, self.poses)
+            assumed, zeros = self.parameters(values).control_model(self.setup)
+            left = self.residuals(self.truth.fields(assumed, zeros, self.poses)[0])[:, 0]
+            rates = self.truth.control_rates(assumed, zeros, self.poses)
             columns = self.rates(rates, len(self.names))[:, self.used]
             if not self.used:
                 break
@@ -411,16 +410,9 @@ def printed_zeros(errors: Mapping[str, float], setup_yaw_arcsec: float = 0.0) ->
     setup_yaw_arcsec
         E_CRS, the artefact's yaw on the table.
     """
-    phi, theta, psi = np.radians(
-        np.array(
-            [
-                errors.get("EA0A", 0.0),
-                errors.get("EB0C", 0.0),
-                errors.get("EC0A", 0.0) + setup_yaw_arcsec,
-            ]
-        )
-        / 3600.0
-    )
+    tilts = np.array([errors.get(name, 0.0) for name in ("EA0A", "EB0C", "EC0A")])
+    tilts[2] += setup_yaw_arcsec
+    phi, theta, psi = np.radians(tilts / 3600.0)
     ni = np.sin(phi) * np.sin(psi) - np.cos(phi) * np.cos(psi) * np.sin(theta)
     nj = np.cos(psi) * np.sin(phi) + np.cos(phi) * np.sin(psi) * np.sin(theta)
     nk = np.cos(phi) * np.cos(theta)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.checks import finite, whole
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
@@ -114,14 +115,13 @@ def residual_interval(
     Raises
     ------
     DataError
-        A location error that the data could not see: no bound can be given.
+        A location error that is not identifiable: no bound can be given.
     InputError
         A covariance of another shape than `names`, not finite or not symmetric.
     """
-    if not 0 < level < 1:
+    if not 0 < finite("level", level) < 1:
         raise InputError(f"level: got {level!r}, expected a number between 0 and 1")
-    if isinstance(draws, bool) or not isinstance(draws, int) or draws < 100:
-        raise InputError(f"draws: got {draws!r}, expected a whole number from 100")
+    whole("draws", draws, 100)
     known = MachineErrors.of(setup, estimate)
     matrix, listed = _covariance(estimate, covariance, names)
     freedom = degrees_of_freedom
@@ -132,29 +132,13 @@ def residual_interval(
             freedom = estimate.degrees_of_freedom
     if not freedom > 0:
         raise InputError(f"degrees_of_freedom: got {freedom!r}, expected above 0")
-    core = known.core(setup)
-    parameters = [name for name, _ in core.parameters]
+    parameters = [name for name, _ in known.core(setup).parameters]
     used = [name for name in listed if name in parameters]
     index = [listed.index(name) for name in used]
-    part = matrix[np.ix_(index, index)]
-
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
-    poses = pose_grid(setup, where.rotary(setup)[0])
-    believed, zeros = ModelCompensation(known).belief(setup)
-    rates = core.truth_rates(believed, zeros, poses).reshape(len(poses), len(parameters), 3, 4)
-    rates = rates[:, [parameters.index(name) for name in used]]
-    ends = where.ends()
-    corners = np.stack(np.meshgrid(*ends, [1.0], indexing="ij"), axis=-1).reshape(-1, 4)
-    at_corners = np.einsum("mpij,kj->pmki", rates, corners)
-    # Mean square over the solid box: value in the middle and gains times standard deviations.
-    middle = np.array([*(e.mean() for e in ends), 1.0])
-    spread = np.array([np.ptp(e) / np.sqrt(12.0) for e in ends])
-    moments = np.concatenate([rates @ middle[:, None], rates[..., :3] * spread], axis=-1).transpose(
-        1, 0, 2, 3
-    )
-
+    at_corners, moments = _rates(setup, known, where, [parameters.index(name) for name in used])
     random = np.random.default_rng(seed)
-    root = _root(part)
+    root = _root(matrix[np.ix_(index, index)])
     largest, square = np.empty(draws), np.empty(draws)
     for first in range(0, draws, _BLOCK):
         count = min(_BLOCK, draws - first)
@@ -165,7 +149,7 @@ def residual_interval(
         left = np.tensordot(drawn, at_corners, axes=1)
         largest[block] = np.sqrt(np.einsum("dmki,dmki->dmk", left, left).max(axis=(1, 2)))
         parts = np.tensordot(drawn, moments, axes=1).reshape(count, -1)
-        square[block] = np.einsum("di,di->d", parts, parts) / len(poses)
+        square[block] = np.einsum("di,di->d", parts, parts) / moments.shape[1]
     tail = 0.5 * (1.0 - level)
 
     def interval(values: Floats) -> tuple[tuple[float, float], float]:
@@ -174,6 +158,27 @@ def residual_interval(
 
     (max_um, max_bound), (rms_um, rms_bound) = interval(largest), interval(np.sqrt(square))
     return ResidualInterval(level, max_um, max_bound, rms_um, rms_bound, draws)
+
+
+def _rates(
+    setup: Setup, known: MachineErrors, where: Workspace, used: Sequence[int]
+) -> tuple[Floats, Floats]:
+    """Derivatives of the error in the corners of the box, and of its mean square, (p, poses, ..).
+
+    The mean square over the solid box is that of the value in its middle and of the gains times the
+    standard deviations of the coordinates.
+    """
+    core = known.core(setup)
+    poses = pose_grid(setup, where.rotary(setup)[0])
+    assumed, zeros = ModelCompensation(known).control_model(setup)
+    rates = core.truth_rates(assumed, zeros, poses).reshape(len(poses), -1, 3, 4)[:, used]
+    ends = where.ends()
+    corners = np.stack(np.meshgrid(*ends, [1.0], indexing="ij"), axis=-1).reshape(-1, 4)
+    at_corners = np.einsum("mpij,kj->pmki", rates, corners)
+    middle = np.array([*(e.mean() for e in ends), 1.0])
+    spread = np.array([np.ptp(e) / np.sqrt(12.0) for e in ends])
+    moments = np.concatenate([rates @ middle[:, None], rates[..., :3] * spread], axis=-1)
+    return at_corners, moments.transpose(1, 0, 2, 3)
 
 
 def _covariance(

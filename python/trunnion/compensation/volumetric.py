@@ -15,10 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.checks import array
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats
-from trunnion.compensation.control import Belief, Compensation, control_commands
+from trunnion.compensation.control import (
+    Compensation,
+    ControlModel,
+    control_commands,
+    is_compensation,
+)
 from trunnion.compensation.machine import (
     NOMINAL,
     Effects,
@@ -177,9 +183,7 @@ class VolumetricError(Result):
                 "at: got a sampled field or a result read from JSON, expected one of "
                 "volumetric_error without rounding and tables"
             )
-        points = np.asarray(points_mm, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)):
-            raise InputError(f"points_mm: got shape {points.shape}, expected finite (n, 3)")
+        points = array("points_mm", points_mm, 3)
         if len(self._fields) == 1:
             values = _core.field_at(self._fields[0], points, threads)
             return values.reshape(*self.max_by_pose_um.shape, *values.shape)
@@ -257,7 +261,7 @@ def volumetric_error(
         Machine (and the resolution, where commands are rounded).
     errors
         Location errors of the machine as it is, µm and arcsec, totals, or a result that has them
-        (all of them: one that its data could not see is refused); those of the set-up where not
+        (all of them: one that is not identifiable is refused); those of the set-up where not
         given.
     effects
         Effects as id → parameter → value. Those of probe, artefact and time do not enter.
@@ -268,7 +272,7 @@ def volumetric_error(
     placement
         Placement of the work on the table, unknown to the control unless compensated.
     compensation
-        What the control does about it; None: the control believes in the nominal machine.
+        What the control does about it; None: the control assumes the nominal machine.
     rounded
         Round commands to the resolution of the set-up.
     points
@@ -299,42 +303,7 @@ def volumetric_error(
         rounded,
         _Reached(approach, senses or {}),
     )
-    shape = task.shape
-    common = {
-        "rotary_deg": task.rotary,
-        "x_mm": task.nodes[0],
-        "y_mm": task.nodes[1],
-        "z_mm": task.nodes[2],
-        "ignored": task.state.ignored,
-        "idle": task.idle(),
-    }
-    if task.is_affine:
-        fields, directions = task.affine_fields()
-        grid = [axis.tolist() for axis in task.nodes]
-        largest, squares = _core.field_statistics(fields, grid)
-        sampled = None
-    else:
-        largest, squares, directions = (np.empty(len(task.poses)) for _ in range(3))
-        count = int(np.prod([len(axis) for axis in task.nodes]))
-        keep = len(task.poses) * count * 3 <= LARGEST_FIELD
-        sampled = np.empty((len(task.poses), count, 3)) if keep else None
-        fields = None
-        for i, (vectors, direction) in enumerate(task.sampled_fields()):
-            lengths = np.einsum("ij,ij->i", vectors, vectors)
-            largest[i], squares[i] = np.sqrt(lengths.max()), lengths.mean()
-            directions[i] = direction
-            if sampled is not None:
-                sampled[i] = vectors
-    return VolumetricError(
-        max_um=float(largest.max()),
-        rms_um=float(np.sqrt(squares.mean())),
-        max_by_pose_um=largest.reshape(shape),
-        rms_by_pose_um=np.sqrt(squares).reshape(shape),
-        direction_by_pose_arcsec=directions.reshape(shape),
-        _fields=fields,
-        _sampled=sampled,
-        **common,  # type: ignore[arg-type]
-    )
+    return task.result()
 
 
 def error_fields(
@@ -409,10 +378,7 @@ class _Task:
         travelling: _Reached,
     ) -> _Task:
         positions, shape = where.rotary(setup)
-        if compensation is not None and not isinstance(compensation, Compensation):
-            raise InputError(
-                f"compensation: got {type(compensation).__name__}, expected a compensation or None"
-            )
+        is_compensation(compensation)
         return cls(
             setup=setup,
             state=state,
@@ -430,8 +396,41 @@ class _Task:
     def is_affine(self) -> bool:
         known = getattr(self.compensation, "known", None)
         own = self.state.own or (known is not None and known.own)
-        by_model = self.compensation is None or isinstance(self.compensation, Belief)
+        by_model = self.compensation is None or isinstance(self.compensation, ControlModel)
         return by_model and not self.rounded and not own
+
+    def result(self) -> VolumetricError:
+        """Largest, mean square and direction at each pose, and the fields that were needed."""
+        fields: Floats | None = None
+        sampled: Floats | None = None
+        if self.is_affine:
+            fields, directions = self.affine_fields()
+            grid = [axis.tolist() for axis in self.nodes]
+            largest, squares = _core.field_statistics(fields, grid)
+        else:
+            largest, squares, directions = (np.empty(len(self.poses)) for _ in range(3))
+            count = int(np.prod([len(axis) for axis in self.nodes]))
+            if len(self.poses) * count * 3 <= LARGEST_FIELD:
+                sampled = np.empty((len(self.poses), count, 3))
+            for i, (vectors, direction) in enumerate(self.sampled_fields()):
+                lengths = np.einsum("ij,ij->i", vectors, vectors)
+                largest[i], squares[i] = np.sqrt(lengths.max()), lengths.mean()
+                directions[i] = direction
+                if sampled is not None:
+                    sampled[i] = vectors
+        return VolumetricError(
+            float(largest.max()),
+            float(np.sqrt(squares.mean())),
+            largest.reshape(self.shape),
+            np.sqrt(squares).reshape(self.shape),
+            directions.reshape(self.shape),
+            self.rotary,
+            *self.nodes,
+            ignored=self.state.ignored,
+            idle=self.idle(),
+            _fields=fields,
+            _sampled=sampled,
+        )
 
     def idle(self) -> tuple[str, ...]:
         """Effects that have values and still move nothing at any of the poses."""
@@ -449,11 +448,11 @@ class _Task:
         return tuple(found)
 
     def affine_fields(self) -> tuple[Floats, Floats]:
-        if isinstance(self.compensation, Belief):
-            believed, zeros = self.compensation.belief(self.setup)
+        if isinstance(self.compensation, ControlModel):
+            assumed, zeros = self.compensation.control_model(self.setup)
         else:
-            believed, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
-        return self.truth.fields(believed, zeros, self.poses)
+            assumed, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
+        return self.truth.fields(assumed, zeros, self.poses)
 
     def sampled_fields(self) -> Iterator[tuple[Floats, float]]:
         grid = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 3)

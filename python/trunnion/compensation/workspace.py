@@ -9,6 +9,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.checks import floats, whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
@@ -84,7 +85,7 @@ class Workspace:
         shape: list[int] = []
         for letter in chain.letters:
             value = given.get(letter)
-            positions = _numbers(f"{letter.lower()}_deg", 0.0 if value is None else value)
+            positions = floats(f"{letter.lower()}_deg", 0.0 if value is None else value)
             if positions.ndim > 1 or positions.size == 0:
                 raise InputError(
                     f"{letter.lower()}_deg: got {value!r}, expected a number or a sequence"
@@ -103,23 +104,11 @@ def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
 
 def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = _numbers(name, given)
+    nodes = floats(name, given)
     if nodes.ndim == 0:
         nodes = nodes[None]
     if len(nodes) == 2 and nodes[0] < nodes[1]:
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 2:
-            raise InputError(f"points along {name}: got {count!r}, expected a whole number from 2")
-        return np.linspace(nodes[0], nodes[1], int(count))
+        return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
     return nodes
-
-
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.array(np.nan)
-    if not np.all(np.isfinite(values)):
-        raise InputError(f"{name}: got {given!r}, expected finite numbers")
-    return values

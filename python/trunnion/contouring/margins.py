@@ -81,7 +81,7 @@ def margins(
     controller: Controller = "proposed",
     path: Path | None = None,
     u: ArrayLike | None = None,
-    believed: Mapping[str, float] | None = None,
+    assumed: Mapping[str, float] | None = None,
 ) -> Margins:
     """Gain and stability margins of the loops, by the exact sampled response with its delay.
 
@@ -105,7 +105,7 @@ def margins(
             axes=servo.rows(),
             gains=gains,
             period_s=period_s,
-            assumed=location_errors(believed),
+            assumed=location_errors(assumed),
         )
     return Margins(
         "XYZAC",

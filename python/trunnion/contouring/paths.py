@@ -20,7 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 import trunnion.nc as nc
 from trunnion._core import ContourPath
-from trunnion.base.checks import floats
+from trunnion.base.checks import array, floats, positive
 from trunnion.base.errors import InputError, ProgramError
 from trunnion.base.units import Floats
 
@@ -147,8 +147,7 @@ class Path:
         Without tilt the tool stays vertical. With a tilt and the centre on the C axis the machine
         turns C alone. u is the angle in rad.
         """
-        if not radius_mm > 0:
-            raise InputError(f"radius: got {radius_mm:g} mm, expected above 0")
+        positive("radius_mm", radius_mm)
         tilt = np.deg2rad(tilt_deg)
         constant = np.array([*centre_mm, 0.0, 0.0, np.cos(tilt)], dtype=np.float64)
         cosine = np.array([radius_mm, 0.0, 0.0, np.sin(tilt), 0.0, 0.0])
@@ -237,16 +236,16 @@ def _row(what: str, values: ArrayLike) -> Floats:
 
 
 def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Floats, Floats]:
-    p = np.asarray(points_mm, dtype=np.float64)
-    w = np.asarray(tools, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 3 or len(p) < 2:
-        raise InputError(f"path points: got shape {p.shape}, expected (n, 3) with n >= 2")
-    w = np.broadcast_to(w, p.shape) if w.shape == (3,) else w
-    if w.shape != p.shape:
-        raise InputError(f"tool directions: got shape {w.shape}, expected {p.shape} or (3,)")
+    p, w = array("path points", points_mm, 3), array("tool directions", tools, 3)
+    if len(p) < 2 or len(w) not in (1, len(p)):
+        raise InputError(
+            f"path: got {len(p)} points and {len(w)} tool directions, expected at least two points "
+            "and one direction, or one for each"
+        )
+    w = np.broadcast_to(w, p.shape)
     length = np.linalg.norm(w, axis=1, keepdims=True)
-    if not (np.isfinite(p).all() and np.isfinite(w).all() and (length > 0).all()):
-        raise InputError("path: points and tool directions have to be finite, directions not zero")
+    if not (length > 0).all():
+        raise InputError("tool directions: got one of length 0, expected none")
     repeated = np.flatnonzero(np.linalg.norm(np.diff(p, axis=0), axis=1) == 0.0)
     if len(repeated):
         raise InputError(f"path point {repeated[0] + 1}: the same as the one before; drop it")

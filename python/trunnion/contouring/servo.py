@@ -24,20 +24,24 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import choose, entry
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import choose, entry, floats, instance
+from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import Floats
 from trunnion.setup import Setup, read_setup
 from trunnion.setup.fields import Choice, Key, Number, Section, key
 
 Feedback: TypeAlias = Literal["motor", "load"]
+Position: TypeAlias = Literal["circle", "tangent"]
+Orientation: TypeAlias = Literal["proposed", "tangent"]
+Order: TypeAlias = Literal["controller_last", "jacobian_last", "as_printed"]
 LINEAR = ("X", "Y", "Z")
 ROTARY = ("A", "B", "C")
 
 POSITIVE = Number(positive=True)
 NOT_NEGATIVE = Number(0.0)
 LIMIT = Number(positive=True, infinite=True)
+ANY = Number(infinite=True)
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,7 @@ class Servo:
         for letter, axis in self.axes.items():
             choose("servo axis", letter, (*LINEAR, *ROTARY))
             kind = LinearAxis if letter in LINEAR else RotaryAxis
-            if not isinstance(axis, kind):
-                got = type(axis).__name__
-                raise InputError(f"servo axis {letter}: got {got}, expected {kind.__name__}")
+            instance(f"servo axis {letter}", axis, kind, f"a {kind.__name__}")
         choose("servo feedback", self.feedback, ("motor", "load"))
         object.__setattr__(self, "axes", FrozenMapping(self.axes))
 
@@ -200,11 +202,10 @@ class Servo:
     def row(self, letter: str) -> Floats:
         """Return the numbers of an axis in the order of its fields, shape (13,)."""
         if letter not in self.axes:
-            known = ", ".join(self.axes) or "none"
-            raise InputError(f"servo axis {letter}: not there (there are: {known}); it is expected")
-        axis = self.axes[letter]
-        named = [f.name for f in fields(axis)]
-        return np.array([number(f"servo.{letter}.{n}", getattr(axis, n)) for n in named])
+            known = ", ".join(self.axes) or "others"
+            raise InputError(f"servo axis {letter}: got none, expected it beside {known}")
+        values = asdict(self.axes[letter])
+        return np.array([ANY(f"servo.{letter}.{name}", size) for name, size in values.items()])
 
     def rows(self) -> Floats:
         """Return the numbers of X, Y, Z, A, C, shape (5, 13)."""
@@ -263,16 +264,16 @@ class Coupling:
         a degree) and enter the linear axes five times too large.
     """
 
-    position: Literal["circle", "tangent"] = "circle"
-    orientation: Literal["proposed", "tangent"] = "proposed"
+    position: Position = "circle"
+    orientation: Orientation = "proposed"
     gains: Floats = field(default_factory=lambda: _TABLE_1 / _AXIAL[:, None])
-    order: Literal["controller_last", "jacobian_last", "as_printed"] = "controller_last"
+    order: Order = "controller_last"
 
     def __post_init__(self) -> None:
         """Check the gains."""
-        gains = np.array(self.gains, dtype=np.float64)
-        if gains.shape != (5, 3) or not np.isfinite(gains).all():
-            raise InputError(f"coupling gains: got {gains.shape}, expected (5, 3) finite numbers")
+        gains = floats("coupling gains", self.gains).copy()
+        if gains.shape != (5, 3):
+            raise InputError(f"coupling gains: got shape {gains.shape}, expected (5, 3)")
         gains.setflags(write=False)
         object.__setattr__(self, "gains", gains)
 
@@ -282,29 +283,12 @@ class Coupling:
         return Coupling(self.position, self.orientation, gains, self.order)
 
     @property
-    def core(
-        self,
-    ) -> tuple[
-        Literal["circle", "tangent"],
-        Literal["proposed", "tangent"],
-        Floats,
-        Literal["controller_last", "jacobian_last", "as_printed"],
-    ]:
+    def core(self) -> tuple[Position, Orientation, Floats, Order]:
         """Arguments of the core."""
         return self.position, self.orientation, self.gains, self.order
 
 
 Controller: TypeAlias = Literal["independent", "existing", "proposed"] | Coupling
-
-
-def number(what: str, value: Any) -> float:
-    """Return a number as a float; anything else is an InputError."""
-    try:
-        if isinstance(value, str | bytes | bool):
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{what}: got {value!r}, expected a number") from None
 
 
 def coupling_of(controller: Controller) -> Coupling | None:
@@ -316,9 +300,4 @@ def coupling_of(controller: Controller) -> Coupling | None:
         "existing": Coupling(orientation="tangent"),
         "proposed": Coupling(),
     }
-    if controller not in known:
-        expected = ", ".join(known)
-        raise UnknownNameError(
-            f"controller {controller!r}; expected one of {expected} or a Coupling"
-        )
-    return known[controller]
+    return known[choose("controller", controller, known)]

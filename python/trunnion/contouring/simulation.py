@@ -2,18 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isfinite
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
+from trunnion.base.checks import instance, numbers, positive, whole, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
 from trunnion.contouring.paths import Path
-from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of, number
+from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
 from trunnion.data.axis_log import AxisLog
 from trunnion.setup.names import canonical_error_name
 
@@ -77,10 +78,7 @@ class Feed:
         """Check the feed, in its own unit, and that a dwell follows a stop."""
         if self.dwell_s and not self.decelerate:
             raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, expected it too")
-        if not (isfinite(number("feed, mm/min", self.feed_mm_min)) and self.feed_mm_min > 0):
-            raise InputError(
-                f"feed: got {self.feed_mm_min:g} mm/min, expected a finite number above 0"
-            )
+        positive("feed_mm_min", self.feed_mm_min)
 
     @property
     def core(self) -> tuple[float, float, bool, float, float]:
@@ -191,29 +189,19 @@ class ContourRun(Result):
         """Return what a control would log: commanded and actual axis positions.
 
         The commands are those that the position loops get; under cross-coupled control they are not
-        those of the path.
-
-        Noise is normal, 1 σ. ``log_delay_ms``: the actual positions are those of so much earlier
-        (cubic interpolation between samples).
+        those of the path. Noise is normal, 1 σ. ``log_delay_ms``: the actual positions are those of
+        so much earlier (cubic interpolation between samples).
 
         Raises
         ------
         InputError
             Noise, delay or seed that is negative or not finite.
         """
-        for name, value in (
-            ("noise_um", noise_um),
-            ("noise_arcsec", noise_arcsec),
-            ("log_delay_ms", log_delay_ms),
-            ("seed", seed),
-        ):
-            if not (isfinite(number(name, value)) and value >= 0):
-                raise InputError(f"{name}: got {value:g}, expected a finite number, 0 or more")
-        if seed != int(seed):
-            raise InputError(f"seed: got {seed:g}, expected a whole number")
-        rng = np.random.default_rng(int(seed))
+        within("noise_um", noise_um, 0.0)
+        within("noise_arcsec", noise_arcsec, 0.0)
+        rng = np.random.default_rng(whole("seed", seed, 0))
         actual: Floats = self.actual
-        if log_delay_ms != 0.0:
+        if within("log_delay_ms", log_delay_ms, 0.0) != 0.0:
             actual = _earlier(self.time_s, actual, log_delay_ms * 1e-3)
         sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600.0] * 2)
         actual = actual + sigma * rng.standard_normal(actual.shape)
@@ -284,32 +272,18 @@ def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
 
 def location_errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
     """Return names and sizes (µm, arcsec) as the core takes them."""
-    if not isinstance(errors, Mapping | None):
-        raise InputError(f"location errors: got {errors!r}, expected a mapping of name to number")
-    return [
-        (canonical_error_name(k), number(f"location error {k}", v))
-        for k, v in (errors or {}).items()
-    ]
-
-
-def _feed(feed: "Feed | float") -> Feed:
-    return feed if isinstance(feed, Feed) else Feed(number("feed", feed))
+    sizes = numbers("location errors", errors)
+    return [(canonical_error_name(name), size) for name, size in sizes.items()]
 
 
 def _path(path: Path) -> Path:
-    if not isinstance(path, Path):
-        raise InputError(f"path: got {type(path).__name__}, expected a Path")
-    return path
+    return instance("path", path, Path, "a Path")
 
 
 def period_ms(servo: Servo) -> float:
     """Return the control period; 1 ms where the servo has none."""
-    if not isinstance(servo, Servo):
-        raise InputError(f"servo: got {type(servo).__name__}, expected a Servo")
-    period = 1.0 if servo.period_ms is None else servo.period_ms
-    if not (isfinite(period) and period > 0):
-        raise InputError(f"control period: got {period} ms, expected a finite number above 0")
-    return period
+    period = instance("servo", servo, Servo, "a Servo").period_ms
+    return 1.0 if period is None else positive("period_ms", period)
 
 
 def _name(controller: Controller) -> str:
@@ -328,7 +302,7 @@ def simulate(
     controller: Controller = "proposed",
     servo: Servo | None = None,
     errors: Mapping[str, float] | None = None,
-    believed: Mapping[str, float] | None = None,
+    assumed: Mapping[str, float] | None = None,
 ) -> ContourRun:
     """Simulate one run of the five-axis loop along a path.
 
@@ -346,7 +320,7 @@ def simulate(
     errors:
         Location errors of the machine as it is (ISO names, µm and arcsec). They enter the true
         errors of the tool on the part.
-    believed:
+    assumed:
         Location errors that the control knows: its reference axis positions and its error models
         use the machine with them. Identified ones take out what ``errors`` do.
 
@@ -360,12 +334,12 @@ def simulate(
     period = period_ms(servo)
     columns = _core.contour_simulate(
         _path(path).core,
-        _feed(feed).core,
+        (feed if isinstance(feed, Feed) else Feed(feed)).core,
         period_s=period * 1e-3,
         axes=servo.rows(),
         feedback=servo.feedback,
         coupling=None if coupling is None else coupling.core,
-        assumed=location_errors(believed),
+        assumed=location_errors(assumed),
         real=location_errors(errors),
     )
     arrays: dict[str, Any] = dict(columns)
@@ -445,7 +419,7 @@ def sweep(
     servo: Servo | None = None,
     feed: Feed | None = None,
     errors: Mapping[str, float] | None = None,
-    believed: Mapping[str, float] | None = None,
+    assumed: Mapping[str, float] | None = None,
 ) -> ContourSweep:
     """Simulate every combination of path, feed and controller, on all cores.
 
@@ -459,7 +433,7 @@ def sweep(
     shape = (len(paths), len(feeds_mm_min), len(controllers))
     index = list(np.ndindex(*shape))
     couplings = [coupling_of(c) for c in controllers]
-    feeds = [replace(common, feed_mm_min=number("feed", f)).core for f in feeds_mm_min]
+    feeds = [replace(common, feed_mm_min=f).core for f in feeds_mm_min]
     names, values = _core.contour_sweep(
         [_path(p).core for p in paths],
         path_index=[i for i, _, _ in index],
@@ -469,14 +443,14 @@ def sweep(
         feedback=servo.feedback,
         couplings=[None if c is None else c.core for c in couplings],
         coupling_index=[k for _, _, k in index],
-        assumed=location_errors(believed),
+        assumed=location_errors(assumed),
         real=location_errors(errors),
     )
+    kinds: dict[str, type] = {"steps": np.int64, "diverged": bool}
     columns: dict[str, Any] = {
-        name: values[:, i].reshape(shape).copy() for i, name in enumerate(names)
+        name: values[:, i].reshape(shape).astype(kinds.get(name, np.float64))
+        for i, name in enumerate(names)
     }
-    columns["steps"] = columns["steps"].astype(np.int64)
-    columns["diverged"] = columns["diverged"].astype(bool)
     return ContourSweep(
         feeds_mm_min=np.asarray(feeds_mm_min, dtype=np.float64),
         controllers=tuple(_name(c) for c in controllers),

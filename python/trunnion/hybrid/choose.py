@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.checks import whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
@@ -29,8 +30,7 @@ def choose_poses(
     """Choose readings by D-optimality: the largest determinant of the errors' information.
 
     Each reading (or block) is added where the determinant grows most, then exchanged as long as
-    that helps. Ball centres are unknown; errors are known to `tolerance` beforehand, so that the
-    determinant exists before all of them are identifiable.
+    that helps. Ball centres are unknown; errors are known to `tolerance` beforehand.
 
     Parameters
     ----------
@@ -56,8 +56,7 @@ def choose_poses(
     if label.shape != (len(candidates),):
         raise InputError(f"blocks: got shape {label.shape}, expected ({len(candidates)},)")
     kinds, block = np.unique(label, return_inverse=True)
-    if not 1 <= count <= len(kinds):
-        raise InputError(f"count: got {count}, expected 1 to {len(kinds)}")
+    count = whole("count", count, 1, len(kinds))
     matrix, labels = design(candidates, mechanism, names, threads)
     rows = matrix / sigma_um
     # A centre is known to a millimetre before it is measured: next to nothing.

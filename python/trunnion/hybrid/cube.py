@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.errors import InputError
+from trunnion.base.checks import choose, finite, point, positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.hybrid.mechanism import Mechanism
@@ -120,11 +120,8 @@ class CubeStudy(Result):
 
     def __getitem__(self, error: str) -> CubeChange:
         """Return the change under one error, by any spelling of its name."""
-        name = error_name(error)
-        for change in self.changes:
-            if change.error == name:
-                return change
-        raise InputError(f"error {error!r}: expected one of {[c.error for c in self.changes]}")
+        changes = {change.error: change for change in self.changes}
+        return changes[choose("error", error_name(error), changes)]
 
     def below(self, ratio: float = 0.2) -> int:
         """Count the errors whose edges change by less than this fraction of the rigid motion."""
@@ -158,13 +155,6 @@ class CubeStudy(Result):
             f"{self.below()} of {len(self.changes)} errors change no edge by one fifth of the "
             "rigid motion.",
         )
-
-
-def _point(what: str, value: ArrayLike) -> tuple[float, float, float]:
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise InputError(f"{what}: got {value!r}, expected three finite numbers")
-    return (float(array[0]), float(array[1]), float(array[2]))
 
 
 def _circles(radius_mm: float) -> tuple[Floats, Floats]:
@@ -204,16 +194,10 @@ def cube_study(
     KinematicsError
         A corner out of reach.
     """
-    centre, way = _point("centre_mm", centre_mm), _point("direction", direction)
-    if not (np.isfinite(side_mm) and side_mm > 0):
-        raise InputError(f"side_mm: got {side_mm!r}, expected more than 0")
-    if not (np.isfinite(amount) and amount != 0):
-        raise InputError(f"amount: got {amount!r}, expected a number that is not 0")
-    sizes = (
-        {error_name(n): float(v) for n, v in errors.items()}
-        if isinstance(errors, Mapping)
-        else {error_name(n): amount for n in errors}
-    )
+    centre, way = point("centre_mm", centre_mm), point("direction", direction)
+    positive("side_mm", side_mm)
+    given = errors if isinstance(errors, Mapping) else dict.fromkeys(errors, amount)
+    sizes = {error_name(name): finite(name, size) for name, size in given.items()}
     points, units = _circles(side_mm / 2)
     arms = np.vstack([CORNERS * side_mm / 2, np.zeros((1, 3)), points.reshape(-1, 3)])
     commands = mechanism.nominal.inverse(arms + centre, way, wrist=wrist)
@@ -223,8 +207,7 @@ def cube_study(
         total = dict(mechanism.errors)
         total[name] = total.get(name, 0.0) + value
         after = mechanism.with_errors(total).forward(commands).tip_mm
-        shift = (after - before) * 1e3
-        changes.append(_change(name, value, arms, before, after, shift, units))
+        changes.append(_change(name, value, arms, before, after, units))
     return CubeStudy(side_mm, centre, way, tuple(changes))
 
 
@@ -236,14 +219,9 @@ def transformed_cube(
 
 
 def _change(
-    name: str,
-    value: float,
-    arms: Floats,
-    before: Floats,
-    after: Floats,
-    shift_um: Floats,
-    units: Floats,
+    name: str, value: float, arms: Floats, before: Floats, after: Floats, units: Floats
 ) -> CubeChange:
+    shift_um = (after - before) * 1e3
     corners = shift_um[:8]
     # Displacement = t + ω × arm, in µm, mm and mrad: linear least squares over the corners.
     design = np.zeros((8, 3, 6))
@@ -258,8 +236,8 @@ def _change(
     ]
     circles = np.zeros((3, 360))
     for k in range(3):
-        moved = (after[9 + 360 * k : 9 + 360 * (k + 1)] - after[8]) * 1e3
-        start = (before[9 + 360 * k : 9 + 360 * (k + 1)] - before[8]) * 1e3
+        circle = slice(9 + 360 * k, 9 + 360 * (k + 1))
+        moved, start = (after[circle] - after[8]) * 1e3, (before[circle] - before[8]) * 1e3
         growth = np.linalg.norm(moved, axis=1) - np.linalg.norm(start, axis=1)
         # The centre of the circle is unknown to a ball-bar.
         centre, *_ = np.linalg.lstsq(units[k], growth, rcond=1e-9)
@@ -270,8 +248,8 @@ def _change(
         nominal_mm=before[:8],
         moved_mm=after[:8],
         centre_um=shift_um[8],
-        translation_um=np.asarray(rigid[:3], dtype=np.float64),
-        rotation_arcsec=np.asarray(rigid[3:] * 1e-3 * (648000 / np.pi), dtype=np.float64),
+        translation_um=np.asarray(rigid[:3]),
+        rotation_arcsec=np.asarray(rigid[3:] * 1e-3 * (648000 / np.pi)),
         remainder_um=remainder,
         edges_um=np.array(edges) * 1e3,
         circles_um=circles,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.errors import InputError
+from trunnion.base.checks import positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
@@ -128,8 +128,7 @@ def identifiability(
         `sigma_um` not above 0.
     """
     names = tuple(error_name(p) for p in parameters)
-    if not (np.isfinite(sigma_um) and sigma_um > 0):
-        raise InputError(f"sigma_um: got {sigma_um!r}, expected more than 0")
+    positive("sigma_um", sigma_um)
     matrix, labels = design(plan, mechanism, names, threads)
     spectrum = Spectrum.of(matrix, len(names))
     return Identifiability(
@@ -149,14 +148,9 @@ def identifiability(
 def design(
     plan: Ballbar, mechanism: Mechanism, names: Sequence[str], threads: int | None
 ) -> tuple[Floats, tuple[str, ...]]:
-    """Differentiate the readings of a plan by errors (µm, arcsec) and ball centres (µm).
+    """Readings of a plan differentiated by errors (µm, arcsec) and ball centres (µm).
 
-    Returns
-    -------
-    design : ndarray, shape (n, k + 3 setups)
-        µm per unit.
-    labels : tuple of str
-        Of the set-ups, in the order of their centres.
+    Shape (n, k + 3 setups); and the labels of the set-ups, in the order of their centres.
     """
     joints = joints_of(plan)
     index, labels = setup_index(plan)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
+from trunnion.base.checks import positive
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
 from trunnion.base.units import Floats, Integers
@@ -126,8 +127,8 @@ def identify_ballbar(
     if tolerance is not None and sigma_um is None:
         raise InputError("tolerance: got no sigma_um with it, expected the noise of a reading")
     for what, value in (("tolerance", tolerance), ("sigma_um", sigma_um)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, expected more than 0")
+        if value is not None:
+            positive(what, value)
     weight = 0.0 if tolerance is None or sigma_um is None else sigma_um / tolerance
     problem = _Problem.of(data, mechanism, parameters, weight, threads)
     start = Spectrum.of(problem.jacobian(problem.start), problem.count).down_to(

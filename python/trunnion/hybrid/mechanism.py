@@ -45,8 +45,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion._core import Hybrid, hybrid_example
-from trunnion.base.checks import floats
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import array, choose
+from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
 from trunnion.hybrid.results import (
@@ -64,21 +64,17 @@ def _dimension_keys() -> dict[str, int]:
     return {f"e{i + 1}_mm": i for i in range(15) if i not in (4, 5, 6)}
 
 
-def joints_array(joints: ArrayLike) -> Floats:
+def joints_array(joints: ArrayLike, *, rows: int | None = None) -> Floats:
     """Return joints as (n, 5); one pose may be given as (5,)."""
-    array = np.atleast_2d(floats("joints", joints))
-    if array.ndim != 2 or array.shape[1] != 5:
-        raise InputError(
-            f"joints: got shape {np.shape(joints)}, expected (n, 5): {', '.join(JOINTS)}"
-        )
-    return np.ascontiguousarray(array)
+    return array(f"joints ({', '.join(JOINTS)})", joints, 5, rows=rows)
 
 
-def _one_pose(joints: ArrayLike) -> Floats:
-    array = joints_array(joints)
-    if len(array) != 1:
-        raise InputError(f"joints: got {len(array)} poses, expected one")
-    return np.asarray(array[0])
+def _for_each(what: str, value: ArrayLike, count: int) -> Floats:
+    """Return points as (count, 3); one may be given for all."""
+    points = array(what, value, 3)
+    if len(points) not in (1, count):
+        raise InputError(f"{what}: got shape {points.shape}, expected (3,) or ({count}, 3)")
+    return np.ascontiguousarray(np.broadcast_to(points, (count, 3)))
 
 
 Weights: TypeAlias = tuple[float, float, float, float]
@@ -114,10 +110,8 @@ class Mechanism:
 
     Raises
     ------
-    UnknownNameError
-        An unknown dimension or error.
-    InputError, KinematicsError
-        Values that are not finite, or a home point where the loops do not close.
+    UnknownNameError, InputError, KinematicsError
+        Unknown names, values that are not finite, or a home point where the loops do not close.
     """
 
     dimensions: Mapping[str, float] = field(default_factory=dict)
@@ -129,9 +123,7 @@ class Mechanism:
         """Check by building the core's object."""
         keys = _dimension_keys()
         for name in self.dimensions:
-            if name not in keys:
-                known = ", ".join(keys)
-                raise UnknownNameError(f"unknown dimension {name!r}; expected one of: {known}")
+            choose("dimension", name, keys)
         named = {error_name(name): float(value) for name, value in self.errors.items()}
         object.__setattr__(self, "errors", MappingProxyType(named))
         object.__setattr__(self, "dimensions", MappingProxyType(dict(self.dimensions)))
@@ -139,18 +131,9 @@ class Mechanism:
         object.__setattr__(self, "closure_mm", tuple(map(float, self.closure_mm)))
         _ = self._core
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {
-            "dimensions": dict(self.dimensions),
-            "errors": dict(self.errors),
-            "home_mm": self.home_mm,
-            "closure_mm": self.closure_mm,
-        }
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            frozen = MappingProxyType(value) if isinstance(value, dict) else value
-            object.__setattr__(self, name, frozen)
+    def __reduce__(self) -> tuple[Any, ...]:
+        given = (dict(self.dimensions), dict(self.errors), self.home_mm, self.closure_mm)
+        return Mechanism, given
 
     def __hash__(self) -> int:
         return hash((*sorted(self.dimensions.items()), *sorted(self.errors.items()), self.home_mm))
@@ -211,8 +194,8 @@ class Mechanism:
         InputError
             Another shape, or values that are not finite.
         """
-        array = joints_array(joints)
-        return Forward.of_rows(array, self._core.forward(array, threads))
+        poses = joints_array(joints)
+        return Forward.of_rows(poses, self._core.forward(poses, threads))
 
     def sensitivity(
         self,
@@ -235,14 +218,13 @@ class Mechanism:
         threads
             How many; None: all cores.
         """
-        array = joints_array(joints)
+        poses = joints_array(joints)
         names = tuple(error_name(p) for p in parameters)
-        k = len(names)
-        rows = self._core.sensitivity(array, list(names), threads)
-        rates = rows[:, FORWARD_COLUMNS:].reshape(len(array), 20, k)
+        rows = self._core.sensitivity(poses, list(names), threads)
+        rates = rows[:, FORWARD_COLUMNS:].reshape(len(poses), 20, len(names))
         return Sensitivity(
             parameters=names,
-            forward=Forward.of_rows(array, rows[:, :FORWARD_COLUMNS]),
+            forward=Forward.of_rows(poses, rows[:, :FORWARD_COLUMNS]),
             tip=rates[:, 0:3],
             turn=rates[:, 3:6],
             serial_tip=rates[:, 6:9],
@@ -281,28 +263,21 @@ class Mechanism:
         """
         if wrist not in (1, -1):
             raise InputError(f"wrist branch: got {wrist!r}, expected 1 or -1")
-        tips = np.atleast_2d(floats("tip_mm", tip_mm))
-        ways = floats("direction", direction)
-        if tips.ndim != 2 or tips.shape[1] != 3:
-            raise InputError(f"tip_mm: got shape {np.shape(tip_mm)}, expected (n, 3) or (3,)")
-        if ways.shape not in ((3,), (1, 3), tips.shape):
-            raise InputError(f"direction: got shape {ways.shape}, expected (3,) or {tips.shape}")
-        directions = np.broadcast_to(ways, tips.shape)
+        tips = array("tip_mm", tip_mm, 3)
         offsets = any(self.dimensions.get(f"e{i}_mm", 0.0) for i in (1, 2, 3, 14))
-        exact = bool(self.errors) or offsets
         rows = self._core.inverse(
             tips,
-            np.ascontiguousarray(directions),
+            _for_each("direction", direction, len(tips)),
             reference_deg=reference_deg,
             negative=wrist < 0,
-            exact=exact,
+            exact=bool(self.errors) or offsets,
             threads=threads,
         )
         return rows[:, :5]
 
     def constraint(self, joints: ArrayLike) -> Constraint:
         """Rank, mobility and self-stress of the loops at one pose, (5,)."""
-        pose = _one_pose(joints)
+        pose = joints_array(joints, rows=1)[0]
         rank, values, stress, jacobian = self._core.constraint(list(pose))
         return Constraint(
             rank=rank,
@@ -320,10 +295,10 @@ class Mechanism:
         For the loops of legs 1 and 3: gap x, y, z (µm), misfit against and about the leg (arcsec).
         Zero for the 17.
         """
-        array = joints_array(joints)
+        poses = joints_array(joints)
         names = [error_name(p) for p in parameters]
-        rows = self._core.strain(array, names, threads)
-        return rows.reshape(len(array), 2, 5, len(names))
+        rows = self._core.strain(poses, names, threads)
+        return rows.reshape(len(poses), 2, 5, len(names))
 
     def closure_dependence(
         self,
@@ -342,7 +317,7 @@ class Mechanism:
         closures
             Name and weights (mm) of each.
         """
-        pose = _one_pose(joints)
+        pose = joints_array(joints, rows=1)[0]
         named = {error_name(name): float(value) for name, value in errors.items()}
         total = dict(self.errors)
         for name, value in named.items():
@@ -390,13 +365,10 @@ class Mechanism:
         gradient : ndarray, shape (n, k)
             µm per unit of each parameter.
         """
-        array = joints_array(joints)
-        centres = floats("centres_mm", centres_mm)
-        if centres.shape not in ((3,), (1, 3), (len(array), 3)):
-            raise InputError(f"centres_mm: got shape {centres.shape}, expected (3,) or (n, 3)")
-        centres = np.broadcast_to(centres, (len(array), 3))
+        poses = joints_array(joints)
+        centres = _for_each("centres_mm", centres_mm, len(poses))
         names = [error_name(p) for p in parameters]
-        rows = self._core.ballbar(array, np.ascontiguousarray(centres), names, threads)
+        rows = self._core.ballbar(poses, centres, names, threads)
         return rows[:, 0], rows[:, 1:4], rows[:, 4:]
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.errors import InputError
+from trunnion.base.checks import choose, point, positive
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -42,24 +42,20 @@ def ballbar_plan(
 
     Parameters
     ----------
-    mechanism
-        The nominal inverse of it gives the commanded joints.
+    mechanism, direction, wrist
+        Joints are those of the nominal machine, the direction a unit vector from spindle to tool
+        point, the branch of the wrist 1 or -1.
     centre_mm
         Assumed ball centre, machine frame, (3,).
     setup
         Label of the set-up.
     radius_mm
         Nominal length of the bar.
-    direction, wrist
-        Unit vector from spindle to tool point, and branch of the wrist.
-    circles
-        Plane, first and last angle (deg). A vertical arc of 220° stays above the table.
-    step_deg
-        Between readings.
-    both_senses
-        Run each there and back.
-    repeat_first
-        Run the first circle again at the end, which shows drift.
+    circles, step_deg
+        Plane, first and last angle (deg), and the angle between readings. A vertical arc of 220°
+        stays above the table.
+    both_senses, repeat_first
+        Run each there and back; run the first again at the end, which shows drift.
     feed_mm_min, pause_s, start_s
         Feed along the circle, pause between circles, time of the first reading.
 
@@ -70,17 +66,15 @@ def ballbar_plan(
 
     Raises
     ------
-    InputError
+    UnknownNameError, InputError
         An unknown plane, or a size that is not above 0.
     KinematicsError
         A point out of reach.
     """
-    centre = np.asarray(centre_mm, dtype=np.float64)
-    if centre.shape != (3,):
-        raise InputError(f"centre_mm: got shape {centre.shape}, expected (3,)")
-    for what, value in (("radius_mm", radius_mm), ("step_deg", step_deg), ("feed", feed_mm_min)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, expected more than 0")
+    sizes = {"radius_mm": radius_mm, "step_deg": step_deg, "feed_mm_min": feed_mm_min}
+    for what, value in sizes.items():
+        positive(what, value)
+    centre = np.array(point("centre_mm", centre_mm))
     runs = _runs(circles, step_deg, both_senses=both_senses, repeat_first=repeat_first)
     points = np.vstack([run.points_mm(centre, radius_mm) for run in runs])
     joints = mechanism.nominal.inverse(points, direction, wrist=wrist)
@@ -119,8 +113,7 @@ def _runs(
 ) -> list[_Run]:
     runs = []
     for plane, first, last in circles:
-        if plane not in PLANES:
-            raise InputError(f"plane of a circle: got {plane!r}, expected one of {list(PLANES)}")
+        choose("plane of a circle", plane, PLANES)
         angles = np.linspace(first, last, round(abs(last - first) / step_deg) + 1)
         runs.append(_Run(plane, angles, 1))
         if both_senses:

@@ -31,13 +31,7 @@ def setup_index(data: Ballbar) -> tuple[Integers, tuple[str, ...]]:
 
 
 def joints_of(data: Ballbar) -> Floats:
-    """Return the commanded joints, (n, 5).
-
-    Raises
-    ------
-    DataError
-        The data command coordinates, not joints.
-    """
+    """Return the commanded joints, (n, 5); data that command coordinates are refused."""
     joints = data.joints
     if joints is None:
         raise DataError(
@@ -66,13 +60,7 @@ def start_centres(tips: Floats, lengths_mm: Floats, index: Integers) -> Floats:
 
 
 def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
-    """Refuse lengths that the commanded points cannot have, whatever the ball's centre.
-
-    Raises
-    ------
-    DataError
-        A length more than 5 mm from the distance of the commanded point to the best centre.
-    """
+    """Refuse lengths that the commanded points cannot have, whatever the ball's centre."""
     deviation = np.abs(lengths_mm - reference_mm)
     worst = int(np.argmax(deviation))
     if deviation[worst] > MAX_DEVIATION_MM:
@@ -84,13 +72,7 @@ def check_near(lengths_mm: Floats, reference_mm: Floats) -> None:
 
 
 def check_enough(index: Integers, labels: Sequence[str]) -> None:
-    """Refuse set-ups whose readings cannot place the ball.
-
-    Raises
-    ------
-    DataError
-        A set-up with fewer than three readings.
-    """
+    """Refuse set-ups whose readings cannot place the ball."""
     counts = np.bincount(index, minlength=len(labels))
     for label, count in zip(labels, counts, strict=True):
         if count < MIN_READINGS:
@@ -101,20 +83,7 @@ def check_enough(index: Integers, labels: Sequence[str]) -> None:
 
 
 def gradient_with_centres(gradient: Floats, direction: Floats, index: Integers) -> Floats:
-    """Columns of the errors followed by three of each centre: the latter are -direction.
-
-    Parameters
-    ----------
-    gradient, direction
-        Derivative of each length by the errors, (n, k), and unit vector from ball to tool point,
-        (n, 3).
-    index
-        Set-up of each row, (n,).
-
-    Returns
-    -------
-    ndarray, shape (n, k + 3 setups)
-    """
+    """Columns of the errors, (n, k), followed by three of each centre: those are -direction."""
     setups = int(index.max()) + 1
     full = np.zeros((len(gradient), gradient.shape[1] + 3 * setups))
     full[:, : gradient.shape[1]] = gradient

@@ -1,4 +1,10 @@
-"""The linear algebra of the ball-bar: which combinations of errors readings determine, how well."""
+"""The linear algebra of the ball-bar: which combinations of errors readings determine, how well.
+
+Another task than `trunnion.base.statistics.linear_fit`, which scales columns and holds a parameter
+for each combination that is not identifiable. Many of the hybrid machine's combinations are weak
+but not empty: they are listed by strength in µm and arcsec, unscaled, and estimates take the
+smallest change from the nominal machine. That needs the directions themselves.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,7 @@ import numpy as np
 from trunnion.base.units import Floats
 
 #: Relative singular values below this are zero: those that are zero come out at 1e-13 and less.
-RANK_TOLERANCE = 1e-9
+EXACT_ZERO = 1e-9
 #: The same for the columns of the ball centres.
 CENTRE_TOLERANCE = 1e-10
 #: A parameter with a larger share than this in what is not identifiable is not identifiable.
@@ -48,7 +54,7 @@ class Spectrum:
         _, values, directions = np.linalg.svd(own - basis @ (basis.T @ own), full_matrices=True)
         padded = np.zeros(errors)
         padded[: len(values)] = values
-        rank = int(np.sum(padded > RANK_TOLERANCE * max(float(padded[0]), 1e-300)))
+        rank = int(np.sum(padded > EXACT_ZERO * max(float(padded[0]), 1e-300)))
         return cls(padded, directions, rank)
 
     def down_to(self, minimum: float) -> Spectrum:
@@ -77,10 +83,6 @@ class Spectrum:
         errors = np.sqrt(np.diag(self.covariance(sigma)))
         share = np.abs(self.directions[self.rank :]).max(axis=0, initial=0.0)
         return np.where(share > MAX_SHARE, np.inf, errors)
-
-    def not_identifiable(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Combinations beyond the rank, as text."""
-        return tuple(combination(vector, names) for vector in self.directions[self.rank :])
 
 
 def combination(vector: Floats, names: Sequence[str], min_share: float = 0.1) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
+from trunnion.base.checks import floats
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
@@ -176,22 +177,18 @@ def correct(
         machine_codes=list(machine_codes),
         keep_numbers=keep_numbers,
     )
+    text, change = got.pop("program").text(), got.pop("change_um")
     return Correction(
         dialect=program.dialect,
-        text=got["program"].text(),
+        text=text,
         original_text=program.text(),
         rule=rule,
         unit_um=unit_um,
         window=window,
-        inserted=got["inserted"].astype(np.int64),
-        window_z_mm=got["window_z_mm"],
-        window_mean_um=got["window_mean_um"],
-        window_k=got["window_k"],
         z_mm=z,
         error_um=error,
-        remaining_um=error + got["change_um"],
-        covered=got["covered"],
-        bound_um=got["bound_um"],
+        remaining_um=error + change,
+        **got,
     )
 
 
@@ -213,7 +210,7 @@ def change_um(
     return turning_change(
         before,
         after,
-        np.atleast_1d(np.asarray(z_mm, dtype=float)),
+        np.atleast_1d(floats("z_mm", z_mm)),
         follows=follows,
         nose_mm=nose_mm,
         position=None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from trunnion.base.checks import floats, positive, within
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 
@@ -38,11 +39,9 @@ class Gauge:
 
     def __post_init__(self) -> None:
         for name in ("range_um", "rate_hz"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected more than zero")
+            positive(name, getattr(self, name))
         for name in ("resolution_um", "response_s"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name}: got {getattr(self, name)}, expected not below zero")
+            within(name, getattr(self, name), 0.0)
 
     def feed_limit_mm_min(
         self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
@@ -58,14 +57,10 @@ class Gauge:
         lag_um
             How far the reading of the diameter may lag on it: feed <= lag / (slope · response).
         """
-        if not pitch_mm > 0 or not lag_um > 0 or not slope_um_mm >= 0:
-            raise InputError(
-                f"pitch_mm, lag_um, slope_um_mm: got {pitch_mm}, {lag_um}, {slope_um_mm}, expected "
-                "more than zero (slope: not below zero)"
-            )
-        limit = pitch_mm * self.rate_hz
-        if slope_um_mm * self.response_s > 0:
-            limit = min(limit, lag_um / (slope_um_mm * self.response_s))
+        limit = positive("pitch_mm", pitch_mm) * self.rate_hz
+        lag = positive("lag_um", lag_um)
+        if (growth := within("slope_um_mm", slope_um_mm, 0.0) * self.response_s) > 0:
+            limit = min(limit, lag / growth)
         return 60.0 * limit
 
     def read(
@@ -101,14 +96,14 @@ class Gauge:
         trunnion.DataError
             If the stylus leaves its range; the message has the place.
         """
-        z, error = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (z_mm, error_um))
+        z, error = (np.atleast_1d(floats("z_mm, error_um", a)) for a in (z_mm, error_um))
         way = np.abs(z - z[0])
-        if not feed_mm_min > 0 or z.size != error.size or (np.diff(way) <= 0).any():
+        if z.size != error.size or (np.diff(way) <= 0).any():
             raise InputError(
-                "z_mm, error_um, feed_mm_min: expected equally many places in the order of travel "
-                f"and a feed above zero, got {z.size}, {error.size}, {feed_mm_min}"
+                f"z_mm, error_um: got {z.size} and {error.size}, expected equally many places in "
+                "the order of travel"
             )
-        pitch = feed_mm_min / 60.0 / self.rate_hz
+        pitch = positive("feed_mm_min", feed_mm_min) / 60.0 / self.rate_hz
         at: Floats = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
-from trunnion.base.checks import finite, floats
-from trunnion.base.errors import InputError
+from trunnion.base.checks import floats, positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
 from trunnion.turning.profile import Blocks, Profile
@@ -124,8 +123,7 @@ class ProbePath(Result):
 
     def stations_mm(self, pitch_mm: float) -> Floats:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
-        if finite("pitch_mm", pitch_mm) <= 0:
-            raise InputError(f"pitch_mm: got {pitch_mm}, expected more than zero")
+        positive("pitch_mm", pitch_mm)
         rows = []
         for index, interval in enumerate(self.intervals):
             count = int((interval.start_mm[0] - interval.end_mm[0]) / pitch_mm + 1e-9) + 1
@@ -208,24 +206,21 @@ def probe_path(
     """Lay out the path of the probe (section 2.3) and check every move of it.
 
     Lines are measured between their change points (Fig. 5) as far as slope (2.3(2)) and the corners
-    before and behind (2.3(3), (4); Fig. 6) allow. Then ball, cone and body are checked on every
-    move against the part with its allowance and the chuck; an interval on which they would touch
-    is shortened or left out, and named in `left_out`.
+    before and behind (2.3(3), (4); Fig. 6) allow. An interval on which ball, cone or body would
+    touch the part with its allowance or the chuck is shortened or left out, and named in
+    `left_out`.
 
     Parameters
     ----------
-    profile
-        The finished contour.
-    probe
-        The probe; by default as in the paper's text.
+    profile, probe
+        The finished contour; the probe, by default as in the paper's text.
     allowance_mm
         T, what is still on the part, normal to the contour.
     skip
         Elements not to be measured. (Fig. 12 does not measure the flange, by no printed rule.)
-    retract_x_mm
-        Radius at which the ball's centre crosses; by default 5 mm above what is needed.
-    approach_mm
-        Height (radius) above the surface from which the ball goes down at feed.
+    retract_x_mm, approach_mm
+        Radius at which the ball's centre crosses, by default 5 mm above what is needed; height
+        (radius) above the surface from which it goes down at feed.
     chuck_radius_mm
         Of the chuck at z <= 0; 0 if it needs no watching.
     shortest_mm
@@ -251,6 +246,10 @@ def probe_path(
         "chuck_radius_mm": chuck_radius_mm,
         "shortest_mm": shortest_mm,
     }
+    return _probe_path(profile, probe, options)
+
+
+def _probe_path(profile: Profile, probe: TurningProbe, options: dict[str, Any]) -> ProbePath:
     core = profile.core.probe_path(**options)
     moves = core.moves()
     return ProbePath(

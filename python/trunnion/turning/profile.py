@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from trunnion._core import Program, TurnedProfile
-from trunnion.base.errors import InputError
+from trunnion.base.checks import whole
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 
@@ -196,8 +196,8 @@ class Profile:
 
         Parameters
         ----------
-        dialect
-            One of `trunnion.nc.DIALECTS` for lathes.
+        dialect, feed, first_number, head, tail
+            As in `ProbePath.program`.
         follows, nose_mm
             As in `from_program`. With ``"contour"`` put G42 into `head` and G40 into `tail` where
             the control is to compensate for the nose.
@@ -209,18 +209,10 @@ class Profile:
         start_z_mm, retract_x_mm
             Where the tool sets in, by default 2 mm and the nose before the part, and to what radius
             it draws back, by default 5 mm and the nose above the largest.
-        approach_mm
-            Height (radius) above a floor from which the plunge goes at feed.
+        approach_mm, access_z_mm
+            Height (radius) above a floor from which a plunge goes at feed; where it may plunge.
         steepest_fall
             Largest -dx/dz the back edge allows: 0.6 is 31 degrees.
-        access_z_mm
-            Where the tool may plunge.
-        feed
-            Feed as the dialect counts it; None writes no F.
-        first_number
-            Number of the first block; None writes none.
-        head, tail
-            Blocks before and behind, as lists of (letter, value).
 
         Raises
         ------
@@ -232,10 +224,7 @@ class Profile:
             start_z_mm = float(elements[0, 1]) + nose_mm + 2.0
         if retract_x_mm is None:
             retract_x_mm = float(self.outline_mm()[:, 1].max()) + nose_mm + 5.0
-        if not 0 <= first_element < len(elements):
-            raise InputError(
-                f"first_element: got {first_element}, expected 0 to {len(elements) - 1}"
-            )
+        whole("first_element", first_element, 0, len(elements) - 1)
         program, left_out = self.core.finishing(
             dialect=dialect,
             follows=follows,
