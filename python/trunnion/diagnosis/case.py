@@ -36,7 +36,7 @@ class Case:
     grid:
         Steps in which the readings are recorded.
     likely:
-        Fit of the machine whose errors of rounding are simulated; None: each fit its own.
+        Fit of the machine whose errors of rounding are simulated; None: the plain one.
     """
 
     model: Model
@@ -47,7 +47,7 @@ class Case:
     floor: Floor = NO_FLOOR
     grid: Grid | None = None
     likely: Fit | None = None
-    _drawn: dict[int, tuple[Fit, tuple[Floats, Floats] | None]] = field(default_factory=dict)
+    _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -90,26 +90,45 @@ class Case:
         Shapes (m, s), white and orthogonal to the fit's basis, and (s,); None where the readings
         have no steps to speak of.
         """
+        drawn = self._drawn
+        if drawn is None:
+            return None
+        if id(f) not in self._residuals:
+            white = drawn - f.basis @ (f.basis.T @ drawn)
+            noise = self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
+            self._residuals[id(f)] = (f, white, noise)
+        return self._residuals[id(f)][1:]
+
+    def growth(self, f: Fit, variance: float) -> Floats:
+        """How many times larger than their standard errors rounding makes errors, 1 at least.
+
+        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
+        """
+        drawn = self._drawn
+        if drawn is None:
+            return np.ones(len(f.covariance))
+        off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
+        usual = np.diag(f.covariance) * variance
+        share = np.mean(off**2, axis=1) / np.where(usual > 0, usual, np.inf)
+        return np.asarray(np.sqrt(np.maximum(share, 1.0)))
+
+    @cached_property
+    def _drawn(self) -> Floats | None:
+        """Errors of rounding and noise of machines like the likely one, white, shape (m, s)."""
         if self.grid is None:
             return None
-        if id(f) not in self._drawn:
-            of = f if self.likely is None else self.likely
-            noise = self.grid.noise(of.residuals, of.dof)
-            variance = float(self.floor.noise(of.rss, of.dof))
-            drawn = self.grid.draws(
-                self.model.readings.values,
-                of.residuals,
-                of.jacobian,
-                of.covariance * variance,
-                noise,
-            )
-            found = None
-            if drawn is not None:
-                white = np.asarray(self.whiten(drawn))[self.rows]
-                white = white - f.basis @ (f.basis.T @ white)
-                found = white, self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
-            self._drawn[id(f)] = (f, found)
-        return self._drawn[id(f)][1]
+        of = self.plain if self.likely is None else self.likely
+        used = np.zeros(len(of.residuals))
+        used[self.rows] = of.residuals[self.rows]
+        variance = float(self.floor.noise(of.rss, of.dof))
+        drawn = self.grid.draws(
+            self.model.readings.values,
+            of.residuals,
+            of.jacobian,
+            of.covariance * variance,
+            self.grid.noise(used, of.dof),
+        )
+        return None if drawn is None else np.asarray(self.whiten(drawn))[self.rows]
 
     @cached_property
     def dictionary(self) -> Dictionary:

@@ -1,6 +1,7 @@
 """Put what was found into a :class:`Diagnosis`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
@@ -39,12 +40,15 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     model, f = case.model, e.fit
     alternatives = _alternatives(case, e)
     rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
-    plain = case.without(dropped).plain
+    kept = case.without(dropped)
+    plain = kept.plain
     unexplained = _unexplained(e)
     verdict = _verdict(unexplained, len(alternatives), len(dropped))
     if verdict == "consistent":
         f = plain
     variance = float(case.floor.noise(f.rss, f.dof))
+    growth = kept.growth(f, variance)
+    f = replace(f, covariance=f.covariance * np.outer(growth, growth))
     gain = _gain(case, rows, plain, f)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
