@@ -251,6 +251,15 @@ class Repeats:
         return np.asarray(flat.reshape(columns.shape))
 
 
+def growth(off: Floats, variance: Floats) -> Floats:
+    """How many times larger than its standard error rounding makes an estimate's error, 1 at least.
+
+    ``off``: errors of the estimates in draws, shape (p, s); ``variance``: as stated, shape (p,).
+    """
+    share = np.mean(off**2, axis=1) / np.where(variance > 0, variance, np.inf)
+    return np.asarray(np.sqrt(np.maximum(share, 1.0)))
+
+
 def inflation(gains: Floats, rank: Integers, noise: Floats) -> Floats:
     """How many times more a candidate gains from errors of rounding than from noise, 1 at least.
 

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, inflation
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, growth, inflation
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
@@ -108,9 +108,7 @@ class Case:
         if drawn is None:
             return np.ones(len(f.covariance))
         off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
-        usual = np.diag(f.covariance) * variance
-        share = np.mean(off**2, axis=1) / np.where(usual > 0, usual, np.inf)
-        return np.asarray(np.sqrt(np.maximum(share, 1.0)))
+        return growth(off, np.diag(f.covariance) * variance)
 
     @cached_property
     def _drawn(self) -> Floats | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion._core import Moves
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.resolution import Grid, Repeats
+from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
@@ -88,37 +88,40 @@ def identify(
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
-    errors = None if own else _errors_of_rounding(model, data, moves, found)
-    if errors is not None:
-        found = _beside(found, errors, model.core.linearise(moves, found.values)[1])
+    errors = None
+    if not own and np.any(ticks_um(setup, data)):
+        found, errors = _beside_rounding(model, data, moves, found)
     return _result(model, data, own, found, knee, errors)
 
 
-def _errors_of_rounding(
+def _beside_rounding(
     model: TouchModel, data: Touches, moves: Moves, found: Found
-) -> Repeats | None:
-    """Errors that touches on one grid of ticks share; None where they share none."""
-    ticks = ticks_um(model.setup, data)
-    if not np.any(ticks):
-        return None
+) -> tuple[Found, Repeats | None]:
+    """Covariance that knows what ticks do: repeats on one grid, and touches that round alike.
+
+    With the errors that repeats share, if there are any.
+    """
     along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
     jacobian = model.core.linearise(moves, found.values)[1]
     positions = np.round(np.stack(list(data.rotary_deg.values()), axis=1), 3)
     stops = np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1)
-    grid = Grid.of(along, ticks, jacobian[:, : len(model.error_names) + len(PLACEMENT)], stops)
-    errors = grid.errors(grid.noise(found.residuals_um, found.degrees_of_freedom))
-    return errors if errors is not None and len(errors.rows) else None
-
-
-def _beside(found: Found, errors: Repeats, jacobian: Floats) -> Found:
-    """Estimates whose covariance knows that repeats on one grid are not independent."""
-    if found.sigma_um == 0:
-        return found
+    plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
+    grid = Grid.of(along, ticks_um(model.setup, data), plain, stops)
+    noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
+    errors = grid.errors(noise)
+    shared = errors if errors is not None and len(errors.rows) else None
+    drawn = grid.draws(along, found.residuals_um, jacobian, found.covariance, noise)
+    if found.sigma_um == 0 or (shared is None and drawn is None):
+        return found, shared
     cofactor = found.covariance / found.sigma_um**2
-    weighted = jacobian * found.weights[:, None]
-    covariance = found.sigma_um**2 * cofactor @ errors.covariance(weighted) @ cofactor
+    covariance, weighted = found.covariance, jacobian * found.weights[:, None]
+    if shared is not None:
+        covariance = found.sigma_um**2 * cofactor @ shared.covariance(weighted) @ cofactor
+    if drawn is not None:
+        more = growth(cofactor @ (weighted.T @ drawn), np.diag(covariance))
+        covariance = covariance * np.outer(more, more)
     std = np.where(np.isfinite(found.std_errors), np.sqrt(np.diag(covariance)), np.inf)
-    return replace(found, covariance=covariance, std_errors=std)
+    return replace(found, covariance=covariance, std_errors=std), shared
 
 
 def _result(
