@@ -11,11 +11,16 @@ from twin import forward, generator
 
 def setup(theirs: forward.Setup) -> Setup:
     a = theirs.artefact
+    standing: dict[str, Any] = {"place_mm": theirs.place_mm, "turn_deg": theirs.turn_deg}
     artefact = (
-        Artefact("sphere", diameter_mm=a.diameter_mm, centre_mm=a.centre_mm)
+        Artefact("sphere", diameter_mm=a.diameter_mm, centre_mm=a.centre_mm, **standing)
         if a.kind == "sphere"
-        else Artefact(a.kind, a.length_mm, a.width_mm, a.height_mm)
+        else Artefact(a.kind, a.length_mm, a.width_mm, a.height_mm, **standing)
     )
+    axes = {letter: AxisSetup(sense) for letter, sense in theirs.sense.items()}
+    if theirs.tilt_point_mm is not None:
+        letter = theirs.tilt_letter
+        axes[letter] = AxisSetup(theirs.sense.get(letter, 1), theirs.tilt_point_mm)
     probe = Probe(
         theirs.ball_radius_mm,
         theirs.repeatability_um,
@@ -25,7 +30,7 @@ def setup(theirs: forward.Setup) -> Setup:
     return Setup(
         artefact,
         Machine(theirs.preset, theirs.known_errors),
-        {letter: AxisSetup(sense) for letter, sense in theirs.sense.items()},
+        axes,
         probe,
         Resolution(theirs.linear_um, theirs.rotary_arcsec),
     )

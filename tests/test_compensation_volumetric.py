@@ -175,7 +175,7 @@ def test_a_users_own_motion_enters() -> None:
         ({"points": (1, 5, 5)}, "points along x_mm: got 1"),
         ({"placement": {"dq_um": 1.0}}, "placement: got 'dq_um'"),
         ({"compensation": "map"}, "compensation: got 'map'"),
-        ({"senses": {"B": 1}}, "senses: got axis B"),
+        ({"senses": {"B": 1}}, "senses: got 'B'"),
     ],
 )
 def test_bad_input(arguments: dict, message: str) -> None:  # type: ignore[type-arg]
@@ -204,8 +204,7 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
     ) -> _core.MachineModel:
         named = list(zip(names, errors, strict=True))
         return _core.MachineModel(
-            preset,
-            150.0,
+            _core.Machine(preset, 150.0, []),
             errors=named,
             placement=work,
             effects=effects,

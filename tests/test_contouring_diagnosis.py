@@ -104,8 +104,8 @@ def tip_of_twin(
     """Tool tip in the table's frame, (n, 3), for X, Y, Z (mm) and tilt, C (deg): the twin's."""
     tilt, c = np.deg2rad(axes[:, 3:].T)
     still = forward.Motion()
-    table = np.matmul(*forward.joint_poses(tilt, c, preset, errors, still, still))
     setup = forward.Setup(preset=preset, probe_length_mm=length_mm)
+    table = np.matmul(*forward.joint_poses(tilt, c, setup, errors, still, still))
     tip = axes[:, :3] + forward.head_displacement(tilt, setup, errors)
     if preset == "table-c-head-b":  # nominal: the tip swings about the pivot
         tip = tip + length_mm * np.stack([-np.sin(tilt), 0 * tilt, 1 - np.cos(tilt)], axis=1)

@@ -11,7 +11,7 @@ import pytest
 import trunnion._core as _core
 from trunnion.base.errors import UnknownNameError
 from trunnion.reference.pinocchio_model import pinocchio_model
-from trunnion.setup import Artefact, Machine, Setup
+from trunnion.setup import Artefact, AxisSetup, Machine, Setup
 from twin import forward, generator
 from twin.forward import Floats
 
@@ -22,8 +22,17 @@ POSES = 200
 EXACT = 1e-12  # mm and rad, of lengths of 100 mm: a few roundings
 
 
-def setup_of(preset: str) -> Setup:
-    return Setup(artefact=Artefact("cross"), machine=Machine(preset))
+def setup_of(preset: str, point_mm: tuple[float, float, float] | None = None) -> Setup:
+    letter = "A" if preset == "trt-ca" else "B"
+    axes = {letter: AxisSetup(point_mm=point_mm)}
+    return Setup(artefact=Artefact("cross"), machine=Machine(preset), axes=axes)
+
+
+def axis_point(rng: np.random.Generator, preset: str) -> tuple[float, float, float]:
+    """A point of the tilting axis; a head's pivot is as high as the probe is long."""
+    x, y, z = rng.uniform(-60, 60, 3)
+    length = setup_of(preset).probe.length_mm
+    return (x, y, length if preset == "table-c-head-b" else z)
 
 
 def frames(model: object, q: Floats) -> tuple[Floats, Floats]:
@@ -39,10 +48,12 @@ def frames(model: object, q: Floats) -> tuple[Floats, Floats]:
 def test_the_twin_moves_as_pinocchio_does(preset: str) -> None:
     rng = np.random.default_rng(len(preset))
     length = setup_of(preset).probe.length_mm
-    twin_setup = forward.Setup(preset=preset, probe_length_mm=length)
     for _ in range(POSES):
         errors = generator.random_errors(rng, preset, 1000.0, 3600.0)
-        model = pinocchio_model(setup_of(preset), errors)
+        point = axis_point(rng, preset)
+        twin_setup = forward.Setup(preset=preset, probe_length_mm=length, tilt_point_mm=point)
+        setup = setup_of(preset, point)
+        model = pinocchio_model(setup, errors)
         first, second = rng.uniform(-120, 120), rng.uniform(-360, 360)
         xyz = rng.uniform(-200, 200, 3)
         q = pin.neutral(model)
@@ -56,7 +67,7 @@ def test_the_twin_moves_as_pinocchio_does(preset: str) -> None:
         at = np.array([first]), np.array([second])
         assert np.abs(table - forward.table_pose(*at, twin_setup, truth)[0]).max() < EXACT
         if preset == "table-c-head-b":
-            none = frames(pinocchio_model(setup_of(preset)), q)[1]
+            none = frames(pinocchio_model(setup), q)[1]
             moved = forward.head_displacement(np.radians(at[0]), twin_setup, errors)[0]
             assert np.abs(ball[:3, 3] - none[:3, 3] - moved).max() < 1e-11
         else:
@@ -90,8 +101,10 @@ def test_the_core_moves_as_pinocchio_does(preset: str) -> None:
     length = setup_of(preset).probe.length_mm
     for _ in range(POSES):
         errors = generator.random_errors(rng, preset, 1000.0, 3600.0)
-        ours = _core.Machine(preset, length, list(errors.items()))
-        model = pinocchio_model(setup_of(preset), errors)
+        point = axis_point(rng, preset)
+        letter = "A" if preset == "trt-ca" else "B"
+        ours = _core.Machine(preset, length, list(errors.items()), [(letter, point)])
+        model = pinocchio_model(setup_of(preset, point), errors)
         xyz, angles = rng.uniform(-200, 200, 3), rng.uniform(-180, 180, len(ours.letters))
         q = pin.neutral(model)
         order = ["X", "Y", "Z", *ours.letters]

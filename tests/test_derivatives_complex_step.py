@@ -63,12 +63,15 @@ def shifted(truth: Truth, name: str) -> Truth:
     return replace(truth, errors={**truth.errors, name: truth.errors[name] + shift})
 
 
+@pytest.mark.parametrize("where", ["through the origin", "off it"])
 @pytest.mark.parametrize("kind", ["cross", "cuboid", "sphere"])
 @pytest.mark.parametrize("preset", ["trt-ca", "trt-bc", "table-c-head-b"])
-def test_derivatives_are_those_of_the_complex_step(preset: str, kind: str) -> None:
-    rng = np.random.default_rng([len(preset), len(kind)])
+def test_derivatives_are_those_of_the_complex_step(preset: str, kind: str, where: str) -> None:
+    rng = np.random.default_rng([len(preset), len(kind), len(where)])
     artefact = forward.Artefact(kind, diameter_mm=22.0, centre_mm=(20.0, -10.0, 60.0))
     twin = forward.Setup(preset=preset, artefact=artefact, probe_length_mm=140.0)
+    if where == "off it":
+        twin = generator.stand_off(rng, twin)
     setup = from_twin.setup(twin)
     known = [info.id for info in catalogue(setup)]
     ids = [id_ for id_ in EFFECTS if id_ in known]

@@ -12,8 +12,9 @@ MAX_THREADS: int
 RANK_TOLERANCE: float
 __version__: str
 
-# --- trunnion (paper 000)
+# --- trunnion
 __all__ += [
+    "Artefact",
     "Machine",
     "Measurements",
     "Moves",
@@ -64,11 +65,31 @@ def catalogue(
     """Effects on touches: id, title, owner, parameters (name, unit, kind), columns needed."""
 
 @final
+class Artefact:
+    """What is touched, its nominal place on the table, and how far it may stand off."""
+
+    def __new__(
+        cls,
+        kind: str,
+        dimensions: Sequence[float],
+        *,
+        place_mm: Sequence[float],
+        turn_deg: float,
+        stem_diameter_mm: float,
+        tolerance_mm: float,
+        tolerance_deg: float,
+    ) -> Artefact: ...
+
+@final
 class Machine:
     """X, Y, Z and rotary axes, with location errors in µm and arcsec; angles in degrees."""
 
     def __new__(
-        cls, preset: str, tool_length_mm: float, errors: Sequence[tuple[str, float]]
+        cls,
+        preset: str,
+        tool_length_mm: float,
+        errors: Sequence[tuple[str, float]],
+        points_mm: Sequence[tuple[str, Sequence[float]]] = ...,
     ) -> Machine: ...
     @property
     def letters(self) -> str: ...
@@ -93,10 +114,8 @@ class _Plan(TypedDict):
     time_s: _Floats
 
 def plan(
-    preset: str,
-    tool_length_mm: float,
-    kind: str,
-    dimensions: Sequence[float],
+    machine: Machine,
+    artefact: Artefact,
     *,
     c_deg: Sequence[float],
     tilt_deg: Sequence[float],
@@ -121,10 +140,8 @@ def plan(
     """Plan touches; see :func:`trunnion.plan`."""
 
 def safe_levels(
-    preset: str,
-    tool_length_mm: float,
-    kind: str,
-    dimensions: Sequence[float],
+    machine: Machine,
+    artefact: Artefact,
     rotary_deg: _Floats,
     *,
     ball_radius_mm: float,
@@ -168,10 +185,8 @@ class TouchModel:
 
     def __new__(
         cls,
-        preset: str,
-        tool_length_mm: float,
-        kind: str,
-        dimensions: Sequence[float],
+        machine: Machine,
+        artefact: Artefact,
         *,
         ball_radius_mm: float,
         tick_um: float,
@@ -267,8 +282,7 @@ class MachineModel:
 
     def __new__(
         cls,
-        preset: str,
-        tool_length_mm: float,
+        machine: Machine,
         *,
         errors: Sequence[tuple[str, float]],
         placement: Sequence[float],
@@ -311,7 +325,7 @@ def field_on_grid(
     field: _Floats, grid: Sequence[Sequence[float]], threads: int | None
 ) -> _Floats: ...
 
-# --- turning (paper 001), part programs
+# --- turning, part programs
 __all__ += [
     "Program",
     "TurnedProbePath",
@@ -460,7 +474,7 @@ def turning_cause(
     cause: str, cuts: npt.NDArray[Any], overhang_mm: float, parameters: Sequence[float]
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
 
-# --- contouring (paper 003)
+# --- contouring
 __all__ += [
     "ContourPath",
     "contour_axis_margins",
@@ -541,7 +555,7 @@ def contour_path_margins(
     assumed: Sequence[tuple[str, float]],
 ) -> _Floats: ...
 
-# --- hybrid (paper 004)
+# --- hybrid
 __all__ += ["Hybrid", "hybrid_example", "hybrid_parameter", "hybrid_parameters"]
 
 def hybrid_parameters() -> tuple[list[str], list[str]]:

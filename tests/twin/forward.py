@@ -104,6 +104,9 @@ class Setup:
     artefact: Artefact = field(default_factory=Artefact)
     ball_radius_mm: float = 1.0
     probe_length_mm: float = 100.0
+    tilt_point_mm: tuple[float, float, float] | None = None  # of the A or B axis, machine frame
+    place_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the artefact on the table
+    turn_deg: float = 0.0
     tick_um: float = 0.0
     repeatability_um: float = 0.0
     linear_um: float = 0.1
@@ -112,6 +115,13 @@ class Setup:
     @property
     def tilt_letter(self) -> str:
         return "A" if self.preset == "trt-ca" else "B"
+
+    @property
+    def tilt_axis_mm(self) -> tuple[float, float, float]:
+        """A point of the tilting axis, (x, y, z); the pivot of a head is above the ball."""
+        if self.tilt_point_mm is not None:
+            return self.tilt_point_mm
+        return (0.0, 0.0, self.probe_length_mm if self.preset == "table-c-head-b" else 0.0)
 
 
 @dataclass(frozen=True)
@@ -292,8 +302,10 @@ def true_artefact(setup: Setup, effects: Effects) -> Artefact:
     )
 
 
-def placement_pose(k: Conditions, placement: Mapping[str, float], effects: Effects) -> Floats:
-    """T_S (n, 4, 4) = translate(dx, dy, dz) R(ra, rb, rc), with the slip from its time on."""
+def placement_pose(
+    k: Conditions, setup: Setup, placement: Mapping[str, float], effects: Effects
+) -> Floats:
+    """T_S (n, 4, 4) = translate(place + d) R(ra, rb, rc) Rz(turn), with the slip from its time."""
     unknown = set(placement) - set(PLACEMENT)
     if unknown:
         raise KeyError(f"placement has no {sorted(unknown)}; it has {PLACEMENT}")
@@ -305,7 +317,13 @@ def placement_pose(k: Conditions, placement: Mapping[str, float], effects: Effec
         (dy + sy * slipped) * MM_PER_UM,
         (dz + sz * slipped) * MM_PER_UM,
     )
-    return offset @ tilts(ra * RAD_PER_ARCSEC, rb * RAD_PER_ARCSEC, rc * RAD_PER_ARCSEC)
+    tilted = tilts(ra * RAD_PER_ARCSEC, rb * RAD_PER_ARCSEC, rc * RAD_PER_ARCSEC)
+    return translation(*setup.place_mm) @ offset @ tilted @ turn(2, np.radians(setup.turn_deg))
+
+
+def nominal_placement(setup: Setup) -> Floats:
+    """Where the artefact nominally stands on the table, (4, 4)."""
+    return translation(*setup.place_mm) @ turn(2, np.radians(setup.turn_deg))
 
 
 # --- machines -------------------------------------------------------------------------------------
@@ -322,26 +340,31 @@ def _in_mm_rad(errors: Mapping[str, float], preset: str) -> dict[str, float]:
 
 
 def joint_poses(
-    a: Floats, c: Floats, preset: str, errors: Mapping[str, float], first: Motion, second: Motion
+    a: Floats, c: Floats, setup: Setup, errors: Mapping[str, float], first: Motion, second: Motion
 ) -> tuple[Floats, Floats]:
     """Pose of the tilting axis' and of the C axis' joint in its parent, (n, 4, 4) each.
 
     On the machine with a swivelling head the first one is the identity: nothing tilts the table.
     """
+    preset = setup.preset
     e = _in_mm_rad(errors, preset)
+    px, py, pz = setup.tilt_axis_mm
     if preset == "trt-ca":
+        to_axis, back = translation(0.0, py, pz), translation(0.0, -py, -pz)
         T_A = translation(first.x, e["EY0A"] + first.y, e["EZ0A"] + first.z) @ tilts(
             e["EA0A"] + first.alpha, e["EB0A"] + first.beta, e["EC0A"]
         )
         T_C = translation(e["EX0C"] + second.x, e["EY0C"] - e["EY0A"] + second.y, second.z) @ tilts(
             second.alpha, e["EB0C"] - e["EB0A"] + second.beta, 0.0
         )
+        T_A, T_C = to_axis @ T_A, back @ T_C
         return T_A @ turn(0, a + first.turn), T_C @ turn(2, c + second.turn)
     if preset == "trt-bc":
         T_B = translation(e["EX0B"], 0.0, e["EZ0B"]) @ tilts(e["EA0B"], e["EB0B"], e["EC0B"])
         T_C = translation(e["EX0C"] - e["EX0B"] + second.x, e["EY0C"] + second.y, second.z) @ tilts(
             e["EA0C"] - e["EA0B"] + second.alpha, second.beta, 0.0
         )
+        T_B, T_C = translation(px, 0.0, pz) @ T_B, translation(-px, 0.0, -pz) @ T_C
         return T_B @ turn(1, a), T_C @ turn(2, c + second.turn)
     T_C = translation(e["EX0C"] + second.x, e["EY0C"] + second.y, second.z) @ tilts(
         e["EA0C"] + second.alpha, e["EB0C"] + second.beta, 0.0
@@ -354,10 +377,8 @@ def head_displacement(b: Floats, setup: Setup, errors: Mapping[str, float]) -> F
     if setup.preset != "table-c-head-b":
         return np.zeros((len(b), 3))
     e = _in_mm_rad(errors, setup.preset)
-    to_pivot, to_ball = (
-        translation(0.0, 0.0, setup.probe_length_mm),
-        translation(0.0, 0.0, -setup.probe_length_mm),
-    )
+    px, _, pz = setup.tilt_axis_mm
+    to_pivot, to_ball = translation(px, 0.0, pz), translation(-px, 0.0, -pz)
     nominal = to_pivot @ turn(1, b) @ to_ball
     wrong = (
         to_pivot
@@ -386,7 +407,7 @@ def _table_pose(k: Conditions, setup: Setup, truth: Truth) -> Floats:
         if wrong:
             raise KeyError(f"{setup.preset} has no A axis: {wrong}")
     second = c_motion(c, c_dir, truth.effects)
-    first_pose, second_pose = joint_poses(a, c, setup.preset, truth.errors, first, second)
+    first_pose, second_pose = joint_poses(a, c, setup, truth.errors, first, second)
     return np.asarray(first_pose @ second_pose)
 
 
@@ -416,7 +437,7 @@ def approach_lines(
     b = axis_positions(k, setup)[0]
     delta = delta + head_displacement(b, setup, truth.errors) + extra_mm
     seen = np.eye(3) + lam
-    pose = _table_pose(k, setup, truth) @ placement_pose(k, truth.placement, truth.effects)
+    pose = _table_pose(k, setup, truth) @ placement_pose(k, setup, truth.placement, truth.effects)
     back = np.swapaxes(pose[:, :3, :3], 1, 2)
     start = start_mm @ seen.T + delta - pose[:, :3, 3]
     step = k.direction @ seen.T

@@ -29,6 +29,7 @@ from twin.forward import (
     Setup,
     Truth,
     approach_lines,
+    nominal_placement,
     table_pose,
 )
 
@@ -739,7 +740,7 @@ def random_touches(rng: np.random.Generator, setup: Setup, n: int, reach_mm: flo
         expected -= len(found[-1])
     start, way = np.split(np.concatenate(found), 2, axis=1)
     a, c = rng.uniform(-100, 100, n), rng.uniform(0, 360, n)
-    pose = table_pose(a, c, setup, Truth())
+    pose = table_pose(a, c, setup, Truth()) @ nominal_placement(setup)
     direction = np.einsum("nij,nj->ni", pose[:, :3, :3], way)
     return Plan(
         conditions=Conditions(
@@ -755,6 +756,17 @@ def random_touches(rng: np.random.Generator, setup: Setup, n: int, reach_mm: flo
         cycle=np.zeros(n, dtype=np.int64),
         point=np.arange(n),
         face=("",) * n,
+    )
+
+
+def stand_off(rng: np.random.Generator, setup: Setup) -> Setup:
+    """The set-up with its tilting axis off the origin, and the artefact off centre and turned."""
+    x, y, z = rng.uniform(-60, 60, 3)
+    return replace(
+        setup,
+        tilt_point_mm=(x, y, setup.probe_length_mm if setup.preset == "table-c-head-b" else z),
+        place_mm=tuple(rng.uniform(-50, 50, 3)),
+        turn_deg=float(rng.uniform(-180, 180)),
     )
 
 

@@ -46,7 +46,7 @@ class LinearFit:
     combinations
         These combinations, shape (k, p), in the parameters' own units, largest component 1: a step
         along one of them changes no value. Reduced: each names one held parameter and what it
-        cannot be told from.
+        cannot be distinguished from.
     directions
         In which the parameters are identifiable, shape (rank, p), own units: unit vectors of those
         that are not held, or the singular directions where a combination is weak and not exact.
@@ -114,7 +114,7 @@ def linear_fit(
 
 
 def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Floats) -> str:
-    """Say what cannot be told apart: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
+    """Say what cannot be distinguished: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
 
     Parameters
     ----------

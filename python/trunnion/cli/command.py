@@ -1,8 +1,8 @@
 """What makes a function a command: the same options, answers and errors everywhere.
 
-A command takes files (data first, then the set-up; the order is free where their endings tell them
-apart) and returns an `Answer`. The options --json, --quiet and --force are added here, so that they
-are the same for every command; a file is written by `Answer.file` or `save`, which do not overwrite
+A command takes files (data first, then the set-up; the order is free where their endings differ)
+and returns an `Answer`. The options --json, --quiet and --force are added here, so that they are
+the same for every command; a file is written by `Answer.file` or `save`, which do not overwrite
 without --force.
 """
 

@@ -52,7 +52,7 @@ def diagnose(
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:
-        found = tn.prospect(d, next_)
+        found = tn.expected_discrimination(d, next_)
         shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
     elif isinstance(d.data, tn.Diameters):
         passes = tn.next_passes(d)
@@ -61,7 +61,7 @@ def diagnose(
             best = passes[0]
             shown.append(
                 f"To discriminate between them: {best}"
-                if best.parts
+                if best.distinguished
                 else "To discriminate between them: none of the passes that were tried would do."
             )
     return Answer(values, tuple(shown))

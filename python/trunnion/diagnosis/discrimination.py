@@ -48,7 +48,7 @@ class Discrimination:
     nuisance:
         Derivative by the nuisance parameters, old and possible new readings, shape (n, p).
     old:
-        Which readings there are, the rest can be had. Shape (n,) of bool.
+        Which readings there are, shape (n,) of bool; the others can be had.
     sets:
         At least two.
     sigma:

@@ -14,15 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
-from trunnion.base.checks import instance
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.checks import choose, floats, instance
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
-
-# What an effect of an artefact does depends on these, that there is such an effect does not.
-_ANY_ARTEFACT = {"cross": [2.0, 1.0, 1.0], "cuboid": [1.0] * 3, "sphere": [1.0, 0.0, 0.0, 0.0]}
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ class Chain:
                 f"{spare[0].lower()}_deg: got positions of axis {spare[0]}, expected only those of "
                 f"{self.name}"
             )
-        columns = [np.asarray(given[letter], dtype=float) for letter in self.letters]
+        columns = [floats(f"{letter.lower()}_deg", given[letter]) for letter in self.letters]
         count = max((c.size for c in columns), default=1) if rows is None else rows
         for letter, column in zip(self.letters, columns, strict=True):
             if column.ndim > 1 or (column.ndim == 1 and len(column) != count):
@@ -108,8 +105,6 @@ class Chain:
                     f"{letter.lower()}_deg: got shape {column.shape}, expected one number a row, "
                     f"({count},)"
                 )
-            if not np.all(np.isfinite(column)):
-                raise InputError(f"{letter.lower()}_deg: got {column}, expected finite numbers")
         return np.column_stack([np.broadcast_to(c, count) for c in columns]) * self.senses
 
     def turning(self, senses: Mapping[str, ArrayLike], rows: int) -> Floats | None:
@@ -138,7 +133,8 @@ class Chain:
         """
         given = self.setup.machine.errors if errors is None else errors
         named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
-        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named)
+        points = list(self.setup.axis_points().items())
+        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named, points)
 
     def model(
         self,
@@ -164,11 +160,9 @@ class Chain:
         """
         turned = {letter.upper(): value for letter, value in (senses or {}).items()}
         for letter in turned:
-            if letter not in self.letters:
-                raise InputError(f"senses: got axis {letter}, expected one of {self.name}")
+            choose("senses", letter, self.letters)
         return _core.MachineModel(
-            self.setup.machine.preset,
-            self.setup.probe.length_mm,
+            self.machine({}),
             errors=list(errors.items()),
             placement=list(placement),
             effects=list(effects),
@@ -205,12 +199,8 @@ class Chain:
             name = canonical_error_name(spelling)
             if name in given:
                 raise InputError(f"location error {name}: got two spellings, expected it once")
-            if name not in self.location_errors:
-                raise UnknownNameError(
-                    f"location error: got {name!r}, expected one of "
-                    f"{', '.join(self.location_errors)} (machine {self.setup.machine.preset})"
-                )
-            given[name] = value
+            where = f"location error of machine {self.setup.machine.preset}"
+            given[choose(where, name, self.location_errors)] = value
         return known | given
 
     def catalogue(self) -> tuple[EffectInfo, ...]:
@@ -220,7 +210,10 @@ class Chain:
     @cached_property
     def effects(self) -> dict[str, EffectInfo]:
         """Every effect on this machine, whatever is touched, by id."""
-        kinds = [self._effects(kind, numbers) for kind, numbers in _ANY_ARTEFACT.items()]
+        # What an effect of an artefact does depends on its size, that there is such an effect does
+        # not: the first dimension is the largest, as a cross wants it.
+        sizes = {k: sum(n for _, n in named) for k, named in _core.artefact_kinds().items()}
+        kinds = [self._effects(kind, [2.0] + [1.0] * (n - 1)) for kind, n in sizes.items()]
         return {effect.id: effect for effects in kinds for effect in effects}
 
     def effect_id(self, name: str) -> str:
@@ -246,7 +239,7 @@ class Chain:
             EffectInfo(
                 id=name,
                 label=title,
-                # what happens at a moment is of one set-up: the artefact slips on the table
+                # what happens at a moment is of one set-up: the artefact shifts on the table
                 owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
                 parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
                 needs=tuple(needs),
@@ -276,3 +269,22 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
             raise InputError("sphere: got no diameter_mm or centre_mm, expected both")
         return "sphere", [diameter, *centre]
     return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]
+
+
+def standing_artefact(setup: Setup) -> _core.Artefact:
+    """The core's artefact, where it nominally stands on the table.
+
+    Raises
+    ------
+    InputError
+        A set-up without an artefact.
+    """
+    artefact = setup.artefact
+    return _core.Artefact(
+        *artefact_dimensions(setup),
+        place_mm=artefact.place_mm,
+        turn_deg=artefact.turn_deg,
+        stem_diameter_mm=artefact.effective_stem_diameter_mm,
+        tolerance_mm=artefact.tolerance_mm,
+        tolerance_deg=artefact.tolerance_deg,
+    )

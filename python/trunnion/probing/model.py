@@ -11,7 +11,7 @@ from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
 
@@ -71,9 +71,8 @@ class TouchModel:
         self.setup = setup
         self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
-            setup.machine.preset,
-            setup.probe.length_mm,
-            *artefact_dimensions(setup),
+            self.chain.machine({}),
+            standing_artefact(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
             servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,14 +11,11 @@ import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.setup import Setup
 
-__all__ = ["plan"]
-
-
 MAX_DEG = 3600.0
-"""Ten turns: more is a slip of the pen."""
+"""Ten turns: more is a typo."""
 USUAL_PERIOD_MS = 1.0
 """Servo period of LinuxCNC unless its configuration says otherwise."""
 DITHER_SEED = 1
@@ -42,9 +40,11 @@ def plan(
     """Plan the touches of a measurement.
 
     The default is the paper's: sixteen touches at A = 0 and each C, four at C = 0 and each A =
-    ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: ball
-    and stem are checked against artefact and table on the way in and out. Commands are rounded
-    to the resolution of the axes.
+    ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: on
+    every move ball and stem keep clear of the artefact, its stem and the table, wherever within
+    its tolerance the artefact stands (`Artefact`), and an approach then meets the face that is
+    meant. The machine is the nominal one with its known errors. Commands are rounded to the
+    resolution of the axes.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ def plan(
     Raises
     ------
     InputError
-        Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks.
+        Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks; a
+        clearance or an overtravel within the tolerance of the artefact's place.
     DataError
         No face can be reached.
     """
@@ -114,9 +115,8 @@ def plan(
             f"{MAX_STOPS:,} stops of the rotary axes together, expected fewer"
         )
     found = _core.plan(
-        setup.machine.preset,
-        setup.probe.length_mm,
-        *artefact_dimensions(setup),
+        chain.machine(),
+        standing_artefact(setup),
         c_deg=_angles("c_deg", c_deg, sense.get("C", 1.0)),
         tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
         pairs_deg=[(t * tilt_sense, c * sense.get("C", 1.0)) for t, c in positions_deg],
@@ -143,6 +143,11 @@ def plan(
         if setup.resolution.linear_um:
             step = 1e-3 * setup.resolution.linear_um
             start = step * np.round(start / step)
+    return _touches(chain, {**found, "start_mm": start})
+
+
+def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
+    """Return the core's plan as touches, positions and senses in the control's signs."""
     columns: dict[str, object] = {}
     turned = chain.to_control(found["sense"])
     for letter, positions in chain.to_control(found["rotary_deg"]).items():
@@ -151,7 +156,7 @@ def plan(
     for index, axis in enumerate("xyz"):
         columns[f"{axis}_mm"] = found["contact_mm"][:, index]
         columns[f"dir_{axis}"] = found["direction"][:, index] + 0.0
-        columns[f"start_{axis}_mm"] = start[:, index]
+        columns[f"start_{axis}_mm"] = found["start_mm"][:, index]
     for name in ("cycle", "point", "feed_mm_min", "time_s"):
         columns[name] = found[name]
     return Touches(columns)

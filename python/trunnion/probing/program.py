@@ -14,7 +14,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, artefact_dimensions
+from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
 from trunnion.setup import Setup
 
@@ -90,11 +90,11 @@ def safe_levels(
     plan: Touches, setup: Setup
 ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     """Z above all that swings, and Z above everything at each row's posture, mm."""
+    chain = Chain(setup)
     return _core.safe_levels(
-        setup.machine.preset,
-        setup.probe.length_mm,
-        *artefact_dimensions(setup),
-        Chain(setup).to_machine(plan.rotary_deg, len(plan)),
+        chain.machine(),
+        standing_artefact(setup),
+        chain.to_machine(plan.rotary_deg, len(plan)),
         ball_radius_mm=setup.probe.ball_radius_mm,
         clearance_mm=setup.plan.clearance_mm,
         table_radius_mm=setup.table.radius_mm,

@@ -229,7 +229,7 @@ class Model:
         self._build()
 
     def start(self) -> Floats:
-        """Known location errors, 0 for the rest of the unknowns."""
+        """Known location errors, 0 for the other unknowns."""
         known = self.setup.machine.errors
         return np.array([float(known.get(name, 0.0)) for name in self.names])
 
@@ -265,16 +265,18 @@ class Model:
         ca, q = self.ca, self.q
         position, direction, side = q[0:3], q[3:6], q[6:9]
         first, second, first_dir, second_dir = q[9], q[10], q[11], q[12]
-        feed, time, slipped = q[13], q[14], q[15]
+        feed, time, shifted = q[13], q[14], q[15]
         mask, sign, second_bar = q[16:19], q[19:22], q[22]
 
         rotation, offset = self._table(first, second, first_dir, second_dir)
         seat = [
-            self._unknown(name) + slipped * self._effect("setup_shift", name)
+            self._unknown(name) + shifted * self._effect("setup_shift", name)
             for name in PLACEMENT[:3]
         ]
-        offset = offset + rotation @ ca.vertcat(*seat)
+        artefact = self.setup.artefact
+        offset = offset + rotation @ (ca.vertcat(*seat) + ca.DM(artefact.place_mm))
         rotation = rotation @ self._tilts(*map(self._unknown, PLACEMENT[3:]))
+        rotation = rotation @ self._turn(2, np.radians(artefact.turn_deg))
 
         stretch, shift = self._linear_axes(side, time)
         actual = position + stretch @ position + shift + self._head(first)
@@ -326,12 +328,14 @@ class Model:
         )
         spin = self._turn(2, turned)
 
+        letter = "A" if self.preset == "trt-ca" else "B"
+        x, y, z = self.setup.axis_points().get(letter, (0.0, 0.0, 0.0))
         if self.preset == "trt-ca":
             s_a, c_a = ca.sin(first), ca.cos(first)
             origin = ca.vertcat(
                 0,
-                e("EY0A") + self._effect("a_sag", "ky_um") * s_a,
-                e("EZ0A") - self._effect("a_sag", "kz_um") * (1 - c_a),
+                y + e("EY0A") + self._effect("a_sag", "ky_um") * s_a,
+                z + e("EZ0A") - self._effect("a_sag", "kz_um") * (1 - c_a),
             )
             twist = self._effect("a_twist", "k_arcsec") * s_a
             tipped = (
@@ -341,13 +345,13 @@ class Model:
                 - self._effect("a_backlash", "b_arcsec") / 2 * first_dir
             )
             cradle = self._tilts(e("EA0A"), e("EB0A") + twist, e("EC0A")) @ self._turn(0, tipped)
-            centre = ca.vertcat(e("EX0C"), e("EY0C") - e("EY0A"), 0) + move
+            centre = ca.vertcat(e("EX0C"), e("EY0C") - e("EY0A") - y, -z) + move
             lean = self._tilts(tilt_x, e("EB0C") - e("EB0A") + tilt_y, 0)
             return cradle @ lean @ spin, origin + cradle @ centre
         if self.preset == "trt-bc":
-            origin = ca.vertcat(e("EX0B"), 0, e("EZ0B"))
+            origin = ca.vertcat(x + e("EX0B"), 0, z + e("EZ0B"))
             cradle = self._tilts(e("EA0B"), e("EB0B"), e("EC0B")) @ self._turn(1, first)
-            centre = ca.vertcat(e("EX0C") - e("EX0B"), e("EY0C"), 0) + move
+            centre = ca.vertcat(e("EX0C") - e("EX0B") - x, e("EY0C"), -z) + move
             lean = self._tilts(e("EA0C") - e("EA0B") + tilt_x, tilt_y, 0)
             return cradle @ lean @ spin, origin + cradle @ centre
         centre = ca.vertcat(e("EX0C"), e("EY0C"), 0) + move
@@ -358,7 +362,9 @@ class Model:
         if self.preset != "table-c-head-b":
             return self.ca.SX.zeros(3)
         e = self._unknown
-        hanging = self._turn(1, b) @ self.ca.vertcat(0, 0, -self.setup.probe.length_mm)
+        length = self.setup.probe.length_mm
+        x, _, _ = self.setup.axis_points().get("B", (0.0, 0.0, length))
+        hanging = self._turn(1, b) @ self.ca.vertcat(-x, 0, -length)
         wrong = self._tilts(e("EA0B"), e("EB0B"), e("EC0B")) @ hanging
         return self.ca.vertcat(e("EX0B"), 0, e("EZ0B")) + wrong - hanging
 

@@ -58,10 +58,6 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
     errors
         Location errors, totals: µm for offsets, arcsec for tilts.
 
-    Returns
-    -------
-    pin.Model
-
     Raises
     ------
     UnknownNameError
@@ -78,23 +74,28 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
     tool = 0
     for name, joint in (("X", pin.JointModelPX), ("Y", pin.JointModelPY), ("Z", pin.JointModelPZ)):
         tool = model.addJoint(tool, joint(), here, name)
+    # A point of the axis that tilts: the one whose coordinate along the axis is 0 is its frame.
+    height = setup.probe.length_mm if preset == "table-c-head-b" else 0.0
+    letter = "A" if preset == "trt-ca" else "B"
+    x, y, z = setup.axis_points().get(letter, (0.0, 0.0, height))
     if preset == "trt-ca":
-        T_A = placed((e["EA0A"], e["EB0A"], e["EC0A"]), (0.0, e["EY0A"], e["EZ0A"]))
-        T_C = placed((0.0, e["EB0C"] - e["EB0A"], 0.0), (e["EX0C"], e["EY0C"] - e["EY0A"], 0.0))
+        T_A = placed((e["EA0A"], e["EB0A"], e["EC0A"]), (0.0, y + e["EY0A"], z + e["EZ0A"]))
+        offset = (e["EX0C"], e["EY0C"] - e["EY0A"] - y, -z)
+        T_C = placed((0.0, e["EB0C"] - e["EB0A"], 0.0), offset)
         cradle = model.addJoint(0, pin.JointModelRX(), T_A, "A")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
     elif preset == "trt-bc":
-        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, e["EZ0B"]))
-        T_C = placed((e["EA0C"] - e["EA0B"], 0.0, 0.0), (e["EX0C"] - e["EX0B"], e["EY0C"], 0.0))
+        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (x + e["EX0B"], 0.0, z + e["EZ0B"]))
+        offset = (e["EX0C"] - e["EX0B"] - x, e["EY0C"], -z)
+        T_C = placed((e["EA0C"] - e["EA0B"], 0.0, 0.0), offset)
         cradle = model.addJoint(0, pin.JointModelRY(), T_B, "B")
         table = model.addJoint(cradle, pin.JointModelRZ(), T_C, "C")
     else:
-        length = setup.probe.length_mm
-        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (e["EX0B"], 0.0, length + e["EZ0B"]))
+        T_B = placed((e["EA0B"], e["EB0B"], e["EC0B"]), (x + e["EX0B"], 0.0, z + e["EZ0B"]))
         T_C = placed((e["EA0C"], e["EB0C"], 0.0), (e["EX0C"], e["EY0C"], 0.0))
         tool = model.addJoint(tool, pin.JointModelRY(), T_B, "B")
         table = model.addJoint(0, pin.JointModelRZ(), T_C, "C")
-        ball = placed((0.0, 0.0, 0.0), (0.0, 0.0, -length))
+        ball = placed((0.0, 0.0, 0.0), (-x, 0.0, -z))
 
     for name, joint, place in (("table", table, here), ("ball", tool, ball)):
         model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))

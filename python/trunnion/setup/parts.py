@@ -53,10 +53,13 @@ PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
     "cuboid": ("length_mm", "width_mm", "height_mm"),
-    "sphere": ("diameter_mm", "centre_mm"),
+    "sphere": ("diameter_mm", "centre_mm", "stem_diameter_mm"),
     "none": ("length_mm", "width_mm", "height_mm"),  # earlier versions wrote them
 }
 """Keys of an artefact beside its kind; "none" where nothing is touched."""
+
+STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
+"""Keys that say how an artefact of any kind stands on the table."""
 
 MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
 """Location errors beyond a tenth of a metre or half a turn are typos."""
@@ -124,10 +127,18 @@ class Machine(Part):
 
 @dataclass(frozen=True)
 class AxisSetup(Part):
-    """One axis. `sense` -1: the control counts it against the right-handed turn of the table."""
+    """One axis. `sense` -1: the control counts it against the right-handed turn of the table.
+
+    `point_mm` says where a rotary axis nominally is: any point of it at zero of all axes, in the
+    machine frame, whose origin is the centre of the table top, on the axis of the table. A
+    trunnion whose A axis lies 30 mm below the table top and 5 mm towards +Y has (0, 5, -30).
+    """
 
     table: ClassVar[str] = "axes"
     sense: int = key(1, Sign(), "-1: the control counts the axis the other way round")
+    point_mm: tuple[float, float, float] | None = key(
+        None, Vector(3, COORDINATE), "nominal point of a rotary axis; else through the origin"
+    )
 
 
 @dataclass(frozen=True)
@@ -135,6 +146,13 @@ class Artefact(Part):
     """What is touched, mm. `kind` is "cross", "cuboid" or "sphere" ("none" where nothing is).
 
     A sphere needs `diameter_mm` and `centre_mm` (artefact frame); they are None for the others.
+    Its stem, from the sphere down to the table top, is an obstacle of a plan; a `stem_diameter_mm`
+    of None is a third of the sphere's: read it as `effective_stem_diameter_mm`.
+
+    `place_mm` and `turn_deg` (about Z) are where the artefact's frame nominally stands in the
+    table's, whose origin is the centre of its top; the placement that is identified is the
+    deviation from there. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
+    direction) and `tolerance_deg` (about Z) of its place it stands.
     """
 
     table: ClassVar[str] = "artefact"
@@ -146,26 +164,53 @@ class Artefact(Part):
     centre_mm: tuple[float, float, float] | None = key(
         None, Vector(3, COORDINATE), "of the sphere, artefact frame"
     )
+    stem_diameter_mm: float | None = key(
+        None, Number(0.0, 1e5), "of the sphere's stem; 0: none; else a third of the sphere's"
+    )
+    place_mm: tuple[float, float, float] = key(
+        (0.0, 0.0, 0.0), Vector(3, COORDINATE), "nominal place on the table, from its centre"
+    )
+    turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
+    tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
+    tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
 
     def __post_init__(self) -> None:
         """Check every field, and that the kind has these dimensions."""
         super().__post_init__()
-        own = DIMENSIONS[self.kind]
+        own = self.own_names()
         for name, declared in keys_of(Artefact).items():
             value = getattr(self, name)
-            if name in own and value is None:
+            if name in own and value is None and name != "stem_diameter_mm":
                 raise self.refuse(name, f"{declared.takes.words}: a {self.kind} needs it")
-            if name not in (*own, "kind") and value != declared.default:
-                has = ", ".join(own)
+            if name not in own and value != declared.default:
+                has = ", ".join(own[1:])
                 raise self.refuse(name, f"none: a {self.kind} has {has}")
         if self.kind == "cross" and self.width_mm >= self.length_mm:
             limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
             raise self.refuse("width_mm", limit)
+        if self.diameter_mm is not None and self.effective_stem_diameter_mm >= self.diameter_mm:
+            limit = f"less than artefact.diameter_mm = {self.diameter_mm:g}: the sphere is touched"
+            raise self.refuse("stem_diameter_mm", limit)
+
+    @property
+    def effective_stem_diameter_mm(self) -> float:
+        """Diameter of a sphere's stem: as given, or a third of the sphere's; else 0."""
+        given = self.stem_diameter_mm
+        return (self.diameter_mm or 0.0) / 3.0 if given is None else given
+
+    def own_names(self) -> tuple[str, ...]:
+        """Return the names of the keys that this kind has."""
+        return names_of(self.kind)
 
     def own_keys(self) -> Mapping[str, Key]:
-        """Return the kind and its dimensions."""
-        own = ("kind", *DIMENSIONS[self.kind])
+        """Return the kind, its dimensions and how it stands."""
+        own = self.own_names()
         return {name: declared for name, declared in keys_of(Artefact).items() if name in own}
+
+
+def names_of(kind: str) -> tuple[str, ...]:
+    """Return the names of the keys that a kind of artefact has."""
+    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING))
 
 
 @dataclass(frozen=True)
@@ -223,11 +268,15 @@ class Resolution(Part):
 
 @dataclass(frozen=True)
 class TableSetup(Part):
-    """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks."""
+    """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks.
+
+    `is_assumed`: the set-up does not say how large it is.
+    """
 
     table: ClassVar[str] = "table"
     radius_mm: float = key(150.0, LENGTH, "of the rotary table, a disc with its top at Z = 0")
     thickness_mm: float = key(30.0, LENGTH, "of the rotary table")
+    is_assumed: bool = field(default=False, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -262,7 +311,7 @@ class Setup:
     axes: Mapping[str, AxisSetup] = field(default_factory=dict)
     probe: Probe = field(default_factory=Probe)
     resolution: Resolution = field(default_factory=Resolution)
-    table: TableSetup = field(default_factory=TableSetup)
+    table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)
@@ -276,12 +325,29 @@ class Setup:
         for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
             instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
         object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
+        for axis, point in self.axis_points().items():
+            with entry("axes", axis, "point_mm"):
+                self._check_point(axis, point)
         for name in PROCESS_TABLES:
             object.__setattr__(self, name, Section.of(name, getattr(self, name)))
 
     def sense(self, axis: str) -> int:
         """Return 1 or -1: the sense of an axis (1 unless the set-up says otherwise)."""
         return self.axes[axis].sense if axis in self.axes else 1
+
+    def axis_points(self) -> dict[str, tuple[float, float, float]]:
+        """Return the nominal points of axes that are stated, by letter, mm."""
+        stated = {letter: axis.point_mm for letter, axis in self.axes.items()}
+        return {letter: point for letter, point in stated.items() if point is not None}
+
+    def _check_point(self, axis: str, point: tuple[float, float, float]) -> None:
+        """Refuse a point of an axis that cannot have one or is somewhere else."""
+        if axis in "XYZ":
+            raise InputError(
+                f"axes.{axis}.point_mm: got {list(point)}, expected none: only where a rotary axis "
+                "is matters"
+            )
+        _core.Machine(self.machine.preset, self.probe.length_mm, [], [(axis, point)])
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the tables of the file with plain values; empty ones left out."""

@@ -15,6 +15,8 @@ from trunnion.setup.parts import (
     Artefact,
     AxisSetup,
     Setup,
+    TableSetup,
+    names_of,
 )
 
 
@@ -40,6 +42,8 @@ def read_setup(path: str | PathLike[str]) -> Setup:
         else table.build(PARTS[name])
         for name, table in tables.items()
     }
+    if "table" not in root:
+        built["table"] = TableSetup(is_assumed=True)
     with root.placed():
         return Setup(
             axes={letter: axes.table(letter).build(AxisSetup) for letter in axes},
@@ -53,5 +57,5 @@ def _artefact(table: Section, *, needed: bool) -> Artefact:
     if not table and not needed:
         return Artefact("none")
     kind, declared = table.get("kind"), keys_of(Artefact)
-    own = DIMENSIONS.get(kind, declared) if isinstance(kind, str) else declared
-    return table.build(Artefact, {k: v for k, v in declared.items() if k in ("kind", *own)})
+    own = names_of(kind) if isinstance(kind, str) and kind in DIMENSIONS else tuple(declared)
+    return table.build(Artefact, {k: v for k, v in declared.items() if k in own})

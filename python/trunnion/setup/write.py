@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from trunnion.setup.parts import Setup
 
 PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan")
+SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
 PROCESSES = ("turning", "servo", "ballbar", "hybrid")
 
 
@@ -24,6 +25,8 @@ def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
     tables |= {name: thawed(getattr(setup, name)) for name in PROCESSES}
     if not setup.machine.errors:
         del tables["machine"]["errors"]
+    if setup.table.is_assumed:
+        del tables["table"]
     return {name: table for name, table in tables.items() if table}
 
 
@@ -47,9 +50,9 @@ def report_of(setup: Setup) -> Table:
 
 def headline_of(setup: Setup) -> str:
     """Return the machine, the artefact and the probe in one line."""
-    artefact = setup.artefact.to_dict()
-    kind = artefact.pop("kind")
-    size = " × ".join(f"{value:g}" for value in artefact.values() if isinstance(value, float))
+    kind = setup.artefact.kind
+    sizes = (getattr(setup.artefact, name) for name in SIZES if name in setup.artefact.own_keys())
+    size = " × ".join(f"{value:g}" for value in sizes)
     processes = [f"[{name}]" for name in PROCESSES if getattr(setup, name)]
     said = [
         setup.machine.preset,

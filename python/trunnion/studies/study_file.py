@@ -7,7 +7,7 @@
     seed = 1                  # 0 if absent
     [grid]                    # every combination is a node
     noise_um = [0.1, 0.3, 1.0]
-    [fixed]                   # the rest keeps its default
+    [fixed]                   # the others keep their defaults
     length_mm = 150.0
 """
 

@@ -8,14 +8,14 @@ use std::hint::black_box;
 use criterion::{Criterion, Throughput};
 use nalgebra::Vector3;
 use trunnion_core::artefact::Layout;
-use trunnion_core::artefact::{Artefact, Line, Search};
+use trunnion_core::artefact::{Artefact, Fixture, Line, Search};
 use trunnion_core::identification::least_squares::{self, Options};
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::AxisPositions;
 use trunnion_core::machine::{Machine, Places};
 use trunnion_core::moves::Moves;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
+use trunnion_core::plan::{Arrangement, PlanOptions, PlanRequest, PlannedTouch, plan};
 use trunnion_core::probe::Probe;
 use trunnion_core::studies::{self, Measurement};
 use trunnion_core::touch::{Simulation, TouchModel};
@@ -48,8 +48,6 @@ impl Paper {
             rapid: 100.0,
             rotary_speed: 1.0,
             stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
-            table_radius: 150.0,
-            table_thickness: 30.0,
             layout: Layout::Side,
             all_faces: false,
         };
@@ -61,7 +59,10 @@ impl Paper {
             both_senses: false,
             repeats: 1,
         };
-        let touches = plan(&machine, &artefact, &request, &options)?;
+        let (places, fixture) = (machine.nominal(), Fixture::default());
+        let table = [150.0, 30.0];
+        let arrangement = Arrangement::new(machine.clone(), &places, artefact, &fixture, table)?;
+        let touches = plan(&arrangement, &request, &options)?;
         let flat = |of: fn(&PlannedTouch) -> Vector3<f64>| {
             touches.iter().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect()
         };

@@ -26,13 +26,11 @@ pub struct MachineModel {
 }
 
 fn model(
-    preset: &str,
-    tool_length_mm: f64,
+    machine: Machine,
     errors: &[(String, f64)],
     placement: &[f64; 6],
     effects: &[(String, Vec<f64>)],
 ) -> Result<Model> {
-    let machine = Machine::preset(preset, tool_length_mm)?;
     // Effects of the machine do not depend on what is touched.
     let any = Artefact::of("cross", &[2.0, 1.0, 1.0])?;
     let catalogue = effects::catalogue(&machine, &any);
@@ -85,17 +83,17 @@ impl MachineModel {
 #[pymethods]
 impl MachineModel {
     #[new]
-    #[pyo3(signature = (preset, tool_length_mm, *, errors, placement, effects, direction, sense))]
+    #[pyo3(signature = (machine, *, errors, placement, effects, direction, sense))]
     fn new(
-        preset: &str,
-        tool_length_mm: f64,
+        machine: &crate::machine::Machine,
         errors: Vec<(String, f64)>,
         placement: [f64; 6],
         effects: Vec<(String, Vec<f64>)>,
         direction: [f64; 3],
         sense: Vec<f64>,
     ) -> PyResult<Self> {
-        let mut inner = model(preset, tool_length_mm, &errors, &placement, &effects).into_py()?;
+        let machine = machine.inner.clone();
+        let mut inner = model(machine, &errors, &placement, &effects).into_py()?;
         inner.approach(Vector3::from(direction), &sense);
         Ok(Self { inner })
     }

@@ -6,6 +6,7 @@
 #![allow(clippy::too_many_arguments, clippy::type_complexity)]
 
 mod arrays;
+mod artefact;
 mod compensation;
 mod contouring;
 mod errors;
@@ -38,7 +39,9 @@ mod _core {
     #[pymodule_export]
     use crate::linear::linear_fit;
 
-    // --- trunnion (paper 000)
+    // --- trunnion
+    #[pymodule_export]
+    use crate::artefact::{Artefact, artefact_kinds};
     #[pymodule_export]
     use crate::compensation::{MachineModel, field_at, field_on_grid, field_statistics};
     #[pymodule_export]
@@ -48,22 +51,22 @@ mod _core {
     #[pymodule_export]
     use crate::studies::Measurements;
     #[pymodule_export]
-    use crate::touch::{Moves, TouchModel, artefact_kinds, catalogue, closed_form_slips};
+    use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
 
-    // --- turning (paper 001), part programs
+    // --- turning, part programs
     #[pymodule_export]
     use crate::nc::PyProgram;
     #[pymodule_export]
     use crate::turning::{PyProbePath, PyProfile, turning_cause, turning_change, turning_correct};
 
-    // --- contouring (paper 003)
+    // --- contouring
     #[pymodule_export]
     use crate::contouring::{
         ContourPath, contour_axis_margins, contour_axis_response, contour_axis_responses,
         contour_path_margins, contour_simulate, contour_sweep,
     };
 
-    // --- hybrid (paper 004)
+    // --- hybrid
     #[pymodule_export]
     use crate::hybrid::{Hybrid, hybrid_example, hybrid_parameter, hybrid_parameters};
 }

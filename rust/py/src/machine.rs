@@ -22,7 +22,7 @@ const CHUNK: usize = 8192;
 #[pyclass(frozen, module = "trunnion._core")]
 pub struct Machine {
     pub inner: machine::Machine,
-    places: Places,
+    pub places: Places,
 }
 
 fn positions(row: &[f64]) -> AxisPositions {
@@ -54,9 +54,15 @@ fn at_row(row: usize) -> impl Fn(Error) -> Error {
 #[pymethods]
 impl Machine {
     #[new]
-    #[pyo3(signature = (preset, tool_length_mm, errors))]
-    fn new(preset: &str, tool_length_mm: f64, errors: Vec<(String, f64)>) -> PyResult<Self> {
+    #[pyo3(signature = (preset, tool_length_mm, errors, points_mm=Vec::new()))]
+    fn new(
+        preset: &str,
+        tool_length_mm: f64,
+        errors: Vec<(String, f64)>,
+        points_mm: Vec<(char, [f64; 3])>,
+    ) -> PyResult<Self> {
         let inner = machine::Machine::preset(preset, tool_length_mm).into_py()?;
+        let inner = inner.through(&points_mm).into_py()?;
         let places = places(&inner, &errors).into_py()?;
         Ok(Self { inner, places })
     }

@@ -5,30 +5,29 @@ use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
-use trunnion_core::artefact::{Artefact, Layout};
-use trunnion_core::machine::Machine;
+use trunnion_core::artefact::Layout;
 use trunnion_core::plan as planning;
 use trunnion_core::plan::collision::Stylus;
-use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch};
+use trunnion_core::plan::{Arrangement, PlanOptions, PlanRequest, PlannedTouch};
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, UM};
 
 use crate::arrays::{array, matrix, rows};
+use crate::artefact::Artefact;
 use crate::errors::IntoPy;
+use crate::machine::Machine;
 
 /// How a plan is made, mm, degrees, µm, arcsec, mm/min as in the set-up file.
 #[pyfunction]
 #[pyo3(signature = (
-    preset, tool_length_mm, kind, dimensions, *, c_deg, tilt_deg, pairs_deg, feeds_mm_min, both_senses,
-    repeats, clearance_mm, overtravel_mm, linear_um, rotary_arcsec, rapid_mm_min, rotary_deg_min,
+    machine, artefact, *, c_deg, tilt_deg, pairs_deg, feeds_mm_min, both_senses, repeats,
+    clearance_mm, overtravel_mm, linear_um, rotary_arcsec, rapid_mm_min, rotary_deg_min,
     ball_radius_mm, stem_radius_mm, stem_length_mm, table_radius_mm, table_thickness_mm, layout,
     all_faces
 ))]
 pub fn plan<'py>(
     py: Python<'py>,
-    preset: &str,
-    tool_length_mm: f64,
-    kind: &str,
-    dimensions: Vec<f64>,
+    machine: &Machine,
+    artefact: &Artefact,
     c_deg: Vec<f64>,
     tilt_deg: Vec<f64>,
     pairs_deg: Vec<(f64, f64)>,
@@ -49,8 +48,8 @@ pub fn plan<'py>(
     layout: &str,
     all_faces: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = Artefact::of(kind, &dimensions).into_py()?;
+    let arrangement =
+        arrangement(machine, artefact, table_radius_mm, table_thickness_mm).into_py()?;
     let layout = match layout {
         "side" => Layout::Side,
         "top" => Layout::Top,
@@ -77,14 +76,11 @@ pub fn plan<'py>(
             stem_radius: stem_radius_mm,
             length: stem_length_mm,
         },
-        table_radius: table_radius_mm,
-        table_thickness: table_thickness_mm,
         layout,
         all_faces,
     };
-    let touches =
-        py.detach(|| planning::plan(&machine, &artefact, &request, &options)).into_py()?;
-    let axes = machine.rotary().len();
+    let touches = py.detach(|| planning::plan(&arrangement, &request, &options)).into_py()?;
+    let axes = machine.inner.rotary().len();
     let columns = |pick: &dyn Fn(&PlannedTouch) -> Vec<f64>| -> Vec<f64> {
         touches.iter().flat_map(pick).collect()
     };
@@ -105,34 +101,40 @@ pub fn plan<'py>(
     Ok(result)
 }
 
+fn arrangement(
+    machine: &Machine,
+    artefact: &Artefact,
+    radius: f64,
+    thickness: f64,
+) -> trunnion_core::Result<Arrangement> {
+    let Artefact { inner, fixture } = artefact;
+    let table = [radius, thickness];
+    Arrangement::new(machine.inner.clone(), &machine.places, *inner, fixture, table)
+}
+
 /// Z above all that swings, and Z above everything at each row's positions of the rotary axes, mm.
 #[pyfunction]
 #[pyo3(signature = (
-    preset, tool_length_mm, kind, dimensions, rotary_deg, *, ball_radius_mm, clearance_mm,
-    table_radius_mm, table_thickness_mm
+    machine, artefact, rotary_deg, *, ball_radius_mm, clearance_mm, table_radius_mm, table_thickness_mm
 ))]
 pub fn safe_levels<'py>(
     py: Python<'py>,
-    preset: &str,
-    tool_length_mm: f64,
-    kind: &str,
-    dimensions: Vec<f64>,
+    machine: &Machine,
+    artefact: &Artefact,
     rotary_deg: PyReadonlyArray2<'py, f64>,
     ball_radius_mm: f64,
     clearance_mm: f64,
     table_radius_mm: f64,
     table_thickness_mm: f64,
 ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
-    let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-    let artefact = Artefact::of(kind, &dimensions).into_py()?;
-    let axes = machine.rotary().len();
+    let axes = machine.inner.rotary().len();
     let rotary = rows("rotary positions", &rotary_deg, axes)?;
-    let around =
-        planning::collision::Surroundings::new(&artefact, table_radius_mm, table_thickness_mm);
+    let arrangement =
+        arrangement(machine, artefact, table_radius_mm, table_thickness_mm).into_py()?;
     let above = ball_radius_mm + clearance_mm;
     let levels = rotary.chunks_exact(axes).map(|angles| {
         let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
-        planning::safe_level(&machine, &around, &angles, above)
+        arrangement.safe_level(&angles, above)
     });
-    Ok((planning::swing_level(&around, above), array(py, levels.collect())))
+    Ok((arrangement.swing_level(above), array(py, levels.collect())))
 }

@@ -3,7 +3,7 @@
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use trunnion_core::artefact::{Artefact, KINDS, Search};
+use trunnion_core::artefact::{Artefact, Search};
 use trunnion_core::effects::{self, Kind, Need};
 use trunnion_core::identification::{closed_form, least_squares};
 use trunnion_core::machine::{self, Machine};
@@ -17,16 +17,6 @@ use crate::arrays::{array, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
 use crate::user_units::touches::{self as user_units, ParameterUnits};
-
-/// Kinds of artefact: for each its dimensions (mm) in order, name and how many numbers.
-#[pyfunction]
-pub fn artefact_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let all = PyDict::new(py);
-    for kind in KINDS {
-        all.set_item(kind.name, kind.dimensions.to_vec())?;
-    }
-    Ok(all)
-}
 
 fn kind_name(kind: Kind) -> &'static str {
     match kind {
@@ -147,27 +137,24 @@ impl TouchModel {
 impl TouchModel {
     #[new]
     #[pyo3(signature = (
-        preset, tool_length_mm, kind, dimensions, *, ball_radius_mm, tick_um, servo_period_ms,
-        effect_ids
+        machine, artefact, *, ball_radius_mm, tick_um, servo_period_ms, effect_ids
     ))]
     fn new(
-        preset: &str,
-        tool_length_mm: f64,
-        kind: &str,
-        dimensions: Vec<f64>,
+        machine: &crate::machine::Machine,
+        artefact: &crate::artefact::Artefact,
         ball_radius_mm: f64,
         tick_um: f64,
         servo_period_ms: f64,
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
-        let machine = Machine::preset(preset, tool_length_mm).into_py()?;
-        let artefact = Artefact::of(kind, &dimensions).into_py()?;
+        let machine = machine.inner.clone();
+        let (artefact, fixture) = (artefact.inner, artefact.fixture);
         let probe = Probe::new(ball_radius_mm, tick_um * UM)
             .and_then(|probe| probe.looked_at_every(1e-3 * servo_period_ms))
             .into_py()?;
         let all = effects::catalogue(&machine, &artefact);
         let chosen = effects::select(&all, &effect_ids).into_py()?;
-        let inner = touch::TouchModel::new(machine, artefact, probe, chosen);
+        let inner = touch::TouchModel::new(machine, artefact, probe, chosen).standing(&fixture);
         let units = ParameterUnits::of(&inner);
         Ok(Self { inner, units })
     }

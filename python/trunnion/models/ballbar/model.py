@@ -20,7 +20,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.grid import best_place
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.hybrid.readings import (
     check_enough,
     check_near,
@@ -40,7 +40,7 @@ MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the cent
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
 
 
-class BallbarModel(BaseModel):
+class BallbarModel(Model):
     """Ball-bar lengths, as the diagnosis engine asks for them.
 
     Parameters

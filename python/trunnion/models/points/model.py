@@ -22,8 +22,8 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
-    BaseModel,
     Covariate,
+    Model,
     Nuisance,
     Readings,
     Uncertainty,
@@ -55,7 +55,7 @@ FOLDS = 10
 FOLD_SEED = 1
 
 
-class PointsModel(BaseModel):
+class PointsModel(Model):
     """Points, as the diagnosis engine asks for them.
 
     Readings are row by row: X, Y (and Z) of row 0, then of row 1, ...
@@ -375,8 +375,9 @@ class ExtendedPoints(Estimate):
     ) -> Floats:
         """Error at the programmed places of points, µm in the machine frame, (n, d).
 
-        A placement (shift and rotation) may be left in it: nobody can tell it from the part's own.
-        What belongs to the part's set-up (a slip) counts at the diagnosed points only.
+        A placement (shift and rotation) may be left in it: it cannot be distinguished from the
+        part's own. What belongs to the set-up (a shift of the part) counts at the diagnosed points
+        only.
 
         Parameters
         ----------

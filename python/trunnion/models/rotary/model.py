@@ -22,9 +22,10 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
-    BaseModel,
     Covariate,
+    Model,
     Nuisance,
+    OneEffect,
     Readings,
     Scaling,
     Uncertainty,
@@ -62,7 +63,7 @@ class _Turned:
     spin: Floats
 
 
-class SweepModel(BaseModel):
+class SweepModel(Model):
     """A sweep, as the diagnosis engine asks for it.
 
     Readings are row by row: radial, tangential, axial of row 0, then of row 1, ...
@@ -235,7 +236,7 @@ class SweepModel(BaseModel):
         return _Turned(place, inside, target, tilt[0], tilt_by[:, 0], wobble, wobble_by, spin)
 
     def _effect(self, name: str, motion: Motion) -> Effect:
-        bound = MotionChange(self, name)
+        bound = OneEffect(self, name)
         return Effect(
             name,
             motion.parameters,
@@ -287,7 +288,7 @@ class SweepModel(BaseModel):
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide each direction by its noise, taken from second differences along the positions.
 
-        Slow error motions do not count as noise so. Directions whose noise cannot be told apart
+        Slow error motions do not count as noise so. Directions whose noise cannot be distinguished
         (F test, 1 %) share one.
         """
         r = residuals.reshape(-1, 3)
@@ -386,25 +387,6 @@ class ExtendedSweep(Estimate):
                 motion = self.source._motions[name]
                 total += motion.motion(Conditions.at(angle), values)[0] / MOTION_UNIT
         return dict(zip(MOTIONS, total.T, strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class MotionChange:
-    """Change of every reading of a sweep by one error motion, µm."""
-
-    model: SweepModel
-    name: str
-
-    def change(self, values: Mapping[str, float]) -> Floats:
-        """Return the change, shape (n,), the axis and the targets where plain circles put them."""
-        start = self.model.start
-        plain = self.model.predict(start, {})
-        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
-
-    def jacobian(self, values: Mapping[str, float]) -> Floats:
-        """Return its derivative by each parameter, shape (n, k)."""
-        effect = self.model.effect(self.name)
-        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def _alike(one: float, one_freedom: float, two: float, two_freedom: float) -> bool:

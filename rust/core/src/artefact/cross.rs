@@ -69,8 +69,8 @@ impl Shape for Cross {
 
     fn targets(&self, view: &View) -> Vec<Target> {
         let all = all_targets(*self);
-        let upright = view.table.rotation.tr_mul(view.stem);
-        if upright.z.abs() < 1e-9 && !view.all_faces {
+        let upright = view.artefact.rotation.tr_mul(view.stem);
+        if upright.z.abs() < TILTED && !view.all_faces {
             tilted_cross(&all, &upright, view.layout)
         } else {
             all
@@ -89,6 +89,10 @@ impl Shape for Cross {
         format!("{sign}{letter} arm, {}", side(normal))
     }
 }
+
+/// A table tilted by ±90° is one whose Z is square to the stem within this (rad): known errors of the
+/// machine tilt it.
+const TILTED: f64 = 2e-3;
 
 /// The sixteen touches of the cross.
 fn all_targets(Cross { length, width, height }: Cross) -> Vec<Target> {

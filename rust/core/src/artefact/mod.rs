@@ -10,8 +10,8 @@ mod sphere;
 
 use nalgebra::Vector3;
 
-use crate::machine::{Place, Places};
-use crate::pose::Pose;
+use crate::machine::{Component, Place, Places};
+use crate::pose::{Direction, Pose};
 use crate::units::Unit;
 use crate::{Error, Result};
 
@@ -29,6 +29,32 @@ pub enum Artefact {
     Cuboid(Cuboid),
     /// A sphere on a post.
     Sphere(Sphere),
+}
+
+/// How an artefact stands on the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fixture {
+    /// Nominal place of the artefact's origin in the table's frame (middle of its top), mm.
+    pub place: Vector3<f64>,
+    /// Nominal turn about Z, rad.
+    pub turn: f64,
+    /// Radius of the stem that carries a sphere, mm; 0: none.
+    pub stem_radius: f64,
+    /// How far its origin may lie from the nominal place, in any direction, mm.
+    pub tolerance: f64,
+    /// How far it may be turned about Z from nominal, rad.
+    pub turn_tolerance: f64,
+}
+
+impl Fixture {
+    /// Adds the nominal place and turn of the artefact on the table to the places of a machine.
+    pub fn add_to(&self, places: &mut Places) {
+        for along in Direction::ALL {
+            let place = Place::placement(Component::Offset(along));
+            places.add(place, self.place[along.index()]);
+        }
+        places.add(Place::placement(Component::Tilt(Direction::Z)), self.turn);
+    }
 }
 
 /// A kind of artefact: its name, its dimensions, and how it is made of them.
@@ -98,8 +124,8 @@ pub struct Target {
 /// From where targets are looked for.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
-    /// Pose of the table.
-    pub table: &'a Pose,
+    /// Pose of the artefact.
+    pub artefact: &'a Pose,
     /// Direction of the stem, machine frame.
     pub stem: &'a Vector3<f64>,
     /// Where the touches 17 and 20 of the cross lie.

@@ -9,7 +9,7 @@ use crate::pose::Pose;
 use crate::units::Unit;
 use crate::{Error, Result};
 
-/// A sphere on a post, mm; the post is not modelled.
+/// A sphere, mm; the stem that carries it is an obstacle of the plan only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Diameter.
@@ -52,7 +52,7 @@ impl Shape for Sphere {
     }
 
     fn targets(&self, view: &View) -> Vec<Target> {
-        sphere(0.5 * self.diameter, &self.centre.into(), view.table, view.stem)
+        sphere(0.5 * self.diameter, &self.centre.into(), view.artefact, view.stem)
     }
 
     fn outline(&self) -> Vec<Part> {
@@ -66,14 +66,14 @@ impl Shape for Sphere {
 
 /// The pole towards the stem and four points of the equator, along the machine's directions, so
 /// that the same five moves serve every position of the table.
-fn sphere(radius: f64, centre: &Vector3<f64>, table: &Pose, stem: &Vector3<f64>) -> Vec<Target> {
+fn sphere(radius: f64, centre: &Vector3<f64>, pose: &Pose, stem: &Vector3<f64>) -> Vec<Target> {
     let side = if stem.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let u = (side - stem * side.dot(stem)).normalize();
     let v = stem.cross(&u);
     let labelled = (1..).zip([*stem, u, v, -u, -v]);
     labelled
         .map(|(label, direction)| {
-            let normal = table.rotation.tr_mul(&direction);
+            let normal = pose.rotation.tr_mul(&direction);
             Target { label, point: centre + normal * radius, normal }
         })
         .collect()

@@ -34,7 +34,7 @@ impl Model {
     /// What the program means: the tool point and direction that the nominal machine has at p with
     /// the rotary axes as commanded.
     fn meant(&self, point: &Vector3<f64>, commanded: &[f64]) -> Tool {
-        let nominal = Posture::new(&self.machine, commanded, &Places::default());
+        let nominal = Posture::new(&self.machine, commanded, &self.machine.nominal());
         let spindle = nominal.head.rotation * Vector3::z();
         Tool { point: *point, direction: nominal.table.rotation.tr_mul(&spindle) }
     }

@@ -37,8 +37,8 @@ impl Model {
     pub fn nominal(machine: Machine) -> Self {
         Self {
             errors: machine.location_errors(),
+            constant: machine.nominal(),
             machine,
-            constant: Places::default(),
             effects: Vec::new(),
             values: Vec::new(),
             direction: Vector3::zeros(),
@@ -66,7 +66,7 @@ impl Model {
             let expected = self.errors.len().to_string();
             return Err(Error::input("location errors", amounts.len(), expected));
         }
-        self.constant = Places::default();
+        self.constant = self.machine.nominal();
         for (error, amount) in self.errors.iter().zip(amounts) {
             if !amount.is_finite() {
                 return Err(Error::input(error.name(), amount, "a finite number"));

@@ -81,7 +81,7 @@ impl ForwardBatch {
             |first| (first.rotation.transpose(), first.offset),
         );
         Self {
-            tool: Vector3::new(0.0, 0.0, -machine.tool_length()).map(all),
+            tool: machine.tool().map(all),
             head: axes(Side::Tool).rev().collect(),
             gain: directions * gain,
             offset: directions * (offset - origin),

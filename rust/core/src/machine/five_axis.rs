@@ -91,7 +91,7 @@ impl FiveAxis {
             letters: ['X', 'Y', 'Z', letter(0), letter(1)],
             table,
             head,
-            tool: Vector3::new(0.0, 0.0, -machine.tool_length()),
+            tool: *machine.tool(),
             gain,
             offset: Vector3::from_column_slice(places.offset()),
             directions,

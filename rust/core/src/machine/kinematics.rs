@@ -80,7 +80,7 @@ impl Machine {
         jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&(to_work * gain));
         let actual = posture.table.apply(&tool.point);
         let spindle = posture.head.rotation * Vector3::z();
-        let nominal = Posture::new(self, rotary, &Places::default());
+        let nominal = Posture::new(self, rotary, &self.nominal());
         for (axis, rotary) in self.rotary().iter().enumerate() {
             let joint = &posture.joints[axis];
             let (point, direction) = match rotary.side {
@@ -134,7 +134,7 @@ impl Machine {
     /// Another number of rotary axes than two, a direction that the machine cannot take, or one
     /// that is not a unit vector (1e-6).
     pub fn inverse(&self, tool: &Tool, reference: &[f64]) -> Result<Branches> {
-        let resolved = FiveAxis::new(self, &Places::default())?;
+        let resolved = FiveAxis::new(self, &self.nominal())?;
         let norm = tool.direction.norm();
         if norm.is_nan() || (norm - 1.0).abs() > 1e-6 {
             return Err(Error::input("length of the tool direction", norm, "1 within 1e-6"));

@@ -15,6 +15,8 @@ pub mod location;
 pub mod places;
 pub mod posture;
 
+use nalgebra::Vector3;
+
 use crate::pose::Direction;
 use crate::{Error, Result};
 
@@ -51,13 +53,16 @@ impl Rotary {
     }
 }
 
-/// A machine with X, Y, Z and up to [`MAX_ROTARY`] rotary axes. The nominal axis average lines of
-/// the table's rotary axes meet in the origin; those of a head meet in the pivot, `tool_length`
-/// above the tool point.
+/// A machine with X, Y, Z and up to [`MAX_ROTARY`] rotary axes. The nominal axis average line of the
+/// axis next to the work goes through the origin; those of the others do where [`Machine::through`]
+/// says nothing else. Those of a head meet in the pivot, `tool_length` above the tool point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
     rotary: Vec<Rotary>,
-    tool_length: f64,
+    /// Nominal origin of each axis' frame in the frame that carries it, mm.
+    offsets: [Vector3<f64>; MAX_ROTARY],
+    /// Tool point from the pivot at zero of all axes, mm.
+    tool: Vector3<f64>,
 }
 
 /// A machine that comes with the project.
@@ -110,7 +115,8 @@ impl Machine {
         if !(tool_length.is_finite() && tool_length > 0.0) {
             return Err(Error::input("tool length in mm", tool_length, "a positive number"));
         }
-        Ok(Self { rotary, tool_length })
+        let tool = Vector3::new(0.0, 0.0, -tool_length);
+        Ok(Self { rotary, offsets: [Vector3::zeros(); MAX_ROTARY], tool })
     }
 
     /// One of [`PRESETS`].
@@ -131,10 +137,82 @@ impl Machine {
         &self.rotary
     }
 
-    /// Distance from a head's pivot to the tool point in mm.
+    /// The machine with nominal axis average lines through these points: letter, and a point of the
+    /// line at zero of all axes, mm, machine frame. Which point of its line is given does not matter.
+    ///
+    /// # Errors
+    /// An axis that the machine lacks, a point that is not finite, an axis next to the work that
+    /// misses the origin of the machine frame, a head's axis that is not at the height of the pivot.
+    pub fn through(mut self, points: &[(char, [f64; 3])]) -> Result<Self> {
+        let mut origins = [Vector3::zeros(); MAX_ROTARY];
+        for &(letter, point) in points {
+            let axis = self.axis(letter)?;
+            let what = format!("axes.{letter}.point_mm");
+            if !point.iter().all(|value| value.is_finite()) {
+                return Err(Error::input(what, format!("{point:?}"), "three finite numbers"));
+            }
+            let mut origin = Vector3::from(point);
+            origin[self.rotary[axis].direction.index()] = 0.0;
+            match self.rotary[axis].side {
+                Side::Workpiece => origins[axis] = origin,
+                Side::Tool => self.shift_pivot(&what, &origin)?,
+            }
+        }
+        let mut carrier = Vector3::zeros();
+        for (axis, rotary) in self.rotary.iter().enumerate() {
+            if rotary.side == Side::Workpiece {
+                self.offsets[axis] = origins[axis] - carrier;
+                carrier = origins[axis];
+            }
+        }
+        if carrier != Vector3::zeros() {
+            let last = self.rotary.iter().rev().find(|axis| axis.side == Side::Workpiece);
+            let letter = last.map_or(' ', Rotary::letter);
+            let got = format!("an axis that misses the origin by {:?}", carrier.as_slice());
+            let expected = format!(
+                "a point straight along {letter}: the origin of the machine frame lies on this axis, \
+                 and the points of the other axes are counted from there"
+            );
+            return Err(Error::input(format!("axes.{letter}.point_mm"), got, expected));
+        }
+        Ok(self)
+    }
+
+    /// Puts the pivot of a head with one axis on a line.
+    fn shift_pivot(&mut self, what: &str, origin: &Vector3<f64>) -> Result<()> {
+        if self.rotary.iter().filter(|axis| axis.side == Side::Tool).count() > 1 {
+            let got = format!("{:?}", origin.as_slice());
+            let expected = "none: the axes of a head with two meet in its pivot";
+            return Err(Error::input(what, got, expected));
+        }
+        let height = -self.tool.z;
+        if (origin.z - height).abs() > 1e-9 {
+            let expected = format!(
+                "{height}, the distance from the pivot to the ball's centre (probe.length_mm): at zero \
+                 of all axes the ball's centre is in the origin of the machine frame"
+            );
+            return Err(Error::input(format!("{what}: z"), origin.z, expected));
+        }
+        self.tool = -origin;
+        Ok(())
+    }
+
+    /// The places of the machine without errors: where its axes nominally are.
     #[must_use]
-    pub const fn tool_length(&self) -> f64 {
-        self.tool_length
+    pub fn nominal(&self) -> Places {
+        let mut places = Places::default();
+        for (axis, offset) in self.offsets.iter().enumerate() {
+            for along in Direction::ALL {
+                places.add(Place::frame(axis, Component::Offset(along)), offset[along.index()]);
+            }
+        }
+        places
+    }
+
+    /// Tool point from a head's pivot at zero of all axes, mm.
+    #[must_use]
+    pub const fn tool(&self) -> &Vector3<f64> {
+        &self.tool
     }
 
     /// Index of the rotary axis with this letter.

@@ -145,7 +145,7 @@ impl Posture {
         }
         let mut artefact = table;
         let placement = frames.placement.extend(&mut artefact, None);
-        let tool = Vector3::new(0.0, 0.0, -machine.tool_length());
+        let tool = *machine.tool();
         Self {
             table,
             artefact,

@@ -1,15 +1,17 @@
-//! Whether ball and stem get along a straight way without touching artefact or table.
+//! Whether ball and stem get along a straight way without touching artefact, its stem or table,
+//! wherever within its tolerance the artefact stands.
 //!
 //! Everything is in the table's frame. Shapes and swept queries are parry's: convex shapes and
 //! their time of impact.
 
 use nalgebra::Vector3;
 use parry3d_f64::glamx::{DPose3, DQuat, DVec3};
-use parry3d_f64::query::{ShapeCastOptions, cast_shapes};
+use parry3d_f64::query::{ShapeCastOptions, cast_shapes, distance};
 use parry3d_f64::shape::{Ball, Capsule, Cuboid, Cylinder, Shape};
 
-use crate::artefact::{Artefact, Part};
-use crate::pose::Pose;
+use crate::artefact::{Artefact, Fixture, Part};
+use crate::pose::{Direction, Pose};
+use crate::{Error, Result};
 
 /// Ball and stem of the probe, mm. The stem leaves the ball towards the spindle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,11 +24,41 @@ pub struct Stylus {
     pub length: f64,
 }
 
-/// Artefact and table as obstacles.
+/// A straight move of the ball's centre, with the stem in one direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Way {
+    /// Where it begins, mm.
+    pub from: Vector3<f64>,
+    /// Where it ends, mm.
+    pub to: Vector3<f64>,
+    /// Unit vector from the ball to the spindle.
+    pub stem: Vector3<f64>,
+}
+
+impl Way {
+    /// As the artefact sees it when it stands off by `shift`.
+    fn seen_from(&self, shift: &Vector3<f64>) -> Self {
+        Self { from: self.from - shift, to: self.to - shift, stem: self.stem }
+    }
+}
+
+struct Obstacle {
+    pose: DPose3,
+    shape: Box<dyn Shape>,
+    /// Balls whose hull holds it: centre and radius, mm.
+    hull: Vec<(Vector3<f64>, f64)>,
+    /// How far any of its points may be from nominal, mm.
+    growth: f64,
+    /// Whether it is a part of what is touched.
+    is_touched: bool,
+}
+
+/// Artefact, its stem and table as obstacles.
 pub struct Surroundings {
-    obstacles: Vec<(DPose3, Box<dyn Shape>)>,
-    /// Points on the hull, to find the highest.
-    corners: Vec<Vector3<f64>>,
+    obstacles: Vec<Obstacle>,
+    tolerance: f64,
+    turn_tolerance: f64,
+    origin: Vector3<f64>,
     table_radius: f64,
     table_thickness: f64,
 }
@@ -35,92 +67,222 @@ fn to_parry(v: &Vector3<f64>) -> DVec3 {
     DVec3::new(v.x, v.y, v.z)
 }
 
+/// A cylinder that stands on z = `low`; parry's lies along Y.
+fn upright(radius: f64, at: &Vector3<f64>, low: f64, high: f64) -> (DPose3, Box<dyn Shape>) {
+    let turn = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let middle = DVec3::new(at.x, at.y, 0.5 * (low + high));
+    (DPose3::from_parts(middle, turn), Box::new(Cylinder::new(0.5 * (high - low), radius)))
+}
+
+fn positive(what: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::input(format!("{what} in mm"), value, "a positive number"))
+}
+
 impl Surroundings {
     /// The artefact on a round table.
-    #[must_use]
-    pub fn new(artefact: &Artefact, table_radius: f64, table_thickness: f64) -> Self {
-        let mut obstacles: Vec<(DPose3, Box<dyn Shape>)> = Vec::new();
-        let mut corners = Vec::new();
-        for part in artefact.outline() {
-            match part {
-                Part::Box([x, y, z]) => {
-                    let half = DVec3::new(0.5 * x, 0.5 * y, 0.5 * z);
-                    let pose = DPose3::from_translation(DVec3::new(0.0, 0.0, 0.5 * z));
-                    obstacles.push((pose, Box::new(Cuboid::new(half))));
-                    for (i, j) in [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)] {
-                        corners.push(Vector3::new(i * x, j * y, z));
-                    }
-                }
-                Part::Ball { radius, centre } => {
-                    let pose = DPose3::from_translation(to_parry(&centre));
-                    obstacles.push((pose, Box::new(Ball::new(radius))));
-                    for direction in [Vector3::x(), Vector3::y(), Vector3::z()] {
-                        corners.extend([centre + direction * radius, centre - direction * radius]);
-                    }
-                }
+    ///
+    /// # Errors
+    /// A table without radius or thickness, a stem or a tolerance below zero.
+    pub fn new(
+        artefact: &Artefact,
+        fixture: &Fixture,
+        table_radius: f64,
+        table_thickness: f64,
+    ) -> Result<Self> {
+        positive("radius of the table", table_radius)?;
+        positive("thickness of the table", table_thickness)?;
+        let sizes = [
+            ("radius of the artefact's stem", fixture.stem_radius),
+            ("tolerance of the artefact's place", fixture.tolerance),
+            ("tolerance of the artefact's turn", fixture.turn_tolerance),
+        ];
+        for (what, size) in sizes {
+            if !(size.is_finite() && size >= 0.0) {
+                return Err(Error::input(what, size, "0 or a positive number"));
             }
         }
-        // parry's cylinder stands along Y.
-        let upright = DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2);
-        let middle = DVec3::new(0.0, 0.0, -0.5 * table_thickness);
-        let table = Cylinder::new(0.5 * table_thickness, table_radius);
-        obstacles.push((DPose3::from_parts(middle, upright), Box::new(table)));
-        Self { obstacles, corners, table_radius, table_thickness }
+        let mut around = Self {
+            obstacles: Vec::new(),
+            tolerance: fixture.tolerance,
+            turn_tolerance: fixture.turn_tolerance,
+            origin: fixture.place,
+            table_radius,
+            table_thickness,
+        };
+        for part in artefact.outline() {
+            match part {
+                Part::Box(lengths) => around.add_box(lengths, fixture.turn),
+                Part::Ball { radius, centre } => around.add_ball(radius, &centre, fixture),
+            }
+        }
+        let (pose, shape) = upright(table_radius, &Vector3::zeros(), -table_thickness, 0.0);
+        let growth = fixture.tolerance;
+        let hull = Vec::new();
+        around.obstacles.push(Obstacle { pose, shape, hull, growth, is_touched: false });
+        Ok(around)
     }
 
-    /// Highest coordinate along `up` (machine frame) of anything on the table at this pose.
+    /// What carries a box above the table is taken to be as wide as the box.
+    fn add_box(&mut self, [x, y, z]: [f64; 3], turn: f64) {
+        let low = self.origin.z.min(0.0);
+        let high = self.origin.z + z;
+        let half = DVec3::new(0.5 * x, 0.5 * y, 0.5 * (high - low));
+        let middle = DVec3::new(self.origin.x, self.origin.y, 0.5 * (low + high));
+        let rotation = Direction::Z.rotation(turn);
+        let corners = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)].map(|(i, j)| {
+            let across = rotation * Vector3::new(i * x, j * y, 0.0);
+            [low, high].map(|z| (Vector3::new(self.origin.x, self.origin.y, z) + across, 0.0))
+        });
+        self.obstacles.push(Obstacle {
+            pose: DPose3::from_parts(middle, DQuat::from_rotation_z(turn)),
+            shape: Box::new(Cuboid::new(half)),
+            hull: corners.concat(),
+            growth: self.shift_at(0.5 * x.hypot(y)),
+            is_touched: true,
+        });
+    }
+
+    fn add_ball(&mut self, radius: f64, centre: &Vector3<f64>, fixture: &Fixture) {
+        let at = self.origin + Direction::Z.rotation(fixture.turn) * centre;
+        let growth = self.shift_at(centre.xy().norm());
+        self.obstacles.push(Obstacle {
+            pose: DPose3::from_translation(to_parry(&at)),
+            shape: Box::new(Ball::new(radius)),
+            hull: vec![(at, radius)],
+            growth,
+            is_touched: true,
+        });
+        let stem = fixture.stem_radius;
+        if stem > 0.0 && at.z > 0.0 {
+            let (pose, shape) = upright(stem, &at, 0.0, at.z);
+            let foot = Vector3::new(at.x, at.y, 0.0);
+            let hull = vec![(foot, stem), (at, stem)];
+            self.obstacles.push(Obstacle { pose, shape, hull, growth, is_touched: false });
+        }
+    }
+
+    /// How far a point of the artefact may be from nominal, mm, at this distance from the Z axis of
+    /// its frame.
+    fn shift_at(&self, radius: f64) -> f64 {
+        self.tolerance + self.turn_tolerance * radius
+    }
+
+    /// How far any point of the artefact may be from nominal, mm.
+    #[must_use]
+    pub fn growth(&self) -> f64 {
+        self.obstacles.iter().map(|obstacle| obstacle.growth).fold(0.0, f64::max)
+    }
+
+    /// Shifts of the artefact that stand for all within its tolerance at this point of it: none, and
+    /// the largest in 14 directions.
+    #[must_use]
+    pub fn shifts_at(&self, point: &Vector3<f64>) -> Vec<Vector3<f64>> {
+        let size = self.shift_at((point - self.origin).xy().norm());
+        let mut shifts = vec![Vector3::zeros()];
+        if size > 0.0 {
+            for direction in Direction::ALL {
+                shifts.extend([direction.unit() * size, direction.unit() * -size]);
+            }
+            let corners = (0..8).map(|corner: usize| {
+                Vector3::from_fn(|i, _| if corner >> i & 1 == 0 { size } else { -size })
+            });
+            shifts.extend(corners.map(|corner| corner / 3.0_f64.sqrt()));
+        }
+        shifts
+    }
+
+    /// Highest coordinate along `up` (machine frame) of anything that may be on the table at this
+    /// pose.
     #[must_use]
     pub fn highest(&self, table: &Pose, up: &Vector3<f64>) -> f64 {
         let axis = table.rotation.column(2).dot(up);
         let rim = self.table_radius * (1.0 - axis * axis).max(0.0).sqrt();
         let disc = table.translation.dot(up) + rim + (-self.table_thickness * axis).max(0.0);
-        let corners = self.corners.iter().map(|corner| table.apply(corner).dot(up));
-        corners.fold(disc, f64::max)
+        let balls = self.obstacles.iter().flat_map(|obstacle| {
+            let balls = obstacle.hull.iter();
+            balls.map(|(centre, r)| table.apply(centre).dot(up) + r + obstacle.growth)
+        });
+        balls.fold(disc + self.tolerance, f64::max)
     }
 
-    /// Largest distance of anything on the table from the origin.
+    /// Largest distance of anything that may be on the table from the origin of its frame.
     #[must_use]
     pub fn farthest(&self) -> f64 {
-        let table = self.table_radius.hypot(self.table_thickness);
-        self.corners.iter().map(Vector3::norm).fold(table, f64::max)
+        let table = self.table_radius.hypot(self.table_thickness) + self.tolerance;
+        let balls = self.obstacles.iter().flat_map(|obstacle| {
+            obstacle.hull.iter().map(|(centre, r)| centre.norm() + r + obstacle.growth)
+        });
+        balls.fold(table, f64::max)
     }
 
-    /// Whether ball and stem can move from `from` to `to` (ball centre, table frame) with the stem in
-    /// direction `stem`.
+    /// Whether ball and stem can make a move, wherever within its tolerance the artefact stands.
     #[must_use]
-    pub fn is_free(
+    pub fn is_free(&self, way: &Way, stylus: &Stylus) -> bool {
+        self.obstacles.iter().all(|obstacle| !obstacle.meets(way, stylus, obstacle.growth))
+    }
+
+    /// Whether ball and stem can make an approach. `contact` is the nominal end of the way;
+    /// `ends` has, for each of some shifts of the artefact, how far the ball really gets.
+    #[must_use]
+    pub fn is_approach_free(
         &self,
-        from: &Vector3<f64>,
-        to: &Vector3<f64>,
-        stem: &Vector3<f64>,
+        way: &Way,
+        contact: &Vector3<f64>,
+        ends: &[(Vector3<f64>, Vector3<f64>)],
         stylus: &Stylus,
     ) -> bool {
-        let tip = Vector3::zeros();
-        let end = stem * stylus.length;
-        let shapes: [Box<dyn Shape>; 2] = [
-            Box::new(Ball::new(stylus.ball_radius)),
-            Box::new(Capsule::new(to_parry(&tip), to_parry(&end), stylus.stem_radius)),
-        ];
-        let pose = DPose3::from_translation(to_parry(from));
-        let velocity = to_parry(&(to - from));
+        let (touched, others): (Vec<_>, Vec<_>) =
+            self.obstacles.iter().partition(|obstacle| obstacle.is_at(contact, stylus));
+        others.iter().all(|obstacle| !obstacle.meets(way, stylus, obstacle.growth))
+            && ends.iter().all(|(shift, end)| {
+                let way = Way { to: *end, ..*way }.seen_from(shift);
+                touched.iter().all(|obstacle| !obstacle.meets(&way, stylus, 0.0))
+            })
+    }
+}
+
+/// A part is touched where the ball's distance from it is below this, mm.
+const TOUCHED_MM: f64 = 1e-3;
+
+impl Obstacle {
+    /// Whether this is the part that the ball touches with its centre at `contact`.
+    fn is_at(&self, contact: &Vector3<f64>, stylus: &Stylus) -> bool {
+        let ball = Ball::new(stylus.ball_radius);
+        let pose = DPose3::from_translation(to_parry(contact));
+        let gap = distance(&pose, &ball, &self.pose, self.shape.as_ref());
+        self.is_touched && gap.is_ok_and(|gap| gap.distance < TOUCHED_MM)
+    }
+
+    /// Whether ball or stem come nearer than `growth` on a move.
+    fn meets(&self, way: &Way, stylus: &Stylus, growth: f64) -> bool {
+        let end = way.stem * stylus.length;
+        let ball = Ball::new(stylus.ball_radius);
+        let stem = Capsule::new(DVec3::ZERO, to_parry(&end), stylus.stem_radius);
+        let shapes: [&dyn Shape; 2] = [&ball, &stem];
+        let pose = DPose3::from_translation(to_parry(&way.from));
+        let velocity = to_parry(&(way.to - way.from));
         let options = ShapeCastOptions {
             max_time_of_impact: 1.0,
+            target_distance: growth,
             compute_impact_geometry_on_penetration: false,
             ..ShapeCastOptions::default()
         };
-        shapes.iter().all(|shape| {
-            self.obstacles.iter().all(|(place, obstacle)| {
-                let hit = cast_shapes(
-                    &pose,
-                    velocity,
-                    shape.as_ref(),
-                    place,
-                    DVec3::ZERO,
-                    obstacle.as_ref(),
-                    options,
-                );
-                matches!(hit, Ok(None))
-            })
+        shapes.iter().any(|shape| {
+            let place = &self.pose;
+            let hit = cast_shapes(
+                &pose,
+                velocity,
+                *shape,
+                place,
+                DVec3::ZERO,
+                self.shape.as_ref(),
+                options,
+            );
+            let gap = distance(&pose, *shape, place, self.shape.as_ref());
+            !matches!(hit, Ok(None)) || gap.is_ok_and(|gap| gap.distance <= growth)
         })
     }
 }
@@ -129,21 +291,59 @@ impl Surroundings {
 mod tests {
     use super::*;
 
+    const STYLUS: Stylus = Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 };
+
+    fn is_free(around: &Surroundings, from: [f64; 3], to: [f64; 3], stem: [f64; 3]) -> bool {
+        let way = Way { from: from.into(), to: to.into(), stem: stem.into() };
+        around.is_free(&way, &STYLUS)
+    }
+
     #[test]
     fn the_stem_must_not_pass_through_an_arm() {
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
-        let around = Surroundings::new(&cross, 150.0, 30.0);
-        let stylus = Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 };
-        let free = |from: [f64; 3], to: [f64; 3], stem: [f64; 3]| {
-            around.is_free(&from.into(), &to.into(), &stem.into(), &stylus)
-        };
+        let around = Surroundings::new(&cross, &Fixture::default(), 150.0, 30.0).unwrap();
         let up = [0.0, 0.0, 1.0];
-        assert!(free([20.0, -37.5, 12.5], [13.6, -37.5, 12.5], up));
-        assert!(!free([20.0, -37.5, 12.5], [13.4, -37.5, 12.5], up));
+        assert!(is_free(&around, [20.0, -37.5, 12.5], [13.6, -37.5, 12.5], up));
+        assert!(!is_free(&around, [20.0, -37.5, 12.5], [13.4, -37.5, 12.5], up));
         // A stem along −Y from the side of the −X arm runs through nothing; along +X through the Y bar.
-        assert!(free([-37.5, -20.0, 12.5], [-37.5, -13.6, 12.5], [0.0, -1.0, 0.0]));
-        assert!(!free([-37.5, -20.0, 12.5], [-37.5, -13.6, 12.5], [1.0, 0.0, 0.0]));
+        let away = [0.0, -1.0, 0.0];
+        assert!(is_free(&around, [-37.5, -20.0, 12.5], [-37.5, -13.6, 12.5], away));
+        let across = [1.0, 0.0, 0.0];
+        assert!(!is_free(&around, [-37.5, -20.0, 12.5], [-37.5, -13.6, 12.5], across));
         // Down into the table.
-        assert!(!free([80.0, 80.0, 10.0], [80.0, 80.0, 0.5], up));
+        assert!(!is_free(&around, [80.0, 80.0, 10.0], [80.0, 80.0, 0.5], up));
+    }
+
+    #[test]
+    fn obstacles_grow_by_the_tolerance_of_the_place() {
+        let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
+        let place = Vector3::new(30.0, -20.0, 10.0);
+        let fixture = Fixture { place, tolerance: 2.0, ..Fixture::default() };
+        let around = Surroundings::new(&cross, &fixture, 150.0, 30.0).unwrap();
+        let up = [0.0, 0.0, 1.0];
+        let side = |x: f64| is_free(&around, [70.0, -57.5, 22.5], [x, -57.5, 22.5], up);
+        assert!(side(30.0 + 12.5 + 1.0 + 2.1) && !side(30.0 + 12.5 + 1.0 + 1.9));
+        // What carries it is as wide as the cross.
+        assert!(!is_free(&around, [70.0, -57.5, 5.0], [45.0, -57.5, 5.0], up));
+        assert!((around.highest(&Pose::identity(), &Vector3::z()) - 37.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_sphere_stands_on_its_stem() {
+        let sphere = Artefact::of("sphere", &[25.0, 0.0, 0.0, 60.0]).unwrap();
+        let below = ([0.0, 0.0, 30.0], [0.0, 0.0, 46.0], [0.0, 1.0, 0.0]);
+        for (stem_radius, expected) in [(0.0, true), (4.0, false)] {
+            let fixture = Fixture { stem_radius, ..Fixture::default() };
+            let around = Surroundings::new(&sphere, &fixture, 150.0, 30.0).unwrap();
+            assert_eq!(is_free(&around, below.0, below.1, below.2), expected);
+        }
+    }
+
+    #[test]
+    fn a_table_without_size_is_refused() {
+        let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
+        for (radius, thickness) in [(-1.0, 30.0), (150.0, -30.0), (150.0, 0.0), (f64::NAN, 30.0)] {
+            assert!(Surroundings::new(&cross, &Fixture::default(), radius, thickness).is_err());
+        }
     }
 }

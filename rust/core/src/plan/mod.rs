@@ -2,22 +2,25 @@
 //!
 //! - [`targets`]: the places on the artefact that are worth a touch, with the paper's labels;
 //! - [`collision`]: whether ball and stem get there and back without touching anything else;
+//! - `clock`: when each touch happens, and from which sense its axes come;
 //! - here: positions of the axes, senses of turning, feeds and times; commands rounded to the
 //!   resolution of the axes.
 //!
 //! Between touches the probe retracts to the start of its approach, moves along the stem to a
 //! level above everything at this position of the axes, across, and down to the next start.
 
+mod clock;
 pub mod collision;
 
 use nalgebra::Vector3;
 
-use crate::artefact::{Artefact, Layout, Line, Search, Target, View};
+use crate::artefact::{Artefact, Fixture, Layout, Line, Search, Target, View};
 use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::pose::Direction;
 use crate::{Error, Result};
 
-use collision::{Stylus, Surroundings};
+use clock::Clock;
+use collision::{Stylus, Surroundings, Way};
 
 /// How a plan is made; mm, rad, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,10 +39,6 @@ pub struct PlanOptions {
     pub rotary_speed: f64,
     /// Ball and stem.
     pub stylus: Stylus,
-    /// Radius of the table's top.
-    pub table_radius: f64,
-    /// Thickness of the table.
-    pub table_thickness: f64,
     /// Where the touches 17 and 20 of the tilted cross lie.
     pub layout: Layout,
     /// At ±90° touch every reachable face, not only the paper's four (Fig. 4).
@@ -93,26 +92,80 @@ pub struct PlannedTouch {
     pub time: f64,
 }
 
-/// Coordinate along the stem that is `above` mm over everything at one posture.
-#[must_use]
-pub fn safe_level(
-    machine: &Machine,
-    surroundings: &Surroundings,
-    rotary: &[f64],
-    above: f64,
-) -> f64 {
-    let posture = Posture::new(machine, rotary, &Places::default());
-    surroundings.highest(&posture.table, &(posture.head.rotation * Vector3::z())) + above
+/// Machine and artefact as they are known to stand before anything is measured.
+pub struct Arrangement {
+    /// Chain of axes.
+    pub machine: Machine,
+    /// What is touched.
+    pub artefact: Artefact,
+    places: Places,
+    around: Surroundings,
 }
 
-/// Distance from the origin that is `above` mm over everything whatever the rotary axes do.
-#[must_use]
-pub fn swing_level(surroundings: &Surroundings, above: f64) -> f64 {
-    surroundings.farthest() + above
-}
+impl Arrangement {
+    /// A machine with known errors at `places` (those of its nominal geometry among them) and an
+    /// artefact on its table, a disc of this radius and thickness.
+    ///
+    /// # Errors
+    /// A table without radius or thickness, a stem or a tolerance below zero.
+    pub fn new(
+        machine: Machine,
+        places: &Places,
+        artefact: Artefact,
+        fixture: &Fixture,
+        table: [f64; 2],
+    ) -> Result<Self> {
+        let [radius, thickness] = table;
+        let around = Surroundings::new(&artefact, fixture, radius, thickness)?;
+        let mut places = *places;
+        fixture.add_to(&mut places);
+        Ok(Self { machine, artefact, places, around })
+    }
 
-fn surroundings(artefact: &Artefact, options: &PlanOptions) -> Surroundings {
-    Surroundings::new(artefact, options.table_radius, options.table_thickness)
+    fn posture(&self, rotary: &[f64]) -> Posture {
+        Posture::new(&self.machine, rotary, &self.places)
+    }
+
+    /// Coordinate along the stem that is `above` mm over everything with the rotary axes at these
+    /// positions, rad.
+    #[must_use]
+    pub fn safe_level(&self, rotary: &[f64], above: f64) -> f64 {
+        let posture = self.posture(rotary);
+        self.around.highest(&posture.table, &(posture.head.rotation * Vector3::z())) + above
+    }
+
+    /// Coordinate along the stem that is `above` mm over everything whatever the rotary axes do.
+    #[must_use]
+    pub fn swing_level(&self, above: f64) -> f64 {
+        let offsets = self.machine.rotary().iter().enumerate().filter_map(|(axis, rotary)| {
+            let frame = self.places.frame(axis);
+            (rotary.side == Side::Workpiece).then(|| Vector3::new(frame[0], frame[1], frame[2]))
+        });
+        let fixed_head = self.machine.rotary().iter().all(|axis| axis.side == Side::Workpiece);
+        let reach = offsets.enumerate().map(|(number, offset)| {
+            // The first axis stands still in the machine frame.
+            if number == 0 && fixed_head { offset.z } else { offset.norm() }
+        });
+        self.around.farthest() + reach.sum::<f64>() + above
+    }
+
+    /// Checks that approaches start outside of what the artefact's tolerance covers, and search
+    /// beyond it.
+    fn check(&self, options: &PlanOptions) -> Result<()> {
+        let shift = self.around.growth();
+        let would_do = format!(
+            "more than {shift:.3}: within artefact.tolerance_mm and artefact.tolerance_deg a face may \
+             stand off so far; raise it, or place the artefact better and state smaller tolerances"
+        );
+        for (key, value) in
+            [("plan.clearance_mm", options.clearance), ("plan.overtravel_mm", options.overtravel)]
+        {
+            if value.is_nan() || value <= shift + 2.0 * options.linear_resolution {
+                return Err(Error::input(key, value, would_do));
+            }
+        }
+        Ok(())
+    }
 }
 
 struct Position {
@@ -159,21 +212,21 @@ pub fn round(value: f64, step: f64) -> f64 {
 /// Makes a plan: only touches whose faces can be reached, each with a free way in and out.
 ///
 /// # Errors
-/// No angle or no feed given, a value that is not finite, or no face that can be reached.
+/// No angle or no feed given, a value that is not finite, a clearance or an overtravel within the
+/// tolerance of the artefact's place, or no face that can be reached.
 pub fn plan(
-    machine: &Machine,
-    artefact: &Artefact,
+    arrangement: &Arrangement,
     request: &PlanRequest,
     options: &PlanOptions,
 ) -> Result<Vec<PlannedTouch>> {
     check(request)?;
-    let axes = PlanAxes::of(machine);
+    arrangement.check(options)?;
+    let axes = PlanAxes::of(&arrangement.machine);
     if axes.tilting.is_none() && (!request.tilting.is_empty() || !request.pairs.is_empty()) {
         return Err(Error::input("tilting angles", "some", "none: this machine has no such axis"));
     }
     let positions = positions(request);
-    let surroundings = surroundings(artefact, options);
-    let planner = Planner { machine, artefact, options, surroundings: &surroundings };
+    let planner = Planner { arrangement, options };
     let mut reached: Vec<Vec<PlannedTouch>> = Vec::with_capacity(positions.len());
     for position in &positions {
         reached.push(planner.touches(position, axes.rotary(position, options.rotary_resolution)));
@@ -181,12 +234,12 @@ pub fn plan(
     if reached.iter().all(Vec::is_empty) {
         return Err(Error::Data(
             "no face of the artefact can be reached at any of these positions: check the \
-             clearance, the stylus and the artefact's size"
+             clearance, the stylus, the artefact's size and the tolerance of its place"
                 .into(),
         ));
     }
     let rounds = request.feeds.len().max(if request.both_senses { 2 } else { 1 });
-    let mut clock = Clock::new(options, swing_level(&surroundings, options.above()));
+    let mut clock = Clock::new(options, arrangement.swing_level(options.above()));
     let mut touches = Vec::new();
     for round in 0..rounds * request.repeats {
         let upward = !request.both_senses || round % 2 == 0;
@@ -261,27 +314,23 @@ fn positions(request: &PlanRequest) -> Vec<Position> {
 }
 
 struct Planner<'a> {
-    machine: &'a Machine,
-    artefact: &'a Artefact,
+    arrangement: &'a Arrangement,
     options: &'a PlanOptions,
-    surroundings: &'a Surroundings,
 }
 
 impl Planner<'_> {
     /// Every touch that can be made at one position of the axes.
     fn touches(&self, position: &Position, rotary: [f64; MAX_ROTARY]) -> Vec<PlannedTouch> {
-        let axes = &rotary[..self.machine.rotary().len()];
-        let posture = Posture::new(self.machine, axes, &Places::default());
+        let Arrangement { machine, artefact, .. } = self.arrangement;
+        let posture = self.arrangement.posture(&rotary[..machine.rotary().len()]);
         let stem = posture.head.rotation * Vector3::z();
         let PlanOptions { layout, all_faces, .. } = *self.options;
-        let found =
-            self.artefact.targets(&View { table: &posture.table, stem: &stem, layout, all_faces });
-        let touches = found.into_iter().filter_map(|target| {
-            self.touch(&posture, &stem, &target).map(|mut touch| {
-                touch.rotary = rotary;
-                touch.cycle = position.cycle;
-                touch
-            })
+        let view = View { artefact: &posture.artefact, stem: &stem, layout, all_faces };
+        let touches = artefact.targets(&view).into_iter().filter_map(|target| {
+            let mut touch = self.touch(&posture, &stem, &target)?;
+            touch.rotary = rotary;
+            touch.cycle = position.cycle;
+            Some(touch)
         });
         touches.collect()
     }
@@ -294,12 +343,12 @@ impl Planner<'_> {
         target: &Target,
     ) -> Option<PlannedTouch> {
         let options = self.options;
-        let normal = clean(posture.table.rotation * target.normal);
+        let normal = clean(posture.artefact.rotation * target.normal);
         // The stem must not come from below the face.
-        if normal.dot(stem) < -1e-9 {
+        if normal.dot(stem) < -UPRIGHT {
             return None;
         }
-        let contact = posture.table.apply(&target.point) + normal * options.stylus.ball_radius;
+        let contact = posture.artefact.apply(&target.point) + normal * options.stylus.ball_radius;
         let command = |point: Vector3<f64>| {
             let linear = point - posture.head_nominal;
             linear.map(|value| round(value, options.linear_resolution)) + posture.head_nominal
@@ -308,38 +357,88 @@ impl Planner<'_> {
         let end = command(contact - normal * options.overtravel);
         let direction = clean((end - start).normalize());
         // The first contact on the way is the one that is meant.
-        let line = Line {
-            origin: posture.table.undo(&start),
-            direction: posture.table.rotation.tr_mul(&direction),
-        };
-        let solid = self.artefact.solid(&Places::default());
-        let met = solid.first_contact(&line, options.stylus.ball_radius, Search::Ahead)?;
+        let approach = Approach { posture, start, direction, target };
+        let travel = self.travel(&approach, &Vector3::zeros())?;
         let slack = 2.0 * options.linear_resolution + 1e-9;
-        if (met.travel - (contact - start).norm()).abs() > slack {
+        if (travel - (contact - start).norm()).abs() > slack {
             return None;
         }
-        let to_table = |v: &Vector3<f64>| posture.table.undo(v);
-        let stem_on_table = posture.table.rotation.tr_mul(stem);
-        let level = self.surroundings.highest(&posture.table, stem) + options.above();
-        let up = start + stem * (level - start.dot(stem)).max(0.0);
-        let short = start + direction * (met.travel - NEARLY_MM);
-        let free = |from: &Vector3<f64>, to: &Vector3<f64>| {
-            let (from, to) = (to_table(from), to_table(to));
-            self.surroundings.is_free(&from, &to, &stem_on_table, &options.stylus)
-        };
-        (free(&up, &start) && free(&start, &short)).then(|| PlannedTouch {
+        let contact = start + direction * travel;
+        self.is_free(&approach, stem, &contact).then_some(PlannedTouch {
             rotary: [0.0; MAX_ROTARY],
             sense: [0.0; MAX_ROTARY],
             cycle: 0,
             label: target.label,
             start,
-            contact: start + direction * met.travel,
+            contact,
             direction,
             feed: 0.0,
             time: 0.0,
         })
     }
+
+    /// Travel to the first contact with the artefact standing off by `shift` (table's frame), if it
+    /// is on the face that is meant.
+    fn travel(&self, approach: &Approach, shift: &Vector3<f64>) -> Option<f64> {
+        let Approach { posture, start, direction, target } = approach;
+        let origin = start - posture.table.rotation * shift;
+        let line = Line {
+            origin: posture.artefact.undo(&origin),
+            direction: posture.artefact.rotation.tr_mul(direction),
+        };
+        let artefact = &self.arrangement.artefact;
+        let solid = artefact.solid(&Places::default());
+        let met = solid.first_contact(&line, self.options.stylus.ball_radius, Search::Ahead)?;
+        let is_flat = !matches!(artefact, Artefact::Sphere(_));
+        let other_face = is_flat && met.normal.dot(&target.normal) < 1.0 - 1e-6;
+        (!other_face).then_some(met.travel)
+    }
+
+    /// Whether the probe gets to the start and to the contact, wherever within its tolerance the
+    /// artefact stands, and then touches the face that is meant.
+    fn is_free(&self, approach: &Approach, stem: &Vector3<f64>, contact: &Vector3<f64>) -> bool {
+        let Self { options, arrangement } = self;
+        let Approach { posture, start, direction, .. } = approach;
+        let around = &arrangement.around;
+        let stem_on_table = posture.table.rotation.tr_mul(stem);
+        let way = |from: &Vector3<f64>, to: &Vector3<f64>| Way {
+            from: posture.table.undo(from),
+            to: posture.table.undo(to),
+            stem: stem_on_table,
+        };
+        let level = around.highest(&posture.table, stem) + options.above();
+        let up = start + stem * (level - start.dot(stem)).max(0.0);
+        if !around.is_free(&way(&up, start), &options.stylus) {
+            return false;
+        }
+        let mut ends = Vec::new();
+        let mut deepest: f64 = 0.0;
+        for shift in around.shifts_at(&posture.table.undo(contact)) {
+            let Some(travel) = self.travel(approach, &shift) else { return false };
+            if travel > options.clearance + options.overtravel {
+                return false;
+            }
+            deepest = deepest.max(travel);
+            let short = start + direction * (travel - NEARLY_MM);
+            ends.push((shift, posture.table.undo(&short)));
+        }
+        let way = way(start, &(start + direction * (deepest - NEARLY_MM)));
+        let contact = posture.table.undo(contact);
+        around.is_approach_free(&way, &contact, &ends, &options.stylus)
+    }
 }
+
+/// A move towards a face of the artefact.
+struct Approach<'a> {
+    posture: &'a Posture,
+    start: Vector3<f64>,
+    direction: Vector3<f64>,
+    target: &'a Target,
+}
+
+/// A stem leans by less than this (rad) over a face that is nominally upright: known errors of the
+/// machine tilt faces.
+const UPRIGHT: f64 = 5e-3;
 
 /// The way in is checked up to this distance from the contact.
 const NEARLY_MM: f64 = 0.01;
@@ -347,64 +446,6 @@ const NEARLY_MM: f64 = 0.01;
 /// Removes rounding from a direction that is square to an axis.
 fn clean(direction: Vector3<f64>) -> Vector3<f64> {
     direction.map(|value| if value.abs() < 1e-12 { 0.0 } else { value }).normalize()
-}
-
-/// How far an axis backs off to come from the expected sense, rad.
-pub const BACK_OFF: f64 = 5.0 * crate::units::DEG;
-
-/// Keeps time, and where the axes came from.
-struct Clock<'a> {
-    options: &'a PlanOptions,
-    swing: f64,
-    time: f64,
-    at: Option<Vector3<f64>>,
-    rotary: Option<[f64; MAX_ROTARY]>,
-    sense: [f64; MAX_ROTARY],
-}
-
-impl<'a> Clock<'a> {
-    const fn new(options: &'a PlanOptions, swing: f64) -> Self {
-        Self { options, swing, time: 0.0, at: None, rotary: None, sense: [0.0; MAX_ROTARY] }
-    }
-
-    /// Turns the axes. C always comes from the round's sense (it has no ends); a tilting axis does
-    /// where both senses are expected, and otherwise goes straight there.
-    fn turn(&mut self, axes: &PlanAxes, to: &[f64; MAX_ROTARY], sense: f64, both_senses: bool) {
-        let from = self.rotary.unwrap_or([0.0; MAX_ROTARY]);
-        let first = self.rotary.is_none();
-        let mut longest: f64 = 0.0;
-        for axis in [axes.turning, axes.tilting].into_iter().flatten() {
-            let way = to[axis] - from[axis];
-            let is_turning = axes.turning == Some(axis);
-            let moves = way != 0.0 || (is_turning && first) || (both_senses && !first);
-            if !moves {
-                continue;
-            }
-            let expected = if is_turning || both_senses { sense } else { way.signum() };
-            let back = if way * expected > 0.0 { 0.0 } else { 2.0 * BACK_OFF };
-            longest = longest.max(way.abs() + back);
-            self.sense[axis] = expected;
-        }
-        self.rotary = Some(*to);
-        if longest > 0.0 {
-            let lift = self.at.take().map_or(0.0, |at| (self.swing - at.z).abs());
-            self.time += longest / self.options.rotary_speed + lift / self.options.rapid;
-        }
-    }
-
-    /// The time of the trigger; afterwards the probe stands at the start of its approach.
-    fn touch(&mut self, touch: &PlannedTouch) -> f64 {
-        let way = match self.at {
-            Some(at) => (touch.start - at).norm() + 4.0 * self.options.clearance,
-            None => (self.swing - touch.start.z).abs(),
-        };
-        let approach = (touch.contact - touch.start).norm() / touch.feed;
-        self.time += way / self.options.rapid + approach;
-        let triggered = self.time;
-        self.time += approach.min((touch.contact - touch.start).norm() / self.options.rapid);
-        self.at = Some(touch.start);
-        triggered
-    }
 }
 
 #[cfg(test)]
@@ -421,8 +462,6 @@ mod tests {
             rapid: 10_000.0 / 60.0,
             rotary_speed: 3600.0 / 60.0 * DEG,
             stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
-            table_radius: 150.0,
-            table_thickness: 30.0,
             layout: Layout::Side,
             all_faces: false,
         }
@@ -443,16 +482,18 @@ mod tests {
         }
     }
 
-    fn cross() -> Artefact {
-        Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap()
+    fn cross_on(preset: &str) -> Arrangement {
+        let machine = Machine::preset(preset, 150.0).unwrap();
+        let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
+        let places = machine.nominal();
+        Arrangement::new(machine, &places, cross, &Fixture::default(), [150.0, 30.0]).unwrap()
     }
 
     #[test]
     fn the_papers_plan_has_72_touches() {
         for preset in ["trt-ca", "trt-bc"] {
-            let machine = Machine::preset(preset, 150.0).unwrap();
             let request = request(&[0.0, 90.0, 180.0, 270.0], &[90.0, -90.0]);
-            let touches = plan(&machine, &cross(), &request, &options()).unwrap();
+            let touches = plan(&cross_on(preset), &request, &options()).unwrap();
             assert_eq!(touches.len(), 72, "{preset}");
             for position in touches[..64].chunks(16) {
                 let labels: Vec<i64> = position.iter().map(|touch| touch.label).collect();
@@ -468,13 +509,12 @@ mod tests {
 
     #[test]
     fn a_rich_plan_reaches_no_face_from_below() {
-        let machine = Machine::preset("trt-ca", 150.0).unwrap();
         let c: Vec<f64> = (0..12).map(|i| 30.0 * f64::from(i)).collect();
         let a: Vec<f64> = (-3..=3).map(|i| 30.0 * f64::from(i)).collect();
         let mut request = request(&c, &a);
         request.feeds = vec![5.0, 15.0];
         request.both_senses = true;
-        let touches = plan(&machine, &cross(), &request, &options()).unwrap();
+        let touches = plan(&cross_on("trt-ca"), &request, &options()).unwrap();
         assert!((450..560).contains(&touches.len()), "{}", touches.len());
         assert!(touches.iter().all(|touch| touch.direction.z <= 1e-9));
         for sense in [-1.0, 1.0] {

@@ -11,7 +11,7 @@ mod simulation;
 pub use evaluator::Evaluator;
 pub use simulation::Simulation;
 
-use crate::artefact::Artefact;
+use crate::artefact::{Artefact, Fixture};
 use crate::effects::{Circumstances, Effect, Kind, Need, Rate};
 use crate::machine::{Component, LocationError, Machine, Place, Places, Posture};
 use crate::moves::Moves;
@@ -42,6 +42,8 @@ pub struct TouchModel {
     probe: Probe,
     errors: Vec<LocationError>,
     effects: Vec<Effect>,
+    /// The machine without errors, the artefact where it nominally stands.
+    nominal: Places,
     /// Where the location errors and the placement act: parameter, place, factor.
     constant: Vec<(usize, Place, f64)>,
     parameters: usize,
@@ -64,7 +66,23 @@ impl TouchModel {
             .collect();
         let of_effects: usize = effects.iter().map(|effect| effect.parameters.len()).sum();
         let parameters = errors.len() + Component::ALL.len() + of_effects;
-        Self { machine, artefact, probe, errors, effects, constant, parameters }
+        let nominal = machine.nominal();
+        Self { machine, artefact, probe, errors, effects, nominal, constant, parameters }
+    }
+
+    /// The model with the artefact standing like this on the table; unless this is said, in its
+    /// middle.
+    #[must_use]
+    pub fn standing(mut self, fixture: &Fixture) -> Self {
+        self.nominal = self.machine.nominal();
+        fixture.add_to(&mut self.nominal);
+        self
+    }
+
+    /// The places of the machine without errors with the artefact where it nominally stands.
+    #[must_use]
+    pub const fn nominal(&self) -> &Places {
+        &self.nominal
     }
 
     /// The machine.
@@ -189,7 +207,7 @@ impl TouchModel {
     /// The amounts at all places from the location errors and the placement.
     #[must_use]
     pub fn constant_places(&self, values: &[f64]) -> Places {
-        let mut places = Places::default();
+        let mut places = self.nominal;
         for &(parameter, place, factor) in &self.constant {
             places.add(place, factor * values[parameter]);
         }
@@ -253,10 +271,10 @@ impl TouchModel {
         let axes = self.machine.rotary().len();
         let row = |row: usize| {
             let positions = &moves.rotary[axes * row..axes * (row + 1)];
-            let table = Posture::new(&self.machine, positions, &Places::default()).table;
+            let artefact = Posture::new(&self.machine, positions, &self.nominal).artefact;
             let direction = Moves::vector(moves.direction, row);
             let contact = Moves::vector(moves.point, row) + direction * self.probe.ball_radius;
-            self.artefact.face(&table.undo(&contact), &-table.rotation.tr_mul(&direction))
+            self.artefact.face(&artefact.undo(&contact), &-artefact.rotation.tr_mul(&direction))
         };
         (0..moves.len()).map(row).collect()
     }

@@ -33,7 +33,7 @@ pub fn location_errors(
 
 /// Location errors by name, µm and arcsec, as amounts at places.
 pub fn places(machine: &Machine, errors: &[(String, f64)]) -> Result<Places> {
-    let mut places = Places::default();
+    let mut places = machine.nominal();
     for (error, amount) in location_errors(machine, errors)? {
         machine.add_location_error(&mut places, &error, amount);
     }

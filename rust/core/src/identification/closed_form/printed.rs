@@ -77,7 +77,7 @@ pub fn printed(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> Printed {
     let point = |rows: &[usize]| -> Vector3<f64> {
         rows.iter().map(|&r| row(r)).sum::<Vector3<f64>>() / rows.len() as f64
     };
-    let turned: Vec<PrintedTurned> = rows
+    let mut turned: Vec<PrintedTurned> = rows
         .turned
         .iter()
         .map(|position| {
@@ -118,7 +118,9 @@ pub fn printed(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> Printed {
         .tilted
         .iter()
         .map(|position| {
-            let p = |label: usize| point(&position.rows[label - 17]);
+            // As if the A axis went through the origin, which the printed equations assume.
+            let [y, z] = rows.shift(position.angle);
+            let p = |label: usize| point(&position.rows[label - 17]) - Vector3::new(0.0, y, z);
             let distance = |v: Vector3<f64>| v.y.hypot(v.z);
             let eb_a = ((distance(p(17)) - distance(p(20))) / (p(17) - p(20)).norm()).atan();
             let side = position.angle.signum();
@@ -133,6 +135,7 @@ pub fn printed(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> Printed {
             PrintedTilted { angle: position.angle, eb_a, ey_a }
         })
         .collect();
+    shift_to_axis(rows.axis, &mut turned, mean(tilted.iter().map(|p| p.eb_a)));
     let over_c = |pick: fn(&PrintedTurned) -> f64| mean(turned.iter().map(pick));
     let over_a = |pick: fn(&PrintedTilted) -> f64| mean(tilted.iter().map(pick));
     let errors = [
@@ -146,6 +149,21 @@ pub fn printed(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> Printed {
         over_c(|p| p.ey_c),
     ];
     Printed { turned, tilted, errors }
+}
+
+/// Tilts of an A axis through `axis` (Y, Z, mm) turn about a point of it and not about the origin:
+/// takes off what that shifts in the readings of equations (6) to (8), which are those of
+/// EX cos C + EY sin C, EY cos C − EX sin C and EZ.
+fn shift_to_axis([y, z]: [f64; 2], turned: &mut [PrintedTurned], eb: f64) {
+    let ea = mean(turned.iter().map(|p| p.ea));
+    let ec = mean(turned.iter().map(|p| p.ec));
+    let (shift_x, shift_y) = (eb * z - ec * y, -ea * z);
+    for position in turned {
+        let (sin, cos) = position.angle.sin_cos();
+        position.ex += shift_x * cos + shift_y * sin;
+        position.ey_c += shift_y * cos - shift_x * sin;
+        position.ez += ea * y;
+    }
 }
 
 /// Change of the printed forms' estimates for one mm of each reading, 8 × n row-major, from ±0.5 µm:

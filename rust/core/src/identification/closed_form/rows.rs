@@ -31,6 +31,8 @@ pub struct PaperRows {
     /// (L − h)/2, how far out along the arms tops and sides are touched.
     pub(super) out: f64,
     pub(super) height: f64,
+    /// A point of the A axis: its Y and Z, mm.
+    pub(super) axis: [f64; 2],
 }
 
 impl PaperRows {
@@ -38,8 +40,8 @@ impl PaperRows {
     /// averaged, others ignored.
     ///
     /// # Errors
-    /// Another artefact than the cross, another machine than `trt-ca`, or a position at which some of
-    /// the labels are missing.
+    /// Another artefact than the cross or one off the middle of the table, another machine than
+    /// `trt-ca`, or a position at which some of the labels are missing.
     pub fn find(model: &TouchModel, moves: &Moves, labels: &[i64]) -> Result<Self> {
         let Artefact::Cross(Cross { length, height, .. }) = *model.artefact() else {
             return Err(Error::Data(
@@ -55,8 +57,23 @@ impl PaperRows {
         if labels.len() != moves.len() {
             return Err(Error::input("labels", labels.len(), format!("{} of them", moves.len())));
         }
-        let mut found =
-            Self { turned: Vec::new(), tilted: Vec::new(), out: 0.5 * (length - height), height };
+        let nominal = model.nominal();
+        if nominal.placement().iter().any(|&value| value != 0.0) {
+            return Err(Error::Data(
+                "closed forms: got an artefact off the middle of the table or turned \
+                 (artefact.place_mm, artefact.turn_deg), expected one in the middle, its bars along X \
+                 and Y: the forms hold only there; least squares (identify) takes any place"
+                    .into(),
+            ));
+        }
+        let frame = nominal.frame(0);
+        let mut found = Self {
+            turned: Vec::new(),
+            tilted: Vec::new(),
+            out: 0.5 * (length - height),
+            height,
+            axis: [frame[1], frame[2]],
+        };
         for (row, (&label, angles)) in labels.iter().zip(moves.rotary.chunks_exact(2)).enumerate() {
             let (a, c) = (angles[0], angles[1]);
             if a.abs() < SAME_ANGLE && (1..=16).contains(&label) {
@@ -67,6 +84,14 @@ impl PaperRows {
         }
         found.check()?;
         Ok(found)
+    }
+
+    /// How the nominal table stands off its place on a machine whose A axis goes through the origin,
+    /// with A at `angle`: Y and Z, mm.
+    pub(super) fn shift(&self, angle: f64) -> [f64; 2] {
+        let [y, z] = self.axis;
+        let (sin, cos) = crate::pose::sin_cos(angle);
+        [y - (cos * y - sin * z), z - (sin * y + cos * z)]
     }
 
     /// Rows of each touch that is used, its repeats together: the forms take their mean.

@@ -83,6 +83,12 @@ pub fn separating(rows: &PaperRows, along: &[f64]) -> Result<Separated> {
     let ez0a = (27.0 * z_1 + 8.0 * z_2) / 35.0;
     let dz = dz_1 - 24.0 / 35.0 * zeta;
 
+    // Tilts of the A axis turn about a point of it: what they shift where that is not the origin.
+    let [y, z] = rows.axis;
+    let ex0c = ex0c + eb0a * z - ec0a * y;
+    let ey0c = ey0c - ea0a * z;
+    let dz = dz + ea0a * y;
+
     let values = [ea0a, eb0a, ec0a, ey0a, ez0a, eb0c, ex0c, ey0c, dx, dy, dz, ra, rb, rc];
     Ok(Separated { values, kappa, zeta })
 }
@@ -228,11 +234,10 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::artefact::Artefact;
-    use crate::artefact::Layout;
+    use crate::artefact::{Artefact, Fixture, Layout};
     use crate::machine::Machine;
     use crate::plan::collision::Stylus;
-    use crate::plan::{PlanOptions, PlanRequest, PlannedTouch, plan};
+    use crate::plan::{Arrangement, PlanOptions, PlanRequest, PlannedTouch, plan};
     use crate::probe::Probe;
     use crate::units::DEG;
 
@@ -245,8 +250,9 @@ mod tests {
     }
 
     impl Measurement {
-        fn paper(length: f64, width: f64, height: f64) -> Self {
-            let machine = Machine::preset("trt-ca", 150.0).unwrap();
+        fn paper(length: f64, width: f64, height: f64, axis: [f64; 3]) -> Self {
+            let machine =
+                Machine::preset("trt-ca", 150.0).unwrap().through(&[('A', axis)]).unwrap();
             let artefact = Artefact::of("cross", &[length, width, height]).unwrap();
             let options = PlanOptions {
                 clearance: 5.0,
@@ -256,8 +262,6 @@ mod tests {
                 rapid: 100.0,
                 rotary_speed: 1.0,
                 stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
-                table_radius: 150.0,
-                table_thickness: 30.0,
                 layout: Layout::Side,
                 all_faces: false,
             };
@@ -269,7 +273,11 @@ mod tests {
                 both_senses: false,
                 repeats: 1,
             };
-            let touches = plan(&machine, &artefact, &request, &options).unwrap();
+            let (places, fixture) = (machine.nominal(), Fixture::default());
+            let table = [150.0, 30.0];
+            let arrangement =
+                Arrangement::new(machine.clone(), &places, artefact, &fixture, table).unwrap();
+            let touches = plan(&arrangement, &request, &options).unwrap();
             let flat = |f: fn(&PlannedTouch) -> Vector3<f64>| {
                 touches.iter().flat_map(|t| f(t).iter().copied().collect::<Vec<_>>()).collect()
             };
@@ -298,8 +306,12 @@ mod tests {
     /// The forms are exact to first order: on a column of the Jacobian they give its unit vector.
     #[test]
     fn separating_forms_invert_the_jacobian() {
-        for (length, width, height) in [(100.0, 25.0, 25.0), (120.0, 20.0, 30.0)] {
-            let m = Measurement::paper(length, width, height);
+        let (small, large) = ([100.0, 25.0, 25.0], [120.0, 20.0, 30.0]);
+        let (through_origin, sunk) = ([0.0; 3], [70.0, 12.0, -35.0]);
+        for ([length, width, height], axis) in
+            [(small, through_origin), (large, through_origin), (large, sunk)]
+        {
+            let m = Measurement::paper(length, width, height, axis);
             let n = m.labels.len();
             let (mut deviations, mut jacobian) = (vec![0.0; n], vec![0.0; n * COUNT]);
             assert!(m.model.linearise(&m.moves(), &[0.0; COUNT], &mut deviations, &mut jacobian));
