@@ -161,6 +161,17 @@ def identity(columns: Floats) -> Floats:
     return columns
 
 
+def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
+    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
+
+    each: How many readings a row has.
+    """
+    label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+    several = np.repeat(np.bincount(label)[label] > 1, each)
+    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
+    return np.where(several, labels, -1).astype(np.intp) if several.any() else None
+
+
 class Model:
     """A model bound to data, n readings and p nuisance parameters: everything the engine asks.
 

@@ -70,19 +70,11 @@ class Chain:
     def to_machine(self, positions: Mapping[str, ArrayLike], rows: int | None = None) -> Floats:
         """Positions by letter, in the control's sign, in machine order, (n, axes).
 
-        Parameters
-        ----------
-        positions
-            Letter (either case) → positions, (n,) or one number for all rows.
-        rows
-            How many rows; unless given, as many as the longest has.
+        positions: Letter (either case) → positions, (n,) or one number for all rows.
+        rows: How many rows; unless given, as many as the longest has.
 
-        Raises
-        ------
-        DataError
-            An axis of the machine is missing, or there is one that it has not.
-        InputError
-            Positions that are not finite, or not one a row.
+        Raises DataError: an axis of the machine is missing, or there is one that it has not.
+        Raises InputError: positions that are not finite, or not one a row.
         """
         given = {letter.upper(): value for letter, value in positions.items()}
         for letter in self.letters:
@@ -146,17 +138,11 @@ class Chain:
     ) -> _core.MachineModel:
         """The core's machine with errors, placement of the work and effects.
 
-        Parameters
-        ----------
-        errors
-            Location errors, µm and arcsec.
-        placement
-            Six numbers, as `PLACEMENT`.
-        effects
-            Ids with the values of their parameters in order.
-        approach, senses
-            Direction of travel (machine frame) and sense of the last turn by letter, control's
-            sign, on which reversal errors depend.
+        errors: Location errors, µm and arcsec.
+        placement: Six numbers, as `PLACEMENT`.
+        effects: Ids with the values of their parameters in order.
+        approach, senses: Direction of travel (machine frame) and sense of the last turn by letter,
+            control's sign, on which reversal errors depend.
         """
         turned = {letter.upper(): value for letter, value in (senses or {}).items()}
         for letter in turned:
@@ -186,12 +172,8 @@ class Chain:
     def named_errors(self, errors: Mapping[str, float] | None) -> dict[str, float]:
         """Location errors under their canonical names; those of the set-up where not given.
 
-        Raises
-        ------
-        InputError
-            One error under two spellings.
-        UnknownNameError
-            A name that is none, or an error that the machine lacks.
+        Raises InputError: one error under two spellings.
+        Raises UnknownNameError: a name that is none, or an error that the machine lacks.
         """
         known = {canonical_error_name(k): float(v) for k, v in self.setup.machine.errors.items()}
         given: dict[str, float] = {}
@@ -221,10 +203,7 @@ class Chain:
 
         A name that is neither is returned as it is.
 
-        Raises
-        ------
-        InputError
-            A code of several effects (ECC: once a turn, twice a turn).
+        Raises InputError: a code of several effects (ECC: once a turn, twice a turn).
         """
         if not is_code(name):
             return name
@@ -252,10 +231,7 @@ class Chain:
 def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
     """Kind of the artefact and its dimensions, mm, as the core takes them.
 
-    Raises
-    ------
-    InputError
-        A set-up without an artefact.
+    Raises InputError: a set-up without an artefact.
     """
     artefact = setup.artefact
     if artefact.kind == "none":
@@ -274,10 +250,7 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
 def standing_artefact(setup: Setup) -> _core.Artefact:
     """The core's artefact, where it nominally stands on the table.
 
-    Raises
-    ------
-    InputError
-        A set-up without an artefact.
+    Raises InputError: a set-up without an artefact.
     """
     artefact = setup.artefact
     return _core.Artefact(

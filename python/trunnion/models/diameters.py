@@ -82,11 +82,8 @@ class Conditions(Part):
 def conditions_of(setup: Setup | Conditions | None) -> Conditions:
     """Read ``[turning]`` of a set-up.
 
-    Raises
-    ------
-    FileFormatError, InputError
-        No overhang, a key that is not known, or a value that is no number above zero; with its
-        place in the file of the set-up.
+    Raises FileFormatError, InputError: no overhang, a key that is not known, or a value that is no
+        number above zero; with its place in the file of the set-up.
     """
     if isinstance(setup, Conditions):
         return setup
@@ -327,21 +324,12 @@ class DiameterLaw(Estimate):
 class DiameterModel(LinearModel):
     """Diameters of passes, as the diagnosis engine asks for them.
 
-    Parameters
-    ----------
-    data
-        One or more passes.
-    conditions
-        Of the cut.
-    effects
-        Further candidates: a user's own effects, or ids.
-    reference
-        The cut to which forces and diameters are compared; None: the first row of these.
+    data: One or more passes.
+    conditions: Of the cut.
+    effects: Further candidates: a user's own effects, or ids.
+    reference: The cut to which forces and diameters are compared; None: the first row of these.
 
-    Raises
-    ------
-    DataError
-        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
+    Raises DataError: too few readings in a pass, readings beyond the overhang or of more than 5 mm.
     """
 
     def __init__(
@@ -439,9 +427,7 @@ def build(
 ) -> DiameterModel:
     """Make the model of measured diameters; the set-up needs a table ``[turning]``.
 
-    Raises
-    ------
-    DataError, InputError, UnknownNameError
-        As :class:`DiameterModel` and `conditions_of`, and for an id that is in no catalogue.
+    Raises DataError, InputError, UnknownNameError: as :class:`DiameterModel` and `conditions_of`,
+        and for an id that is in no catalogue.
     """
     return DiameterModel(data, conditions_of(setup), effects)

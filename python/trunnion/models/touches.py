@@ -26,7 +26,15 @@ from trunnion.diagnosis.effect import (
     Values,
     with_own,
 )
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, OneEffect, Readings, Uncertainty
+from trunnion.diagnosis.model import (
+    Covariate,
+    Model,
+    Nuisance,
+    OneEffect,
+    Readings,
+    Uncertainty,
+    repeats,
+)
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um, ticks_um
@@ -276,9 +284,7 @@ class TouchDiagnosisModel(Model):
         ]
         if data.feed_mm_min is not None:
             parts.append(np.asarray(data.feed_mm_min))
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.bincount(label)[label] > 1
-        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+        return repeats(parts)
 
     @property
     def _nominal(self) -> Floats:

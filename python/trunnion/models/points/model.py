@@ -28,6 +28,7 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
@@ -60,15 +61,10 @@ class PointsModel(Model):
 
     Readings are row by row: X, Y (and Z) of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured points.
-    effects
-        Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the change
-        of every reading, µm, in the machine frame.
-    source
-        The model whose smooth field and travel this one shares (``bind``); None: found here.
+    data: Measured points.
+    effects: Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the
+        change of every reading, µm, in the machine frame.
+    source: The model whose smooth field and travel this one shares (``bind``); None: found here.
     """
 
     def __init__(
@@ -242,14 +238,7 @@ class PointsModel(Model):
     @property
     def replicates(self) -> Integers | None:
         """Features at the same programmed place, measured again."""
-        several = np.bincount(self._places)[self._places] > 1
-        if not several.any():
-            return None
-        d = self.dimension
-        label = np.where(several, self._places, -1)
-        return np.where(
-            np.repeat(several, d), np.repeat(label, d) * d + np.tile(np.arange(d), len(label)), -1
-        ).astype(np.intp)
+        return repeats([self._places], self.dimension)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Features measured again share what belongs to the feature: counted once, not twice.

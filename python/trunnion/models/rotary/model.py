@@ -30,6 +30,7 @@ from trunnion.diagnosis.model import (
     Scaling,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
@@ -68,20 +69,12 @@ class SweepModel(Model):
 
     Readings are row by row: radial, tangential, axial of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured sweep.
-    effects
-        Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
+    data: Measured sweep.
+    effects: Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
         user's own, whose ``change(data, values)`` gives the change of every reading, µm.
-    source
-        The model whose candidates this one shares (``bind``); None: made for these data.
+    source: The model whose candidates this one shares (``bind``); None: made for these data.
 
-    Raises
-    ------
-    DataError
-        A target with fewer than three positions, or more than 5 mm from its circle.
+    Raises DataError: a target with fewer than three positions, or more than 5 mm from its circle.
     """
 
     def __init__(
@@ -278,12 +271,7 @@ class SweepModel(Model):
     def replicates(self) -> Integers | None:
         """The same target at the same position, reached in the same sense."""
         parts = [np.round(self.data.angle_deg, 6), self._target, self._conditions.sense]
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.repeat(np.bincount(label)[label] > 1, 3)
-        if not several.any():
-            return None
-        each = 3 * np.repeat(label, 3) + np.tile(np.arange(3), len(label))
-        return np.where(several, each, -1).astype(np.intp)
+        return repeats(parts, 3)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide each direction by its noise, taken from second differences along the positions.
