@@ -9,7 +9,6 @@ import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
-from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.setup import Setup
@@ -109,11 +108,7 @@ def plan(
     sense = dict(zip(chain.letters, chain.senses, strict=True))
     tilt_sense = sense.get(tilting or "", 1.0)
     stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
-    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MAX_STOPS:
-        raise InputError(
-            f"c_deg, {(tilting or 'a').lower()}_deg, feeds_mm_min, repeats: got more than "
-            f"{MAX_STOPS:,} stops of the rotary axes together, expected fewer"
-        )
+    _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), tilting or "A")
     found = _core.plan(
         chain.machine(),
         standing_artefact(setup),
@@ -137,13 +132,7 @@ def plan(
         layout=layout,
         all_faces=all_faces,
     )
-    start = found["start_mm"]
-    if dither:
-        start = start - _dither_mm(setup, found["feed_mm_min"])[:, None] * found["direction"]
-        if setup.resolution.linear_um:
-            step = 1e-3 * setup.resolution.linear_um
-            start = step * np.round(start / step)
-    return _touches(chain, {**found, "start_mm": start})
+    return _touches(chain, _dithered(setup, found) if dither else found)
 
 
 def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
@@ -162,12 +151,24 @@ def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
     return Touches(columns)
 
 
-def _dither_mm(setup: Setup, feed_mm_min: Floats) -> Floats:
-    """How much further back each approach starts, mm: 0 to 1 tick, the same for the same plan."""
-    ticks = setup.probe.ticks_um(feed_mm_min)
-    ticks = np.where(ticks > 0, ticks, USUAL_PERIOD_MS * feed_mm_min / 60.0)
-    part = np.random.default_rng(DITHER_SEED).uniform(size=len(feed_mm_min))
-    return np.asarray(1e-3 * ticks * part)
+def _dithered(setup: Setup, found: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Start 0 to 1 tick further back, the same for the same plan, rounded like commands."""
+    feed = found["feed_mm_min"]
+    ticks = setup.probe.ticks_um(feed)
+    ticks = np.where(ticks > 0, ticks, USUAL_PERIOD_MS * feed / 60.0)
+    back = 1e-3 * ticks * np.random.default_rng(DITHER_SEED).uniform(size=len(feed))
+    start = np.asarray(found["start_mm"] - back[:, None] * found["direction"])
+    step = 1e-3 * setup.resolution.linear_um
+    return {**found, "start_mm": step * np.round(start / step) if step else start}
+
+
+def _few_enough(stops: int, tilting: str) -> None:
+    """Refuse a plan with more stops of the rotary axes than a measurement has."""
+    if stops > MAX_STOPS:
+        raise InputError(
+            f"c_deg, {tilting.lower()}_deg, feeds_mm_min, repeats: got more than {MAX_STOPS:,} "
+            "stops of the rotary axes together, expected fewer"
+        )
 
 
 def _length(values: Sequence[object]) -> int:
