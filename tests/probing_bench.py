@@ -107,7 +107,9 @@ def set_up(rng: np.random.Generator, clearance: float, kind: str, **plan: float)
     return tn.Setup(
         artefact=an_artefact(rng, float(rng.uniform(0.2, 0.4)) * clearance, kind),
         axes={"A": tn.AxisSetup(point_mm=(0.0, *rng.uniform(-20, 20, 2).tolist()))},
-        probe=tn.Probe(ball_radius_mm=ball, stem_radius_mm=0.6 * ball),
+        probe=tn.Probe(
+            ball_radius_mm=ball, stem_radius_mm=0.6 * ball, servo_period_ms=SERVO_MS / SPEED
+        ),
         table=tn.TableSetup(radius_mm=float(rng.uniform(100, 160))),
         plan=tn.PlanSetup(
             clearance_mm=clearance,

@@ -141,7 +141,7 @@ def test_names_of_logs_that_linuxcnc_cannot_take(log: str) -> None:
 
 
 def test_a_plan_without_starts_and_feeds_becomes_a_program() -> None:
-    plan = tn.plan(CROSS)
+    plan = tn.plan(CROSS, dither=False)
     names = ("feed_mm_min", "start_x_mm", "start_y_mm", "start_z_mm")
     bare = plan.with_columns(**dict.fromkeys(names))
     with pytest.raises(tn.DataError, match="feed_mm_min"):
