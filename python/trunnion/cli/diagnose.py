@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
+from trunnion.base.checks import choose
 from trunnion.cli.command import Answer, Output, command, save, sort_files
 
 if TYPE_CHECKING:
@@ -94,15 +95,14 @@ def _kind(path: Path, name: str) -> Kind:
     from trunnion.files.text import decode
     from trunnion.models.kinds import kind_of_columns, kinds
 
-    known = ", ".join(kind.name for kind in kinds())
+    known = {kind.name: kind for kind in kinds()}
     if name:
-        found = next((kind for kind in kinds() if kind.name == name), None)
-        if found is None:
-            raise tn.InputError(f"kind: got {name!r}, expected one of {known}")
-        return found
+        return known[choose("kind", name, known)]
     lines = decode(str(path), path.read_bytes()).splitlines()
     header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
     found = kind_of_columns({column.strip() for column in header.split(",")})
     if found is None:
-        raise tn.InputError(f"{path}: got columns {header.strip()!r}, expected those of {known}")
+        raise tn.InputError(
+            f"{path}: got columns {header.strip()!r}, expected those of {', '.join(known)}"
+        )
     return found

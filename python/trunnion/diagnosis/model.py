@@ -60,12 +60,19 @@ class Readings:
     sigma:
         Noise of each reading (1 σ), if it is known beforehand; None: one noise for all, estimated.
         Readings of different noise or unit are brought to one noise by ``Model.whitener``.
+    step:
+        Step in which each reading is recorded, 0 where there is none; None: not known. The noise
+        of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
+    hint:
+        What to do about a step that is recognised in the readings.
     """
 
     values: Floats
     rows: Integers
     unit: str | tuple[str, ...] = "µm"
     sigma: Floats | None = None
+    step: Floats | None = None
+    hint: str = ""
 
     def __len__(self) -> int:
         """Count of readings."""
@@ -152,6 +159,17 @@ EXACT_TOLERANCE = 1e-9
 def identity(columns: Floats) -> Floats:
     """Whiten noise that is white already."""
     return columns
+
+
+def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
+    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
+
+    each: How many readings a row has.
+    """
+    label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+    several = np.repeat(np.bincount(label)[label] > 1, each)
+    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
+    return np.where(several, labels, -1).astype(np.intp) if several.any() else None
 
 
 class Model:

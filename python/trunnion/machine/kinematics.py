@@ -24,9 +24,13 @@ from trunnion.setup import Setup
 class AxisSolution(NamedTuple):
     """Axis positions for tool poses.
 
-    axes: (n, 5): X, Y, Z in mm, rotary positions in degrees.
-    singular: (n,): the tool is parallel to the second rotary axis (A = 0 on a `trt-ca`), whose
-        position is then free and was left at the reference.
+    Attributes
+    ----------
+    axes
+        (n, 5): X, Y, Z in mm, rotary positions in degrees.
+    singular
+        (n,): the tool is parallel to the second rotary axis (A = 0 on a `trt-ca`), whose position
+        is then free and was left at the reference.
     """
 
     axes: Floats

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from trunnion.base.checks import optional_module
 from trunnion.base.errors import DataError, InputError
 from trunnion.studies.description import Description
 from trunnion.studies.store import Blocks, Journal
@@ -18,15 +17,12 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def import_xarray() -> ModuleType:
+def import_xarray() -> Any:
     """xarray, which holds the results.
 
     Raises ImportError: it is not installed.
     """
-    try:
-        return import_module("xarray")
-    except ImportError as error:
-        raise ImportError('sweeps need xarray; pip install "trunnion[sweep]"') from error
+    return optional_module("xarray", "sweeps", "sweep")
 
 
 def target_of(path: Any) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trunnion._core import __version__
-from trunnion.base.checks import shown, whole
+from trunnion.base.checks import instance, shown, whole
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.studies.grid import Grid
 from trunnion.studies.study import FunctionStudy, Output, Study
@@ -192,18 +192,12 @@ def _output(what: str, entry: object) -> Output:
 
 
 def _text(what: str, value: object) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{what}: got {shown(value)}, expected text")
-    return value
+    return instance(what, value, str, "text")
 
 
 def _items(what: str, value: object) -> list[Any]:
-    if not isinstance(value, list):
-        raise InputError(f"{what}: got {shown(value)}, expected a list")
-    return value
+    return instance(what, value, list, "a list")
 
 
 def _table(what: str, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{what}: got {shown(value)}, expected a table")
-    return value
+    return instance(what, value, dict, "a table")

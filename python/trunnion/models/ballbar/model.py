@@ -20,7 +20,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.grid import best_place
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
 from trunnion.hybrid.readings import (
     check_enough,
     check_near,
@@ -260,9 +260,7 @@ class BallbarModel(Model):
         parts = [*np.round(self.machine.commands, 4).T, self.index.astype(float), self._senses()]
         if self.data.feed_mm_min is not None:
             parts.append(np.asarray(self.data.feed_mm_min))
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.bincount(label)[label] > 1
-        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+        return repeats(parts)
 
     def _senses(self) -> Floats:
         if self.data.sense is not None:
@@ -304,9 +302,14 @@ class BallbarModel(Model):
 class ExtendedBallbarModel(Estimate):
     """What a diagnosis of ball-bar lengths says of the machine.
 
-    setup: The set-up of the measurement, or None.
-    errors: The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
-    centres_um: Ball centre of each set-up, from where the nominal machine puts it.
+    Attributes
+    ----------
+    setup
+        The set-up of the measurement, or None.
+    errors
+        The hybrid machine's 17, µm and arcsec; empty for a three-axis machine.
+    centres_um
+        Ball centre of each set-up, from where the nominal machine puts it.
     """
 
     setup: Setup | None

@@ -119,7 +119,7 @@ class SetupShift:
             return None
         grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
         name = "row" if points.time_s is None else "t0_s"
-        shape = SlipShape(name, when, groups_of(points)[1], points.dimension)
+        shape = ShiftShape(name, when, groups_of(points)[1], points.dimension)
         return gridded(
             "setup_shift",
             [
@@ -248,7 +248,7 @@ def _moments(p: Points) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class SlipShape:
+class ShiftShape:
     """Shift of all that comes later in the same set-up; the moment lies between rows."""
 
     name: str

@@ -28,6 +28,7 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
@@ -237,14 +238,7 @@ class PointsModel(Model):
     @property
     def replicates(self) -> Integers | None:
         """Features at the same programmed place, measured again."""
-        several = np.bincount(self._places)[self._places] > 1
-        if not several.any():
-            return None
-        d = self.dimension
-        label = np.where(several, self._places, -1)
-        return np.where(
-            np.repeat(several, d), np.repeat(label, d) * d + np.tile(np.arange(d), len(label)), -1
-        ).astype(np.intp)
+        return repeats([self._places], self.dimension)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Features measured again share what belongs to the feature: counted once, not twice.

@@ -30,6 +30,7 @@ from trunnion.diagnosis.model import (
     Scaling,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
@@ -270,12 +271,7 @@ class SweepModel(Model):
     def replicates(self) -> Integers | None:
         """The same target at the same position, reached in the same sense."""
         parts = [np.round(self.data.angle_deg, 6), self._target, self._conditions.sense]
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.repeat(np.bincount(label)[label] > 1, 3)
-        if not several.any():
-            return None
-        each = 3 * np.repeat(label, 3) + np.tile(np.arange(3), len(label))
-        return np.where(several, each, -1).astype(np.intp)
+        return repeats(parts, 3)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide each direction by its noise, taken from second differences along the positions.
