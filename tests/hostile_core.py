@@ -48,7 +48,9 @@ def moves() -> core.Moves:
 
 
 def touch_model() -> core.TouchModel:
-    return core.TouchModel(**CROSS, ball_radius_mm=1.0, tick_um=0.1, effect_ids=[])
+    return core.TouchModel(
+        **CROSS, ball_radius_mm=1.0, tick_um=0.1, servo_period_ms=0.0, effect_ids=[]
+    )
 
 
 def _done(study: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,7 +77,7 @@ def _touches() -> Calls:
     truths = np.zeros((2, len(zeros)))
     return {
         "Moves": (core.Moves, {"rotary_deg": np.zeros((2, 2)), "point_mm": np.ones((2, 3)), "direction": np.array([[0.0, 0, -1]] * 2), "feed_mm_min": np.ones(2), "time_s": np.ones(2), "sense": np.ones((2, 2))}),
-        "TouchModel": (core.TouchModel, {**CROSS, "ball_radius_mm": 1.0, "tick_um": 0.1, "effect_ids": ["drift_z"]}),
+        "TouchModel": (core.TouchModel, {**CROSS, "ball_radius_mm": 1.0, "tick_um": 0.1, "servo_period_ms": 1.0, "effect_ids": ["drift_z"]}),
         "residuals": (model.residuals, {"moves": made, "values": zeros}),
         "linearise": (model.linearise, {"moves": made, "values": zeros}),
         "faces": (model.faces, {"moves": made}),
