@@ -88,6 +88,8 @@ from .probing.length import smallest_length_mm as smallest_length_mm
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability
 from .probing.plan import plan as plan
+from .probing.program import ProbingProgram as ProbingProgram
+from .probing.program import probing_program as probing_program
 from .probing.result import ClosedFormResult as ClosedFormResult
 from .probing.result import IdentificationResult as IdentificationResult
 from .probing.simulate import simulate as simulate
@@ -102,6 +104,7 @@ from .samples import sample_path as sample_path
 # --- the set-up: machine, artefact, probe
 from .setup import Artefact as Artefact
 from .setup import AxisSetup as AxisSetup
+from .setup import ControlSetup as ControlSetup
 from .setup import Machine as Machine
 from .setup import PlanSetup as PlanSetup
 from .setup import Probe as Probe
