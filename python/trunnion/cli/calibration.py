@@ -47,6 +47,7 @@ def plan(
 ) -> Answer:
     """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
     from trunnion.machine.chain import Chain
+    from trunnion.probing.notes import plan_notes
     from trunnion.probing.program import probing_program
 
     made = tn.read_setup(setup)
@@ -66,10 +67,17 @@ def plan(
         text = probing_program(planned, made, log).text()
         shown.append(save(program, lambda path: path.write_text(text, encoding="utf-8")))
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
-    values = {"touches": len(planned), "minutes": minutes, "columns": list(planned.columns)}
+    notes = plan_notes(planned, made)
+    values = {
+        "touches": len(planned),
+        "minutes": minutes,
+        "columns": list(planned.columns),
+        "notes": list(notes),
+    }
     if not shown:
         return Answer(values, (planned.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(planned)} touches, about {minutes:.1f} min of moves.", *shown))
+    said = f"{len(planned)} touches, about {minutes:.1f} min of moves."
+    return Answer(values, (said, *notes, *shown))
 
 
 def simulate(

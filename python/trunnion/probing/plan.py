@@ -17,7 +17,7 @@ __all__ = ["plan"]
 
 MAX_DEG = 3600.0
 """Ten turns: more is a slip of the pen."""
-MAX_STOPS = 100_000
+MAX_STOPS = 10_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 
