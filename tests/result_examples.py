@@ -170,7 +170,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Gain": lambda: with_outliers().gain,
     "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
     "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
-    "Prospect": lambda: tn.prospect(diagnosis_of("touches"), 4),
+    "ExpectedDiscrimination": lambda: tn.expected_discrimination(diagnosis_of("touches"), 4),
     "RepeatablePart": lambda: tn.repeatable_part(
         diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
     ),

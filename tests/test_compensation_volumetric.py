@@ -175,7 +175,7 @@ def test_a_users_own_motion_enters() -> None:
         ({"points": (1, 5, 5)}, "points along x_mm: got 1"),
         ({"placement": {"dq_um": 1.0}}, "placement: got 'dq_um'"),
         ({"compensation": "map"}, "compensation: got 'map'"),
-        ({"senses": {"B": 1}}, "senses: got axis B"),
+        ({"senses": {"B": 1}}, "senses: got 'B'"),
     ],
 )
 def test_bad_input(arguments: dict, message: str) -> None:  # type: ignore[type-arg]

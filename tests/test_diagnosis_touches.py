@@ -159,7 +159,7 @@ def test_next_touches_part_the_aliases_of_a() -> None:
     more = tn.next_touches(d, 8)
     assert len(more) == 8
     assert np.min(np.asarray(more.time_s)) > np.max(m.columns["time_s"])
-    said = tn.prospect(d, 8)
+    said = tn.expected_discrimination(d, 8)
     assert said.chance > 0.8
     assert "touches distinguish the" in said.summary()
 
@@ -169,7 +169,7 @@ def test_next_touches_say_when_none_can() -> None:
     setup = ground("paper")[3]
     m = measured({"probe_radius": {"dr_um": 0.4}}, "paper")
     d = tn.diagnose(tn.Touches(m.columns), setup)
-    said = tn.prospect(d, 8)
+    said = tn.expected_discrimination(d, 8)
     assert said.chance < 0.5
     assert said.enough is None or said.enough > 8
     with pytest.raises(tn.InputError, match="n:"):

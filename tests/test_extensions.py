@@ -22,7 +22,7 @@ from model_contract import check_model
 from trunnion import _core
 from trunnion.cli import app
 from trunnion.diagnosis.effect import Effect, Parameter, linear, periodic, with_own
-from trunnion.diagnosis.model import BaseModel, Model, Nuisance, Readings
+from trunnion.diagnosis.model import Model, Nuisance, Readings
 from trunnion.files.columns import Number, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -51,7 +51,7 @@ def read_guide(path: str | PathLike[str]) -> Guide:
     return read_table(path, Guide)
 
 
-class GuideModel(BaseModel):
+class GuideModel(Model):
     """A straight line, and what makes a guide depart from it."""
 
     def __init__(self, data: Guide, effects: Sequence[Any] = ()) -> None:

@@ -27,7 +27,7 @@ def test_the_papers_plan_sees_all_fourteen() -> None:
 
 def test_invisible_effects_and_exact_dependencies_of_the_papers_plan() -> None:
     seen = tn.observability(tn.plan(CROSS), CROSS)
-    assert set(seen.invisible) == {
+    assert set(seen.not_identifiable_effects) == {
         "probe_lobing",
         "artefact_height",
         "squareness_xz",
@@ -63,7 +63,7 @@ def test_what_cannot_be_told_is_said_in_words() -> None:
 def test_a_plan_without_times_says_what_it_cannot_test() -> None:
     plan = tn.plan(CROSS).with_columns(time_s=None)
     seen = tn.observability(plan, CROSS)
-    assert seen.untestable["drift_z"] == "time_s"
+    assert seen.missing_columns["drift_z"] == "time_s"
     with pytest.raises(tn.InputError, match=r"drift_z.*time_s"):
         tn.observability(plan, CROSS, ("drift_z",))
 

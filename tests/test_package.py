@@ -10,6 +10,8 @@ import pytest
 import trunnion as tn
 
 PACKAGE = Path(tn.__file__).parent
+MAX_FILE_LINES = 500
+MAX_FUNCTION_LINES = 60
 
 # A folder uses only those above it in this list.
 LAYERS = (
@@ -109,3 +111,26 @@ def test_no_import_circle() -> None:
         for module in free:
             del left[module]
     assert not left, f"in circles: {', '.join(sorted(left))}"
+
+
+def _code_lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function without those of its docstring."""
+    first = node.body[0]
+    length = (node.end_lineno or 0) - node.lineno + 1
+    is_text = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
+    return length - ((first.end_lineno or 0) - first.lineno + 1) if is_text else length
+
+
+def test_files_and_functions_are_short() -> None:
+    long = []
+    for path in _files():
+        text = path.read_text(encoding="utf-8")
+        if len(text.splitlines()) > MAX_FILE_LINES:
+            long.append(path.name)
+        long += [
+            f"{path.name}: {node.name}"
+            for node in ast.walk(ast.parse(text))
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+            and _code_lines(node) > MAX_FUNCTION_LINES
+        ]
+    assert long == []

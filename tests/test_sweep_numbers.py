@@ -177,7 +177,7 @@ def test_failing_samples_are_recorded_and_a_limit_ends_it() -> None:
         ("diagnosis-power", {"effect": ["drfit_z"]}, {}, "effect: got 'drfit_z', expected one of"),
         (noisy, {}, {}, "scale: got nothing"),
         (noisy, {"scale": [1.0, "a"]}, {}, "values of several kinds"),
-        (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', expected some of value"),
+        (noisy, {"scale": [1.0]}, {"units": {"a": "mm"}}, "units: got 'a', expected one of value"),
         (lambda _, value: {"value": value}, {"value": [1.0]}, {}, "output named 'value'"),
         (lambda _: {"sample": 1.0}, {}, {}, "output named 'sample'"),
         (lambda _: {1: 1.0}, {}, {}, "name of an output: got 1"),

@@ -45,7 +45,7 @@ def test_reversed_feed_parts_wear_from_taper() -> None:
     assert "reversed feed" in best.label
     # Wear or taper, whichever is named, is parted from the other.
     other = ({"taper"} if got.named == {"tool_wear"} else {"tool_wear"},)
-    assert frozenset(other[0]) in best.parts
+    assert frozenset(other[0]) in best.distinguished
 
 
 def test_a_warm_tool_parts_wear_from_heating() -> None:
@@ -57,7 +57,7 @@ def test_a_warm_tool_parts_wear_from_heating() -> None:
         best = next_passes(got)[0]
         assert "right behind four more" in best.label
         other = next(s for s in got.alternatives if s <= set(both) and s != got.named)
-        assert other in best.parts
+        assert other in best.distinguished
         settled = diagnose(*measured(11, hidden, 2, warm=True))
         assert settled.verdict == "explained"
         assert settled.named == set(hidden)

@@ -69,9 +69,9 @@ from .models.kinds import catalogue as catalogue
 from .models.kinds import diagnose as diagnose
 from .models.next_passes import NextPass as NextPass
 from .models.next_passes import next_passes as next_passes
-from .models.next_touches import Prospect as Prospect
+from .models.next_touches import ExpectedDiscrimination as ExpectedDiscrimination
+from .models.next_touches import expected_discrimination as expected_discrimination
 from .models.next_touches import next_touches as next_touches
-from .models.next_touches import prospect as prospect
 from .models.points import ExtendedPoints as ExtendedPoints
 from .models.points import RepeatablePart as RepeatablePart
 from .models.points import repeatable_part as repeatable_part

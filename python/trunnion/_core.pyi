@@ -12,7 +12,7 @@ MAX_THREADS: int
 RANK_TOLERANCE: float
 __version__: str
 
-# --- trunnion (paper 000)
+# --- trunnion
 __all__ += [
     "Artefact",
     "Machine",
@@ -324,7 +324,7 @@ def field_on_grid(
     field: _Floats, grid: Sequence[Sequence[float]], threads: int | None
 ) -> _Floats: ...
 
-# --- turning (paper 001), part programs
+# --- turning, part programs
 __all__ += [
     "Program",
     "TurnedProbePath",
@@ -475,7 +475,7 @@ def turning_cause(
     cause: str, cuts: npt.NDArray[Any], overhang_mm: float, parameters: Sequence[float]
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]: ...
 
-# --- contouring (paper 003)
+# --- contouring
 __all__ += [
     "ContourPath",
     "contour_axis_margins",
@@ -556,7 +556,7 @@ def contour_path_margins(
     assumed: Sequence[tuple[str, float]],
 ) -> _Floats: ...
 
-# --- hybrid (paper 004)
+# --- hybrid
 __all__ += ["Hybrid", "hybrid_example", "hybrid_parameter", "hybrid_parameters"]
 
 def hybrid_parameters() -> tuple[list[str], list[str]]:

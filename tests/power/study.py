@@ -242,7 +242,7 @@ def part(o: Outcome, n: int, seed: int) -> tuple[float, bool]:
     Parted: of the sets that the first diagnosis called alike, the hidden one alone is left.
     """
     setup = ground(o.measurement_plan)[3]
-    promise = tn.prospect(o.diagnosis, n)
+    promise = tn.expected_discrimination(o.diagnosis, n)
     truth = o.measurement.truth
     more = tn.simulate(
         promise.plan,

@@ -41,10 +41,7 @@ def shown(value: object) -> str:
 def instance(what: str, value: object, kind: type[T], expected: str) -> T:
     """Return the value if it is of that kind.
 
-    Raises
-    ------
-    InputError
-        Anything else, in the words of `expected`.
+    Raises InputError: anything else, in the words of `expected`.
     """
     if not isinstance(value, kind):
         raise InputError(f"{what}: got {shown(value)}, expected {expected}")
@@ -113,10 +110,8 @@ def whole(what: str, value: object, low: int, high: int | None = None) -> int:
 def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None) -> Floats:
     """Return finite numbers as an array of shape (n, `columns`); one row may be given flat.
 
-    Raises
-    ------
-    InputError
-        Another shape (or, with `rows`, another n), or a number that is not finite, with its row.
+    Raises InputError: another shape (or, with `rows`, another n), or a number that is not finite,
+        with its row.
     """
     shape = f"({'n' if rows is None else rows}, {columns})"
     try:
@@ -156,10 +151,8 @@ def floats(what: str, value: object) -> Floats:
 def choose(what: str, name: object, known: Iterable[str]) -> str:
     """Return the name if it is one of the known.
 
-    Raises
-    ------
-    UnknownNameError
-        It is not; the message has the list and, if one is near, the name that was likely meant.
+    Raises UnknownNameError: it is not; the message has the list and, if one is near, the name that
+        was likely meant.
     """
     names = tuple(known)
     if isinstance(name, str) and name in names:
@@ -183,10 +176,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 def optional_module(name: str, user: str, extra: str) -> Any:
     """Import a module that an extra of the package installs.
 
-    Raises
-    ------
-    ImportError
-        It is not installed; the message names the extra.
+    Raises ImportError: it is not installed; the message names the extra.
     """
     try:
         return import_module(name)

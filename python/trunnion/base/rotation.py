@@ -20,15 +20,9 @@ _CROSS = np.array(
 def rotations(angles: Floats) -> tuple[Floats, Floats]:
     """Return Rx(α) Ry(β) Rz(γ) and its derivative by each angle.
 
-    Parameters
-    ----------
-    angles
-        α, β, γ in rad, shape (n, 3).
+    angles: α, β, γ in rad, shape (n, 3).
 
-    Returns
-    -------
-    tuple
-        Matrices, shape (n, 3, 3), and their derivatives, shape (3, n, 3, 3).
+    Returns tuple: Matrices, shape (n, 3, 3), and their derivatives, shape (3, n, 3, 3).
     """
     turned = Rotation.from_euler("XYZ", angles).as_matrix()
     # To turn by one angle more is to turn about that axis where the turns before have taken it.

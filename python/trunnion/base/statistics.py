@@ -28,31 +28,22 @@ RANK_TOLERANCE = _core.RANK_TOLERANCE
 class LinearFit:
     """Result of :func:`linear_fit` for n rows and p parameters.
 
-    Attributes
-    ----------
-    solution
-        Parameters, shape (p,); 0 for those that are held.
-    cofactor
-        Covariance per unit of noise (variance 1), shape (p, p); 0 for those that are held.
-    rank
-        How many parameters are determined.
-    singular_values
-        Of the columns at unit length, those held beforehand left out; largest first.
-    held
-        Parameters that are held, shape (p,): beforehand, or one for each combination that is not
+    solution: Parameters, shape (p,); 0 for those that are held.
+    cofactor: Covariance per unit of noise (variance 1), shape (p, p); 0 for those that are held.
+    rank: How many parameters are determined.
+    singular_values: Of the columns at unit length, those held beforehand left out; largest first.
+    held: Parameters that are held, shape (p,): beforehand, or one for each combination that is not
         identifiable.
-    not_identifiable
-        Whether each parameter takes part in a combination that is not identifiable, shape (p,).
-    combinations
-        These combinations, shape (k, p), in the parameters' own units, largest component 1: a step
-        along one of them changes no value. Reduced: each names one held parameter and what it
-        cannot be told from.
-    directions
-        In which the parameters are identifiable, shape (rank, p), own units: unit vectors of those
-        that are not held, or the singular directions where a combination is weak and not exact.
-    basis
-        Orthonormal basis of the columns that are not held, shape (n, rank), or (0, rank) where it
-        was not asked for.
+    not_identifiable: Whether each parameter takes part in a combination that is not identifiable,
+        shape (p,).
+    combinations: These combinations, shape (k, p), in the parameters' own units, largest component
+        1: a step along one of them changes no value. Reduced: each names one held parameter and
+        what it cannot be distinguished from.
+    directions: In which the parameters are identifiable, shape (rank, p), own units: unit vectors
+        of those that are not held, or the singular directions where a combination is weak and not
+        exact.
+    basis: Orthonormal basis of the columns that are not held, shape (n, rank), or (0, rank) where
+        it was not asked for.
     """
 
     solution: Floats
@@ -81,25 +72,15 @@ def linear_fit(
 ) -> LinearFit:
     """Solve ``columns @ solution = values`` by least squares.
 
-    Parameters
-    ----------
-    columns
-        Design, shape (n, p), of one noise: divide rows by their standard deviation beforehand.
-    values
-        Right-hand side, shape (n,).
-    hold
-        Parameters that are held at zero beforehand, shape (p,); they count neither as identifiable
-        nor as not.
-    tolerance
-        Another share than :data:`RANK_TOLERANCE`, for a design that is exact: linear models have
-        no leftovers of second order.
-    basis
-        Whether the orthonormal basis is expected.
+    columns: Design, shape (n, p), of one noise: divide rows by their standard deviation beforehand.
+    values: Right-hand side, shape (n,).
+    hold: Parameters that are held at zero beforehand, shape (p,); they count neither as
+        identifiable nor as not.
+    tolerance: Another share than :data:`RANK_TOLERANCE`, for a design that is exact: linear models
+        have no leftovers of second order.
+    basis: Whether the orthonormal basis is expected.
 
-    Raises
-    ------
-    InputError
-        Shapes that do not fit, or numbers that are not finite.
+    Raises InputError: shapes that do not fit, or numbers that are not finite.
     """
     held = [] if hold is None else np.asarray(hold, dtype=bool).tolist()
     return LinearFit(
@@ -114,14 +95,10 @@ def linear_fit(
 
 
 def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Floats) -> str:
-    """Say what cannot be told apart: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
+    """Say what cannot be distinguished: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
 
-    Parameters
-    ----------
-    names, units
-        Of the p parameters.
-    combination
-        A row of :attr:`LinearFit.combinations`, shape (p,).
+    names, units: Of the p parameters.
+    combination: A row of :attr:`LinearFit.combinations`, shape (p,).
     """
     kept = [part for part in zip(names, units, combination.tolist(), strict=True) if part[2]]
     if len(kept) == 1:

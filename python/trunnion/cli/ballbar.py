@@ -9,8 +9,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command, sort_files
-from trunnion.cli.diagnose import Html
-from trunnion.cli.diagnose import diagnose as diagnose_files
+from trunnion.cli.diagnose import diagnose_as
 from trunnion.cli.hybrid import mechanism_of
 
 Lengths = Annotated[
@@ -25,22 +24,10 @@ Lengths = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(help="Ball-bar tests: diagnose, identify, plan.", no_args_is_help=True)
-    command(group)(diagnose)
+    command(group, "diagnose")(diagnose_as("ballbar"))
     command(group)(identify)
     command(group)(plan)
     app.add_typer(group, name="ballbar")
-
-
-def diagnose(files: Lengths, html: Html = None) -> Answer:
-    """Say whether the machine's model explains the lengths, and if not, what is wrong, by name."""
-    for set_up in sort_files(files, (1, 1), (0, 1), "lengths")[1]:
-        read = tn.read_setup(set_up)
-        if not read.ballbar and not read.hybrid:
-            raise tn.InputError(
-                f"{set_up}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
-                "no set-up for a three-axis machine and a calibrated bar"
-            )
-    return diagnose_files(files, kind="ballbar", html=html)
 
 
 def identify(

@@ -1,8 +1,8 @@
 """What makes a function a command: the same options, answers and errors everywhere.
 
-A command takes files (data first, then the set-up; the order is free where their endings tell them
-apart) and returns an `Answer`. The options --json, --quiet and --force are added here, so that they
-are the same for every command; a file is written by `Answer.file` or `save`, which do not overwrite
+A command takes files (data first, then the set-up; the order is free where their endings differ)
+and returns an `Answer`. The options --json, --quiet and --force are added here, so that they are
+the same for every command; a file is written by `Answer.file` or `save`, which do not overwrite
 without --force.
 """
 
@@ -38,12 +38,8 @@ _FORCED: ContextVar[bool] = ContextVar("force", default=False)
 class Answer:
     """What a command answers.
 
-    Attributes
-    ----------
-    values
-        Printed with --json: a result, or plain values.
-    shown
-        Printed otherwise, one after the other: results (their summaries), tables, or text.
+    values: Printed with --json: a result, or plain values.
+    shown: Printed otherwise, one after the other: results (their summaries), tables, or text.
     """
 
     values: Any
@@ -137,19 +133,11 @@ def sort_files(
 ) -> tuple[list[Path], list[Path]]:
     """Return data and set-ups (.toml) in the order given.
 
-    Parameters
-    ----------
-    files
-        As given on the command line.
-    data, set_ups
-        Smallest and largest number of each.
-    what
-        What the data are called in the message.
+    files: As given on the command line.
+    data, set_ups: Smallest and largest number of each.
+    what: What the data are called in the message.
 
-    Raises
-    ------
-    InputError
-        Other numbers of files, or a file that does not exist.
+    Raises InputError: other numbers of files, or a file that does not exist.
     """
     files = list(files)
     found = [f for f in files if f.suffix.lower() != ".toml"]

@@ -49,10 +49,7 @@ def compensate(
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
     seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
 ) -> Answer:
-    """Compute corrections from an estimate: what each kind leaves, and the files of them.
-
-    Writes error_map.csv, parameters.json, volumetric.json and compensation.png into the folder.
-    """
+    """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others."""
     from trunnion.compensation import MachineErrors
 
     estimates, file = one_set_up(files, (1, 1), "estimates")
@@ -73,7 +70,10 @@ def compensate(
     }
     at_zero = {name: _field(setup, known, kind, over=False) for name, kind in kinds.items()}
     over = {name: _field(setup, known, kind, over=True) for name, kind in kinds.items()}
-    found = {"at_zero": _plain(at_zero), "over_range": _plain(over)}
+    found: dict[str, Any] = {
+        what: {name: value.to_dict() for name, value in fields.items()}
+        for what, fields in (("at_zero", at_zero), ("over_range", over))
+    }
     shown: list[Any] = [_table(at_zero, over), *parameters.tables()]
     interval = _interval(setup, estimate, seed)
     if interval is not None:
@@ -89,17 +89,19 @@ def compensate(
         save(output / "parameters.json", _json(parameters.to_dict())),
         save(output / "volumetric.json", _json(found)),
         save(
-            output / "compensation.png",
-            lambda path: _picture(setup, known, table, parameters, over, path),
+            output / names[-1], lambda path: _picture(setup, known, table, parameters, over, path)
         ),
     ]
     return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
 
 
-def _tilting(setup: Setup) -> str | None:
+def _range(setup: Setup) -> dict[str, Any]:
+    """Rotary positions over the whole range."""
     from trunnion.machine.chain import Chain
 
-    return Chain(setup).tilting
+    tilt = Chain(setup).tilting
+    tilts = {"a_deg": _TILTS if tilt == "A" else 0, "b_deg": _TILTS if tilt == "B" else None}
+    return {**tilts, "c_deg": _TURNS}
 
 
 def _field(
@@ -107,32 +109,14 @@ def _field(
 ) -> VolumetricError:
     if not over:
         return tn.volumetric_error(setup, known, compensation=kind, points=_POINTS)
-    tilt = _tilting(setup)
-    return tn.volumetric_error(
-        setup,
-        known,
-        a_deg=_TILTS if tilt == "A" else 0,
-        b_deg=_TILTS if tilt == "B" else None,
-        c_deg=_TURNS,
-        compensation=kind,
-        points=(3, 3, 2),
-    )
+    return tn.volumetric_error(setup, known, **_range(setup), compensation=kind, points=(3, 3, 2))
 
 
 def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
     """Predicted interval over the whole range, where the estimate has a covariance."""
     if not estimate.names:
         return None
-    tilt = _tilting(setup)
-    return tn.residual_interval(
-        setup,
-        estimate,
-        a_deg=_TILTS if tilt == "A" else 0,
-        b_deg=_TILTS if tilt == "B" else None,
-        c_deg=_TURNS,
-        draws=1000,
-        seed=seed,
-    )
+    return tn.residual_interval(setup, estimate, **_range(setup), draws=1000, seed=seed)
 
 
 def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]) -> Table:
@@ -152,10 +136,6 @@ def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]
         ("", "at zero: max", "rms", "all A/B, C: max", "rms", "direction"),
         rows,
     )
-
-
-def _plain(fields: dict[str, VolumetricError]) -> dict[str, Any]:
-    return {name: value.to_dict() for name, value in fields.items()}
 
 
 def _json(content: Any) -> Callable[[Path], object]:

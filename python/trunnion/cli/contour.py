@@ -16,6 +16,7 @@ from trunnion.cli.values import named_values
 
 if TYPE_CHECKING:
     from trunnion.contouring import ContourRun
+    from trunnion.contouring import Path as ContourPath
 
 CONTROLLERS = ("independent", "existing", "proposed")
 FEEDS_MM_MIN = (1000.0, 3000.0)
@@ -71,12 +72,7 @@ def simulate(
     programs, set_ups = sort_files(files or [], (0, 1), (0, 1), "part programs")
     contouring = tn.contouring
     servo = contouring.read_servo(set_ups[0]) if set_ups else contouring.Servo.paper()
-    if programs:
-        text = programs[0].read_text(encoding="utf-8")
-        path = contouring.Path.from_program(tn.nc.Program.parse(text, "linuxcnc"))
-        path = path.shifted(offset_mm)
-    else:
-        path = contouring.Path.paper(offset_mm=offset_mm)
+    path = _path(programs, offset_mm)
     runs = [
         (
             feed,
@@ -99,6 +95,14 @@ def simulate(
     if output is not None:
         shown.append(_save_log(output, runs, noise_um, noise_arcsec, seed))
     return Answer([_plain(*run) for run in runs], tuple(shown))
+
+
+def _path(programs: list[Path], offset_mm: tuple[float, float, float]) -> ContourPath:
+    """Return the path of the program, or the paper's."""
+    if not programs:
+        return tn.contouring.Path.paper(offset_mm=offset_mm)
+    text = programs[0].read_text(encoding="utf-8")
+    return tn.contouring.Path.from_program(text).shifted(offset_mm)
 
 
 def _table(runs: list[tuple[float, str, ContourRun]]) -> Table:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
+from trunnion.base.checks import choose
 from trunnion.cli.command import Answer, Output, command, save, sort_files
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def diagnose(
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:
-        found = tn.prospect(d, next_)
+        found = tn.expected_discrimination(d, next_)
         shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
     elif isinstance(d.data, tn.Diameters):
         passes = tn.next_passes(d)
@@ -61,7 +62,7 @@ def diagnose(
             best = passes[0]
             shown.append(
                 f"To discriminate between them: {best}"
-                if best.parts
+                if best.distinguished
                 else "To discriminate between them: none of the passes that were tried would do."
             )
     return Answer(values, tuple(shown))
@@ -94,15 +95,14 @@ def _kind(path: Path, name: str) -> Kind:
     from trunnion.files.text import decode
     from trunnion.models.kinds import kind_of_columns, kinds
 
-    known = ", ".join(kind.name for kind in kinds())
+    known = {kind.name: kind for kind in kinds()}
     if name:
-        found = next((kind for kind in kinds() if kind.name == name), None)
-        if found is None:
-            raise tn.InputError(f"kind: got {name!r}, expected one of {known}")
-        return found
+        return known[choose("kind", name, known)]
     lines = decode(str(path), path.read_bytes()).splitlines()
     header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
     found = kind_of_columns({column.strip() for column in header.split(",")})
     if found is None:
-        raise tn.InputError(f"{path}: got columns {header.strip()!r}, expected those of {known}")
+        raise tn.InputError(
+            f"{path}: got columns {header.strip()!r}, expected those of {', '.join(known)}"
+        )
     return found

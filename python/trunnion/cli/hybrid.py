@@ -36,10 +36,7 @@ def register(app: typer.Typer) -> None:
 def mechanism_of(set_ups: Sequence[Path]) -> Mechanism:
     """Return the machine of a set-up file; without a file the example.
 
-    Raises
-    ------
-    InputError
-        A set-up file that does not say the machine's dimensions.
+    Raises InputError: a set-up file that does not say the machine's dimensions.
     """
     if not set_ups:
         return tn.hybrid.Mechanism()

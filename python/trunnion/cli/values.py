@@ -18,10 +18,7 @@ def names(text: str) -> list[str]:
 def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
     """Return ``["EX0C=15", "EB0C=25.2"]`` as a dict.
 
-    Raises
-    ------
-    InputError
-        Text that is not name=number, or a name given twice.
+    Raises InputError: text that is not name=number, or a name given twice.
     """
     found: dict[str, float] = {}
     for text in texts or ():
@@ -40,10 +37,7 @@ def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
 def numbers(what: str, text: str) -> list[float]:
     """Return ``"0,90,180"`` or ``"0:330:30"`` (first, last, step) as numbers.
 
-    Raises
-    ------
-    InputError
-        Anything else.
+    Raises InputError: anything else.
     """
     try:
         if ":" in text:

@@ -357,11 +357,11 @@ def _interpolation_error(setup: Setup, known: MachineErrors, table: ErrorMap) ->
 
     linear = [halved(nodes) for nodes in (table.x_mm, table.y_mm, table.z_mm)]
     worst = 0.0
-    first, *rest = table.rotary_deg
+    first, *others = table.rotary_deg
     # One position of the first axis at a time: the halved grid is 32 times the table.
     for position in halved(table.rotary_deg[first]):
         rotary = {first: np.array([position])}
-        rotary |= {letter: halved(table.rotary_deg[letter]) for letter in rest}
+        rotary |= {letter: halved(table.rotary_deg[letter]) for letter in others}
         exact = _corrections(setup, known, rotary, linear)
         axes = [*rotary.values(), *linear]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(axes))

@@ -10,7 +10,6 @@ that a second identification sees what is left.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -99,17 +98,9 @@ def remeasure(
     """
     instance("plan", plan, Touches, "trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)
-    truth: dict[str, Any] = {
-        "errors": state.errors,
-        "placement": placement,
-        "effects": effects,
-        "noise_um": noise_um,
-        "tick_um": tick_um,
-        "seed": seed,
-        "sample": sample,
-    }
+    truth = (state.errors, placement, effects, noise_um, tick_um, seed)
     if compensation is None:
-        return simulate(plan, setup, **truth)
+        return simulate(plan, setup, *truth, sample=sample)
     chain = Chain(setup)
     rotary = chain.to_machine(plan.rotary_deg, len(plan))
     axes = _Axes(setup, compensation, rotary)
@@ -126,6 +117,6 @@ def remeasure(
     columns |= {f"{axis}_mm": target[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"dir_{axis}": direction[:, i] for i, axis in enumerate("xyz")}
     columns |= {f"{k.lower()}_deg": angle for k, angle in chain.to_control(held).items()}
-    recorded = simulate(plan.with_columns(**columns), setup, **truth)
+    recorded = simulate(plan.with_columns(**columns), setup, *truth, sample=sample)
     shown = axes.shown_at(recorded.position_mm, held)
     return plan.with_columns(x_mm=shown[:, 0], y_mm=shown[:, 1], z_mm=shown[:, 2])

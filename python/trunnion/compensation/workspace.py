@@ -32,14 +32,11 @@ class Where(TypedDict, total=False):
 class Workspace:
     """A box of the work and positions of the rotary axes.
 
-    Attributes
-    ----------
-    x_mm, y_mm, z_mm
-        Each (low, high), or more than two nodes; workpiece's frame: the box turns with the table.
-    a_deg, b_deg, c_deg
-        Positions of the rotary axes, control's sign: numbers, or sequences that span a grid.
-    points
-        Nodes along x, y, z of each axis given as (low, high).
+    x_mm, y_mm, z_mm: Each (low, high), or more than two nodes; workpiece's frame: the box turns
+        with the table.
+    a_deg, b_deg, c_deg: Positions of the rotary axes, control's sign: numbers, or sequences that
+        span a grid.
+    points: Nodes along x, y, z of each axis given as (low, high).
     """
 
     x_mm: ArrayLike = (-150, 150)

@@ -8,7 +8,7 @@
 
 What is wrong in a servo model is found from a log by ``tn.diagnose(tn.read_axis_log(...), setup)``.
 
-Slips of the paper, and what is done here:
+Errors of the paper, and what is done here:
 
 - eq. (4) turns the tool axis about itself, which changes nothing; the axis of the turn is
   O(k-d) × O(neighbour);

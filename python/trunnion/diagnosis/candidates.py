@@ -31,19 +31,13 @@ NONE = np.zeros(0, dtype=np.intp)
 class Candidates:
     """Columns of all candidates, after the nuisance parameters took what they can.
 
-    Parameters
-    ----------
-    variants:
-        For each candidate its columns, shape (v, n, k): v = 1 for a linear candidate, else one
-        entry for each value of its nonlinear parameters.
-    basis:
-        Orthonormal basis of what the nuisance parameters absorb, shape (n, p).
-    level:
-        Family-wise level at which a cause is named: shared by the candidates that are identifiable.
-    own_level:
-        For each candidate a level of its own, or 0 for its share of ``level``.
-    own_price:
-        For each candidate what is added to its penalty.
+    variants: For each candidate its columns, shape (v, n, k): v = 1 for a linear candidate, else
+        one entry for each value of its nonlinear parameters.
+    basis: Orthonormal basis of what the nuisance parameters absorb, shape (n, p).
+    level: Family-wise level at which a cause is named: shared by the candidates that are
+        identifiable.
+    own_level: For each candidate a level of its own, or 0 for its share of ``level``.
+    own_price: For each candidate what is added to its penalty.
     """
 
     def __init__(

@@ -25,14 +25,9 @@ RIDGE = 1e-9
 class Hypothesis:
     """A set of causes at its fit to the old readings.
 
-    Attributes
-    ----------
-    predicted:
-        Readings under the fit, old and possible new ones, shape (n,).
-    columns:
-        Derivative by the set's parameters, shape (n, k).
-    distance:
-        Penalised -2 ln L above the best set's, on the old readings.
+    predicted: Readings under the fit, old and possible new ones, shape (n,).
+    columns: Derivative by the set's parameters, shape (n, k).
+    distance: Penalised -2 ln L above the best set's, on the old readings.
     """
 
     predicted: Floats
@@ -43,16 +38,10 @@ class Hypothesis:
 class Discrimination:
     """Choice of new readings among candidates.
 
-    Parameters
-    ----------
-    nuisance:
-        Derivative by the nuisance parameters, old and possible new readings, shape (n, p).
-    old:
-        Which readings there are, the rest can be had. Shape (n,) of bool.
-    sets:
-        At least two.
-    sigma:
-        Noise of one reading.
+    nuisance: Derivative by the nuisance parameters, old and possible new readings, shape (n, p).
+    old: Which readings there are, shape (n,) of bool; the others can be had.
+    sets: At least two.
+    sigma: Noise of one reading.
     """
 
     def __init__(

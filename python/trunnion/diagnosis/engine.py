@@ -90,7 +90,7 @@ def _case(model: Model) -> Case:
 def _choose(case: Case) -> Choice:
     """Choose which readings to set aside, and explain the others: the best score wins."""
     none = np.zeros(0, dtype=np.intp)
-    if not case.model.single_faults:
+    if not case.model.allows_outliers:
         return 0.0, explain(case), none
     aside = none if case.exact(case.plain) else _far_out(case.plain)
     best = _explained_without(case, aside)

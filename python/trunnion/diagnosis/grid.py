@@ -17,12 +17,8 @@ def best_place(gain: Callable[[float], float], grid: Sequence[float]) -> float:
     of them may look worse than a side lobe until it is. Then one variable is searched for in the
     best of these.
 
-    Parameters
-    ----------
-    gain
-        What a fit at this value explains.
-    grid
-        Values in ascending order, all above zero, two at least.
+    gain: What a fit at this value explains.
+    grid: Values in ascending order, all above zero, two at least.
     """
     points = np.asarray(grid, dtype=np.float64)
     scores = np.array([gain(float(g)) for g in points])

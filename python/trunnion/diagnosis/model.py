@@ -10,7 +10,7 @@ parameters (always fitted: location errors, placement, a circle, a ball centre) 
 *effects* (candidate causes, absent unless the data demand them). The engine decides which effects
 the data demand. It knows no unit, no machine and no instrument: those are carried by the model.
 
-A new kind of data is one file with one class: subclass :class:`BaseModel`, or fill a
+A new kind of data is one file with one class: subclass :class:`Model`, or fill a
 :class:`LinearModel` from arrays.
 
 What an effect is, and how one is built, is in :mod:`trunnion.diagnosis.effect`.
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -146,114 +146,6 @@ class Scaling:
         return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
 
 
-class Model(Protocol):
-    """A model bound to data: everything the engine asks.
-
-    ``n`` readings, ``p`` nuisance parameters.
-    """
-
-    @property
-    def data(self) -> Any:
-        """The measurement."""
-        ...
-
-    @property
-    def readings(self) -> Readings:
-        """The readings."""
-        ...
-
-    @property
-    def nuisance(self) -> tuple[Nuisance, ...]:
-        """Parameters that are always fitted, p of them."""
-        ...
-
-    @property
-    def effects(self) -> tuple[Effect, ...]:
-        """Candidate causes, bound to the data."""
-        ...
-
-    @property
-    def start(self) -> Floats:
-        """Nuisance values to start from, shape (p,)."""
-        ...
-
-    @property
-    def covariates(self) -> tuple[Covariate, ...]:
-        """Quantities that the residuals may depend on."""
-        ...
-
-    @property
-    def single_faults(self) -> bool:
-        """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
-        ...
-
-    @property
-    def components(self) -> Mapping[str, Floats]:
-        """How an unknown disturbance enters the readings, by name, each of shape (n,).
-
-        A displacement of the machine along X enters a touch with ``dir_x``, a bigger ball with 1:
-        ``{"X": dir_x, "Y": dir_y, "Z": dir_z, "every touch alike": 1}``.
-        """
-        ...
-
-    @property
-    def groups(self) -> Integers:
-        """Group of each reading for cross-validation, shape (n,): left out as a whole."""
-        ...
-
-    @property
-    def replicates(self) -> Integers | None:
-        """Equal labels for repeats of one reading, -1 for a reading without; None: no repeats."""
-        ...
-
-    @property
-    def rank_tolerance(self) -> float:
-        """Share of the largest singular value up to which a combination is not identifiable.
-
-        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
-        has a reason for another.
-        """
-        ...
-
-    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
-        """Return the readings under these values, shape (n,); effects not named are absent."""
-        ...
-
-    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
-        """Return the derivative of ``predict`` by the nuisance parameters, shape (n, p)."""
-        ...
-
-    def effect_jacobian(
-        self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
-    ) -> Floats:
-        """Return the derivative of ``predict`` by one effect's parameters, shape (n, k)."""
-        ...
-
-    def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
-        """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.
-
-        Built from the residuals of the plain model. It must not mix readings of different groups.
-        """
-        ...
-
-    def bind(self, data: Any) -> Model:
-        """Return the same model on other data."""
-        ...
-
-    def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
-        """Return the machine's errors (µm, arcsec, by name) for before and after."""
-        ...
-
-    def extended(
-        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
-    ) -> Any:
-        """Return the extended model, in the form its kind of data is used with.
-
-        With what the fit says of the uncertainty; None: the values are exact.
-        """
-        ...
-
-
 EXACT_TOLERANCE = 1e-9
 
 
@@ -262,12 +154,34 @@ def identity(columns: Floats) -> Floats:
     return columns
 
 
-class BaseModel:
-    """Defaults for a :class:`Model`; a subclass gives what it has to.
+def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
+    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
 
-    Expected of a subclass: ``data``, ``readings``, ``nuisance``, ``effects``, ``base(nuisance)``,
-    ``base_jacobian(nuisance)`` and ``bind(data)``. Effects are added to the base; override
-    ``predict`` and ``effect_jacobian`` where that is not exact enough.
+    each: How many readings a row has.
+    """
+    label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+    several = np.repeat(np.bincount(label)[label] > 1, each)
+    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
+    return np.where(several, labels, -1).astype(np.intp) if several.any() else None
+
+
+class Model:
+    """A model bound to data, n readings and p nuisance parameters: everything the engine asks.
+
+    A subclass gives ``data``, ``readings``, ``nuisance``, ``effects``, ``base(nuisance)``,
+    ``base_jacobian(nuisance)`` and ``bind(data)``; all else has a default. Effects are added to the
+    base; override ``predict`` and ``effect_jacobian`` where that is not exact enough.
+
+    Attributes
+    ----------
+    data:
+        The measurement.
+    readings:
+        The readings.
+    nuisance:
+        Parameters that are always fitted, p of them.
+    effects:
+        Candidate causes, bound to the data.
     """
 
     data: Any
@@ -289,57 +203,66 @@ class BaseModel:
 
     @property
     def start(self) -> Floats:
-        """Zeros."""
+        """Nuisance values to start from, shape (p,): zeros."""
         return np.zeros(len(self.nuisance))
 
     @property
     def covariates(self) -> tuple[Covariate, ...]:
-        """The order of the rows."""
+        """Quantities that the residuals may depend on: the order of the rows."""
         return (Covariate("order of measurement", self.readings.rows.astype(float), sequence=True),)
 
     @property
-    def components(self) -> Mapping[str, Floats]:
-        """Every reading alike."""
-        return {"": np.ones(len(self.readings))}
-
-    @property
-    def single_faults(self) -> bool:
-        """Single readings may be false."""
+    def allows_outliers(self) -> bool:
+        """Whether single readings can be false (a chip, a false trigger) and may be set aside."""
         return True
 
     @property
+    def components(self) -> Mapping[str, Floats]:
+        """How an unknown disturbance enters the readings, by name, each (n,): in every one alike.
+
+        A displacement of the machine along X enters a touch with ``dir_x``, a bigger ball with 1:
+        ``{"X": dir_x, "Y": dir_y, "Z": dir_z, "every touch alike": 1}``.
+        """
+        return {"": np.ones(len(self.readings))}
+
+    @property
     def groups(self) -> Integers:
-        """Five blocks of rows, in order."""
+        """Group of each reading for cross-validation, (n,), left out whole: five blocks of rows."""
         rank = np.unique(self.readings.rows, return_inverse=True)[1]
         return np.asarray(rank * 5 // (rank.max() + 1), dtype=np.intp)
 
     @property
     def replicates(self) -> Integers | None:
-        """No repeats known."""
+        """Equal labels for repeats of one reading, -1 for a reading without; None: no repeats."""
         return None
 
     @property
     def rank_tolerance(self) -> float:
-        """That of all."""
+        """Share of the largest singular value up to which a combination is not identifiable.
+
+        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
+        has a reason for another.
+        """
         return RANK_TOLERANCE
 
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
-        for e in self.effects:
-            if e.id == name:
-                return e
-        known = ", ".join(e.id for e in self.effects)
-        raise UnknownNameError(f"effect: got {name!r}, expected one of {known}")
+        for effect in self.effects:
+            if effect.id == name:
+                return effect
+        raise UnknownNameError(
+            f"effect: got {name!r}, expected one of {', '.join(e.id for e in self.effects)}"
+        )
 
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
-        """Add the change of every effect to the base."""
+        """Return the readings under these values, shape (n,); effects not named are absent."""
         out = np.array(self.base(nuisance), dtype=np.float64)
         for name, values in effects.items():
             out += np.asarray(self.effect(name).change(Values(values)), dtype=np.float64)
         return out
 
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:  # noqa: ARG002
-        """Jacobian of the base: effects are additive."""
+        """Return the derivative of ``predict`` by the nuisance parameters, shape (n, p)."""
         return self.base_jacobian(nuisance)
 
     def effect_jacobian(
@@ -348,15 +271,18 @@ class BaseModel:
         effect: Effect,
         values: Mapping[str, float],
     ) -> Floats:
-        """Jacobian of the effect's own change."""
+        """Return the derivative of ``predict`` by one effect's parameters, shape (n, k)."""
         return effect.columns(values)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
-        """Noise taken as white and of one size."""
+        """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.
+
+        Built from the residuals of the plain model. It must not mix readings of different groups.
+        """
         return identity
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
-        """Nuisance parameters that belong to the machine, by name."""
+        """Return the machine's errors (µm, arcsec, by name) for before and after."""
         return {
             n.name: float(v)
             for n, v in zip(self.nuisance, nuisance, strict=True)
@@ -369,7 +295,10 @@ class BaseModel:
         effects: EffectValues,
         uncertainty: Uncertainty | None = None,  # noqa: ARG002
     ) -> Any:
-        """Nuisance and effects by name."""
+        """Return the extended model, in the form its kind of data is used with.
+
+        With what the fit says of the uncertainty; None: the values are exact.
+        """
         names = (n.name for n in self.nuisance)
         return {
             "nuisance": dict(zip(names, map(float, nuisance), strict=True)),
@@ -377,7 +306,26 @@ class BaseModel:
         }
 
 
-class LinearModel(BaseModel):
+@dataclass(frozen=True, eq=False)
+class OneEffect:
+    """Change of every reading by one effect of a model, at the start of its nuisance parameters."""
+
+    model: Model
+    name: str
+
+    def change(self, values: Mapping[str, float]) -> Floats:
+        """Return the change, shape (n,)."""
+        start = self.model.start
+        plain = self.model.predict(start, {})
+        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
+
+    def jacobian(self, values: Mapping[str, float]) -> Floats:
+        """Return its derivative by each parameter, shape (n, k)."""
+        effect = self.model.effect(self.name)
+        return self.model.effect_jacobian(self.model.start, effect, values)
+
+
+class LinearModel(Model):
     """A model from arrays: readings = design @ nuisance + effects + noise.
 
     Parameters
@@ -390,7 +338,7 @@ class LinearModel(BaseModel):
         Candidate causes: built from arrays (:mod:`trunnion.diagnosis.effect`), or objects with
         ``change(data, values)``.
     covariates, components, groups, replicates:
-        As in :class:`Model`; None: the defaults of :class:`BaseModel`.
+        As in :class:`Model`; None: its defaults.
     binder:
         Makes this model from other data.
     """

@@ -72,17 +72,10 @@ class Dictionary:
     Time and memory are linear in readings: a covariate of classes has at most
     ``MAX_CLASSES`` terms.
 
-    Parameters
-    ----------
-    model, rows:
-        Whose covariates, and which readings.
-    whiten:
-        Applied to the columns, which have unit length afterwards.
+    model, rows: Whose covariates, and which readings.
+    whiten: Applied to the columns, which have unit length afterwards.
 
-    Attributes
-    ----------
-    terms:
-        What each block of columns stands for.
+    terms: What each block of columns stands for.
     """
 
     def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:

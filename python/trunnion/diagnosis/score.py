@@ -23,14 +23,10 @@ def score(
 ) -> Gain:
     """Residual rms of other data under the plain and the extended model. See Diagnosis.score.
 
-    Parameters
-    ----------
-    model
-        Of the other data.
-    nuisance_before, nuisance_after
-        Values by name under both models; those of the machine are kept.
-    effects
-        Parameters of the named causes.
+    model: Of the other data.
+    nuisance_before, nuisance_after: Values by name under both models; those of the machine are
+        kept.
+    effects: Parameters of the named causes.
     """
     before = _anew(model, nuisance_before, {})
     after = _anew(model, nuisance_after, effects)

@@ -244,7 +244,7 @@ def natural(values: NDArray[Any], name: str, *, decimals: bool = True) -> NDArra
 
 
 def has_break(text: str) -> bool:
-    """Tell whether a text has what a field of a line cannot hold."""
+    """Say whether a text has what a field of a line cannot hold."""
     return _BREAK.search(text) is not None
 
 

@@ -70,11 +70,8 @@ def read_table(path: str | PathLike[str], kind: type[T]) -> T:
     with ``#`` are skipped. A byte-order mark and either kind of line end are accepted, quoted
     fields too, but not across lines.
 
-    Raises
-    ------
-    FileFormatError
-        If the file is not like that, or a column holds what it must not; the message has file,
-        line and column (from 1), what stood there and what is expected.
+    Raises FileFormatError: if the file is not like that, or a column holds what it must not; the
+        message has file, line and column (from 1), what stood there and what is expected.
     """
     name = str(path)
     lines = decode(name, Path(path).read_bytes()).split("\n")

@@ -1,4 +1,4 @@
-"""Where each key of a TOML text stands, which tomllib does not tell.
+"""Where each key of a TOML text stands, which tomllib does not say.
 
 The scanner walks over text that tomllib has accepted, so it need not judge syntax: it only has to
 know where strings, comments, arrays and inline tables begin and end.

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.checks import choose, finite, point, positive
+from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.hybrid.mechanism import Mechanism
@@ -196,6 +197,8 @@ def cube_study(
     """
     centre, way = point("centre_mm", centre_mm), point("direction", direction)
     positive("side_mm", side_mm)
+    if finite("amount", amount) == 0:
+        raise InputError(f"amount: got {amount!r}, expected a number other than 0")
     given = errors if isinstance(errors, Mapping) else dict.fromkeys(errors, amount)
     sizes = {error_name(name): finite(name, size) for name, size in given.items()}
     points, units = _circles(side_mm / 2)

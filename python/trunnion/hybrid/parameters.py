@@ -16,10 +16,7 @@ JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
 def error_name(name: str) -> str:
     """Return the full name with unit of an error: ``e5`` → ``e5_um``.
 
-    Raises
-    ------
-    UnknownNameError
-        A name that is none.
+    Raises UnknownNameError: a name that is none.
     """
     try:
         return _core.hybrid_parameter(name)

@@ -27,14 +27,9 @@ MAX_SHARE = 1e-6
 class Spectrum:
     """Singular values and directions of a design with its ball centres eliminated.
 
-    Attributes
-    ----------
-    values
-        Singular values, largest first, padded with zeros to one for each parameter, (k,).
-    directions
-        Right singular vectors, one a row, (k, k).
-    rank
-        Combinations that are identifiable: the first so many directions.
+    values: Singular values, largest first, padded with zeros to one for each parameter, (k,).
+    directions: Right singular vectors, one a row, (k, k).
+    rank: Combinations that are identifiable: the first so many directions.
     """
 
     values: Floats

@@ -14,15 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
-from trunnion.base.checks import instance
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.checks import choose, floats, instance
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
-
-# What an effect of an artefact does depends on these, that there is such an effect does not.
-_ANY_ARTEFACT = {"cross": [2.0, 1.0, 1.0], "cuboid": [1.0] * 3, "sphere": [1.0, 0.0, 0.0, 0.0]}
 
 
 @dataclass(frozen=True)
@@ -73,19 +70,11 @@ class Chain:
     def to_machine(self, positions: Mapping[str, ArrayLike], rows: int | None = None) -> Floats:
         """Positions by letter, in the control's sign, in machine order, (n, axes).
 
-        Parameters
-        ----------
-        positions
-            Letter (either case) → positions, (n,) or one number for all rows.
-        rows
-            How many rows; unless given, as many as the longest has.
+        positions: Letter (either case) → positions, (n,) or one number for all rows.
+        rows: How many rows; unless given, as many as the longest has.
 
-        Raises
-        ------
-        DataError
-            An axis of the machine is missing, or there is one that it has not.
-        InputError
-            Positions that are not finite, or not one a row.
+        Raises DataError: an axis of the machine is missing, or there is one that it has not.
+        Raises InputError: positions that are not finite, or not one a row.
         """
         given = {letter.upper(): value for letter, value in positions.items()}
         for letter in self.letters:
@@ -100,7 +89,7 @@ class Chain:
                 f"{spare[0].lower()}_deg: got positions of axis {spare[0]}, expected only those of "
                 f"{self.name}"
             )
-        columns = [np.asarray(given[letter], dtype=float) for letter in self.letters]
+        columns = [floats(f"{letter.lower()}_deg", given[letter]) for letter in self.letters]
         count = max((c.size for c in columns), default=1) if rows is None else rows
         for letter, column in zip(self.letters, columns, strict=True):
             if column.ndim > 1 or (column.ndim == 1 and len(column) != count):
@@ -108,8 +97,6 @@ class Chain:
                     f"{letter.lower()}_deg: got shape {column.shape}, expected one number a row, "
                     f"({count},)"
                 )
-            if not np.all(np.isfinite(column)):
-                raise InputError(f"{letter.lower()}_deg: got {column}, expected finite numbers")
         return np.column_stack([np.broadcast_to(c, count) for c in columns]) * self.senses
 
     def turning(self, senses: Mapping[str, ArrayLike], rows: int) -> Floats | None:
@@ -151,22 +138,15 @@ class Chain:
     ) -> _core.MachineModel:
         """The core's machine with errors, placement of the work and effects.
 
-        Parameters
-        ----------
-        errors
-            Location errors, µm and arcsec.
-        placement
-            Six numbers, as `PLACEMENT`.
-        effects
-            Ids with the values of their parameters in order.
-        approach, senses
-            Direction of travel (machine frame) and sense of the last turn by letter, control's
-            sign, on which reversal errors depend.
+        errors: Location errors, µm and arcsec.
+        placement: Six numbers, as `PLACEMENT`.
+        effects: Ids with the values of their parameters in order.
+        approach, senses: Direction of travel (machine frame) and sense of the last turn by letter,
+            control's sign, on which reversal errors depend.
         """
         turned = {letter.upper(): value for letter, value in (senses or {}).items()}
         for letter in turned:
-            if letter not in self.letters:
-                raise InputError(f"senses: got axis {letter}, expected one of {self.name}")
+            choose("senses", letter, self.letters)
         return _core.MachineModel(
             self.machine({}),
             errors=list(errors.items()),
@@ -192,12 +172,8 @@ class Chain:
     def named_errors(self, errors: Mapping[str, float] | None) -> dict[str, float]:
         """Location errors under their canonical names; those of the set-up where not given.
 
-        Raises
-        ------
-        InputError
-            One error under two spellings.
-        UnknownNameError
-            A name that is none, or an error that the machine lacks.
+        Raises InputError: one error under two spellings.
+        Raises UnknownNameError: a name that is none, or an error that the machine lacks.
         """
         known = {canonical_error_name(k): float(v) for k, v in self.setup.machine.errors.items()}
         given: dict[str, float] = {}
@@ -205,12 +181,8 @@ class Chain:
             name = canonical_error_name(spelling)
             if name in given:
                 raise InputError(f"location error {name}: got two spellings, expected it once")
-            if name not in self.location_errors:
-                raise UnknownNameError(
-                    f"location error: got {name!r}, expected one of "
-                    f"{', '.join(self.location_errors)} (machine {self.setup.machine.preset})"
-                )
-            given[name] = value
+            where = f"location error of machine {self.setup.machine.preset}"
+            given[choose(where, name, self.location_errors)] = value
         return known | given
 
     def catalogue(self) -> tuple[EffectInfo, ...]:
@@ -220,7 +192,10 @@ class Chain:
     @cached_property
     def effects(self) -> dict[str, EffectInfo]:
         """Every effect on this machine, whatever is touched, by id."""
-        kinds = [self._effects(kind, numbers) for kind, numbers in _ANY_ARTEFACT.items()]
+        # What an effect of an artefact does depends on its size, that there is such an effect does
+        # not: the first dimension is the largest, as a cross wants it.
+        sizes = {k: sum(n for _, n in named) for k, named in _core.artefact_kinds().items()}
+        kinds = [self._effects(kind, [2.0] + [1.0] * (n - 1)) for kind, n in sizes.items()]
         return {effect.id: effect for effects in kinds for effect in effects}
 
     def effect_id(self, name: str) -> str:
@@ -228,10 +203,7 @@ class Chain:
 
         A name that is neither is returned as it is.
 
-        Raises
-        ------
-        InputError
-            A code of several effects (ECC: once a turn, twice a turn).
+        Raises InputError: a code of several effects (ECC: once a turn, twice a turn).
         """
         if not is_code(name):
             return name
@@ -246,7 +218,7 @@ class Chain:
             EffectInfo(
                 id=name,
                 label=title,
-                # what happens at a moment is of one set-up: the artefact slips on the table
+                # what happens at a moment is of one set-up: the artefact shifts on the table
                 owner=Owner.PLACEMENT if owner == "artefact" and needs else Owner(owner),
                 parameters=tuple(ParameterInfo(*parameter) for parameter in parameters),
                 needs=tuple(needs),
@@ -259,10 +231,7 @@ class Chain:
 def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
     """Kind of the artefact and its dimensions, mm, as the core takes them.
 
-    Raises
-    ------
-    InputError
-        A set-up without an artefact.
+    Raises InputError: a set-up without an artefact.
     """
     artefact = setup.artefact
     if artefact.kind == "none":
@@ -281,10 +250,7 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
 def standing_artefact(setup: Setup) -> _core.Artefact:
     """The core's artefact, where it nominally stands on the table.
 
-    Raises
-    ------
-    InputError
-        A set-up without an artefact.
+    Raises InputError: a set-up without an artefact.
     """
     artefact = setup.artefact
     return _core.Artefact(

@@ -145,10 +145,7 @@ def effect_id(effect: Effect) -> str:
 def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect]]:
     """Built-in ids and the user's own effects, each checked.
 
-    Raises
-    ------
-    InputError
-        If something is neither an id nor an effect, or an id stands twice.
+    Raises InputError: if something is neither an id nor an effect, or an id stands twice.
     """
     if isinstance(effects, str):
         raise InputError(

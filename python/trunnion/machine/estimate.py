@@ -11,7 +11,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
+from trunnion.base.checks import choose, numbers
+from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.report import Result, Table, plain
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import Moving, Owner, effect_id
@@ -32,7 +33,7 @@ class Parameter:
     value
         In `unit`.
     std_error
-        Standard uncertainty; inf where the data do not identify it, None where nobody said.
+        Standard uncertainty; inf where the data do not identify it, None where it is not stated.
     owner
         What it belongs to.
     """
@@ -135,9 +136,7 @@ class Estimate(Result):
     def __getitem__(self, name: str) -> float:
         """Value of a parameter: ``fit["EX0C"]``, ``fit["drift_z.rate_um_h"]``."""
         values = self.values
-        if name not in values:
-            raise UnknownNameError(f"parameter: got {name!r}, expected one of {', '.join(values)}")
-        return values[name]
+        return values[choose("parameter", name, values)]
 
     def __contains__(self, name: object) -> bool:
         """Whether there is a parameter of this name."""
@@ -185,8 +184,8 @@ class Estimate(Result):
 
     def headline(self) -> str:
         """Return how many parameters there are, and how many are not identifiable."""
-        lost = sum(not p.identifiable for p in self.parameters)
-        return f"{len(self.values)} parameters, {lost or 'none'} not identifiable"
+        count = sum(not p.identifiable for p in self.parameters)
+        return f"{len(self.values)} parameters, {count or 'none'} not identifiable"
 
     def derived(self) -> Mapping[str, Any]:
         """What is not identifiable, in words."""
@@ -195,14 +194,14 @@ class Estimate(Result):
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values; what a user's own effect does is code and is left out."""
         stored = {k: v for k, v in self.motions.items() if isinstance(v, STORED)}
-        lost = {e.id for e in self.effects if isinstance(e, Moving)}
-        lost |= set(self.motions) - set(stored)
+        code = {e.id for e in self.effects if isinstance(e, Moving)}
+        code |= set(self.motions) - set(stored)
         why = "its motion is code of the user's own, which is not stored"
         return {
             **super().to_dict(),
             "effects": {effect_id(effect): dict(v) for effect, v in self.effects.items()},
             "motions": plain(stored),
-            "not_compensable": self.not_compensable | dict.fromkeys(sorted(lost), why),
+            "not_compensable": self.not_compensable | dict.fromkeys(sorted(code), why),
         }
 
     @classmethod
@@ -226,21 +225,12 @@ STORED = (LinearMotion, FieldMotion)
 def named_combination(
     names: Sequence[str], direction: Floats, least: float = SECOND_ORDER
 ) -> dict[str, float]:
-    """Parameters of a direction that changes no reading, with their components, largest 1.
+    """Parameters of a direction (p,) that changes no reading, with their components, largest 1.
 
-    Parameters
-    ----------
-    names
-        Parameters.
-    direction
-        Components in their units, (p,).
-    least
-        Share of the largest component below which one is not named.
+    Those below the share `least` of the largest are left out.
     """
-    share = np.abs(direction) / np.abs(direction).max()
-    scaled = direction / np.abs(direction).max()
-    pairs = zip(names, scaled, share, strict=True)
-    return {name: float(component) for name, component, part in pairs if part > least}
+    pairs = zip(names, (direction / np.abs(direction).max()).tolist(), strict=True)
+    return {name: component for name, component in pairs if abs(component) > least}
 
 
 def in_words(combination: Mapping[str, float]) -> str:
@@ -293,9 +283,7 @@ def read_estimate(path: str | PathLike[str]) -> Estimate:
 
 
 def _numbers(path: str | PathLike[str], what: str, values: object) -> dict[str, float]:
-    if not isinstance(values, dict):
-        raise FileFormatError(f"{path}: {what}: got {values!r}, expected names with numbers")
-    for name, value in values.items():
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise FileFormatError(f"{path}: {what}.{name}: got {value!r}, expected a finite number")
-    return {name: float(value) for name, value in values.items()}
+    try:
+        return numbers(what, values)
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error

@@ -27,10 +27,7 @@ MEAN_SQUARE = 1.0 / 3.0  # of a position between -1 and 1
 class Travel:
     """Travel of the linear axes that was measured, mm: X and Y, or X, Y and Z.
 
-    Attributes
-    ----------
-    middle_mm, half_mm
-        Middle and half length along each axis; half 0 where the axis did not move.
+    middle_mm, half_mm: Middle and half length along each axis; half 0 where the axis did not move.
     """
 
     middle_mm: tuple[float, ...]
@@ -100,13 +97,9 @@ def wave(axis: int, position_mm: Floats, values: Mapping[str, float]) -> Floats:
 class LinearMotion:
     """How the tool moves under one effect of the linear axes.
 
-    Attributes
-    ----------
-    effect
-        Id: ``positioning_x``, ``straightness_y_of_x``, ``angular_z_of_x``, ``periodic_x``,
+    effect: Id: ``positioning_x``, ``straightness_y_of_x``, ``angular_z_of_x``, ``periodic_x``,
         ``cyclic_x``, and the like for the other axes.
-    travel
-        Over which its parameters were found.
+    travel: Over which its parameters were found.
     """
 
     effect: str
@@ -130,14 +123,9 @@ class LinearMotion:
 class FieldMotion(Result):
     """How the tool moves under a smooth field without a name.
 
-    Attributes
-    ----------
-    places, readings
-        Scaled places, (m, d), and the error at each, µm, in each coordinate.
-    smoothing, freedom
-        Of the spline through them, see :class:`~trunnion.base.smooth.SmoothField`.
-    travel
-        Over which it was found.
+    places, readings: Scaled places, (m, d), and the error at each, µm, in each coordinate.
+    smoothing, freedom: Of the spline through them, see :class:`~trunnion.base.smooth.SmoothField`.
+    travel: Over which it was found.
     """
 
     places: Floats

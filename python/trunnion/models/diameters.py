@@ -5,36 +5,8 @@
     error = offset of the pass + sum of causes + noise
 
 The offset of a pass is the setting of the tool: it is always fitted, so that a constant says
-nothing about a cause. The causes (formulas in ``trunnion_core::turning::diameter``), with s the
-length cut in the pass, t its cutting time from a cold tool, z the distance from the chuck face, L
-the overhang:
-
-==============  ==========================================  ============================
-id              error of the diameter                       parameters
-==============  ==========================================  ============================
-tool_heating    -E (1 - exp(-t/τ))                          amplitude_um E, tau_s τ
-tool_wear       +q t                                        rate_um_min q
-taper           +2 α z                                      angle_arcsec α
-bending         +B (z/L)³ f d⁻⁴                             tip_um B
-chuck_tilt      +B (z/L)² f                                 tip_um B
-barrel          +4 M (z/L)(1 - z/L)                         middle_um M
-chatter         a cos(2π s/p) + b sin(2π s/p)               a_um, b_um, pitch_mm p
-==============  ==========================================  ============================
-
-f is the depth of cut, d the diameter, each over that of the first row. With several kinds of
-coolant tool_heating has an amplitude for each (``amplitude_<coolant>_um``), with several passes
-chatter an a and b for each (``a_<pass>_um``). Where neither the data nor the set-up file tell the
-time, the length cut takes its place: ``tau_mm`` and ``rate_um_m``.
-
-Keys of ``[turning]`` in the set-up file, read here:
-
-====================  ====================================================================
-overhang_mm           from the chuck face to the free end; always expected
-feed_mm_rev           feed per revolution
-cutting_speed_m_min   constant surface speed, or
-spindle_rpm           constant spindle speed (a column of the data goes before both)
-diameter_mm           nominal diameter, where the data have no such column
-====================  ====================================================================
+nothing about a cause. The causes are in the core (``trunnion_core::turning::diameter``), formulas
+and parameters in docs/effects.md, the keys of ``[turning]`` in `Conditions`.
 """
 
 from __future__ import annotations
@@ -47,7 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
-from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.checks import choose
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Flags, Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import (
@@ -109,11 +82,8 @@ class Conditions(Part):
 def conditions_of(setup: Setup | Conditions | None) -> Conditions:
     """Read ``[turning]`` of a set-up.
 
-    Raises
-    ------
-    FileFormatError, InputError
-        No overhang, a key that is not known, or a value that is no number above zero; with its
-        place in the file of the set-up.
+    Raises FileFormatError, InputError: no overhang, a key that is not known, or a value that is no
+        number above zero; with its place in the file of the set-up.
     """
     if isinstance(setup, Conditions):
         return setup
@@ -152,7 +122,7 @@ def _reference(data: Diameters, conditions: Conditions) -> _Reference:
 
 
 def _seconds(data: Diameters, conditions: Conditions, length_mm: Floats) -> Floats | None:
-    """Cutting time within the pass: as recorded, or from feed and speed; None if nothing tells."""
+    """Cutting time within the pass: as recorded, or from feed and speed; None if unknown."""
     if data.time_s is not None:
         return np.asarray(data.time_s, dtype=np.float64)
     if conditions.feed_mm_rev is None:
@@ -343,10 +313,7 @@ class DiameterLaw(Estimate):
         """
         error = np.zeros(len(planned))
         if offset_of is not None:
-            if str(offset_of) not in self.offset_um:
-                known = ", ".join(self.offset_um)
-                raise UnknownNameError(f"pass {offset_of!r}: expected one of {known}")
-            error += self.offset_um[str(offset_of)]
+            error += self.offset_um[choose("pass", str(offset_of), self.offset_um)]
         for effect in self.source.effects_on(planned):
             if effect.id in self.effects:
                 values = Values(self.effects[effect.id])
@@ -357,21 +324,12 @@ class DiameterLaw(Estimate):
 class DiameterModel(LinearModel):
     """Diameters of passes, as the diagnosis engine asks for them.
 
-    Parameters
-    ----------
-    data
-        One or more passes.
-    conditions
-        Of the cut.
-    effects
-        Further candidates: a user's own effects, or ids.
-    reference
-        The cut to which forces and diameters are compared; None: the first row of these.
+    data: One or more passes.
+    conditions: Of the cut.
+    effects: Further candidates: a user's own effects, or ids.
+    reference: The cut to which forces and diameters are compared; None: the first row of these.
 
-    Raises
-    ------
-    DataError
-        Too few readings in a pass, readings beyond the overhang or of more than 5 mm.
+    Raises DataError: too few readings in a pass, readings beyond the overhang or of more than 5 mm.
     """
 
     def __init__(
@@ -469,9 +427,7 @@ def build(
 ) -> DiameterModel:
     """Make the model of measured diameters; the set-up needs a table ``[turning]``.
 
-    Raises
-    ------
-    DataError, InputError, UnknownNameError
-        As :class:`DiameterModel` and `conditions_of`, and for an id that is in no catalogue.
+    Raises DataError, InputError, UnknownNameError: as :class:`DiameterModel` and `conditions_of`,
+        and for an id that is in no catalogue.
     """
     return DiameterModel(data, conditions_of(setup), effects)

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import choose
+from trunnion.base.errors import InputError
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.model import Model
@@ -147,10 +148,8 @@ def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
         return touch_catalogue(of)
     if not isinstance(of, str):
         return tuple(e.info() for e in model_of(of, setup).effects)
-    kind = next((k for k in _KINDS if k.name == of), None)
-    if kind is None:
-        names = ", ".join(k.name for k in _KINDS)
-        raise UnknownNameError(f"kind of data: got {of!r}, expected one of {names}")
+    known = {kind.name: kind for kind in _KINDS}
+    kind = known[choose("kind of data", of, known)]
     if of == "touches" and setup is not None:
         return touch_catalogue(setup)
     models = (model_of(*resolve_name(example)()) for example in kind.examples)

@@ -42,14 +42,14 @@ class NextPass(Result):
     apart: Mapping[frozenset[str], float]
 
     @property
-    def parts(self) -> tuple[frozenset[str], ...]:
+    def distinguished(self) -> tuple[frozenset[str], ...]:
         """The explanations that the pass distinguishes from the named one."""
         return tuple(causes for causes, distance in self.apart.items() if distance >= MIN_DISTANCE)
 
     def sentences(self) -> Sequence[str]:
         """Say what to turn, and what it would settle."""
-        groups = [("distinguishes the named causes from", self.parts)]
-        groups.append(("not from", tuple(c for c in self.apart if c not in self.parts)))
+        groups = [("distinguishes the named causes from", self.distinguished)]
+        groups.append(("not from", tuple(c for c in self.apart if c not in self.distinguished)))
         said = [
             f"{verb} " + ", ".join(sorted(" + ".join(sorted(c)) for c in causes))
             for verb, causes in groups
@@ -99,9 +99,9 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     Returns
     -------
     tuple of NextPass
-        The best first; empty where nothing is in doubt. Explanations that none of them parts want
-        something else: more readings, a calibrated bar (shows the slides alone), a fresh insert
-        (no wear).
+        The best first; empty where nothing is in doubt. Explanations that none of them
+        distinguishes want something else: more readings, a calibrated bar (shows the slides alone),
+        a fresh insert (no wear).
 
     Raises
     ------
@@ -128,7 +128,7 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
             else:
                 apart[other] = _distance(bound, truth, other, diagnosis.effects) / noise
         found.append(NextPass(label, apart))
-    return tuple(sorted(found, key=lambda n: (-len(n.parts), -min(n.apart.values()))))
+    return tuple(sorted(found, key=lambda n: (-len(n.distinguished), -min(n.apart.values()))))
 
 
 def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
@@ -147,7 +147,7 @@ def _held(diagnosis: Diagnosis, model: Model, causes: frozenset[str]) -> Named:
 
 
 def _with_clock(model: Model) -> Diameters:
-    """Data with their cutting time, where the set-up file tells it: that in which wear counts."""
+    """Data with their cutting time, where the set-up file states it: that in which wear counts."""
     data: Diameters = model.data
     wear = next(e for e in model.effects if e.id == "tool_wear")
     if data.time_s is not None or wear.parameters[0].name != "rate_um_min":

@@ -30,7 +30,7 @@ MIN_CHANCE = 0.9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prospect(Result):
+class ExpectedDiscrimination(Result):
     """New touches, and what they are expected to distinguish.
 
     Attributes
@@ -95,8 +95,8 @@ class Prospect(Result):
         return {**super().to_dict(), "plan": self.plan.described()}
 
     @classmethod
-    def from_dict(cls, values: Mapping[str, Any]) -> Prospect:
-        """Return the prospect that `to_dict` described."""
+    def from_dict(cls, values: Mapping[str, Any]) -> ExpectedDiscrimination:
+        """Return the expected_discrimination that `to_dict` described."""
         try:
             return cls(
                 Touches.from_description(values["plan"]),
@@ -108,7 +108,9 @@ class Prospect(Result):
                 {name: float(std) for name, std in values["std_after"].items()},
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(f"Prospect: got values that do not fit its fields: {error}") from error
+            raise InputError(
+                f"{cls.__name__}: got values that do not fit its fields: {error}"
+            ) from error
 
 
 def next_touches(d: Diagnosis, n: int = 8) -> Touches:
@@ -116,17 +118,17 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
 
     Chosen from what the machine can reach: the artefact's faces at C and the tilting axis every
     30 degrees and at combinations, from both senses of turning, at two feeds, after the
-    measurement. What they are expected to show is in :func:`prospect`.
+    measurement. What they are expected to show is in :func:`expected_discrimination`.
 
     Raises
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
     """
-    return prospect(d, n).plan
+    return expected_discrimination(d, n).plan
 
 
-def prospect(d: Diagnosis, n: int = 8) -> Prospect:
+def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     """Plan as :func:`next_touches`, and say what the touches are expected to show.
 
     Raises
@@ -163,7 +165,7 @@ def prospect(d: Diagnosis, n: int = 8) -> Prospect:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
     before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
-    return Prospect(
+    return ExpectedDiscrimination(
         _ordered(both.data, chosen, old), len(sets), chance, enough, alike, before, after
     )
 

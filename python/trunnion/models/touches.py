@@ -26,7 +26,15 @@ from trunnion.diagnosis.effect import (
     Values,
     with_own,
 )
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import (
+    Covariate,
+    Model,
+    Nuisance,
+    OneEffect,
+    Readings,
+    Uncertainty,
+    repeats,
+)
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import known_sigma_um
@@ -64,7 +72,7 @@ class ExtendedTouchModel(Estimate):
         return simulate(plan, self.setup, self, **more)
 
 
-class TouchDiagnosisModel(BaseModel):
+class TouchDiagnosisModel(Model):
     """Touches of an artefact, as the diagnosis engine asks for them.
 
     Parameters
@@ -189,7 +197,7 @@ class TouchDiagnosisModel(BaseModel):
 
     def _effect(self, info: EffectInfo) -> Effect:
         """Present an entry of the catalogue to the engine."""
-        bound = TouchChange(self, info.id)
+        bound = OneEffect(self, info.id)
         return Effect(
             info.id,
             tuple(self._parameter(p.name, p.unit, p.kind) for p in info.parameters),
@@ -271,9 +279,7 @@ class TouchDiagnosisModel(BaseModel):
         ]
         if data.feed_mm_min is not None:
             parts.append(np.asarray(data.feed_mm_min))
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.bincount(label)[label] > 1
-        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+        return repeats(parts)
 
     @property
     def _nominal(self) -> Floats:
@@ -318,25 +324,6 @@ class TouchDiagnosisModel(BaseModel):
                 f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
                 f"the modelled surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
             )
-
-
-@dataclass(frozen=True, eq=False)
-class TouchChange:
-    """Change of every reading by one effect of the catalogue, µm, at the start of the machine."""
-
-    model: TouchDiagnosisModel
-    name: str
-
-    def change(self, values: Mapping[str, float]) -> Floats:
-        """Return the change, shape (n,)."""
-        start = self.model.start
-        plain = self.model.predict(start, {})
-        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
-
-    def jacobian(self, values: Mapping[str, float]) -> Floats:
-        """Return its derivative by each parameter, shape (n, k)."""
-        effect = self.model.effect(self.name)
-        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def build(

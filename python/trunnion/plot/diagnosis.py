@@ -126,7 +126,7 @@ def _share(y: Floats, v: NDArray[np.generic]) -> float:
 
 
 def _covariate_of(change: Floats, record: Residuals, rows: Flags) -> Covariate:
-    """Return the covariate that tells most of how a change varies."""
+    """Return the covariate that says most of how a change varies."""
     best, top = record.covariates[0], -np.inf
     sizes = np.abs(change)
     for v in record.covariates:

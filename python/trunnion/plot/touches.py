@@ -169,19 +169,20 @@ def plot_estimates(
 
 
 def plot_observability(seen: Observability, *, ax: Axes | None = None) -> Axes:
-    """Draw how much of each effect a plan leaves visible beside the errors and the placement."""
+    """Draw how much of each effect a plan leaves beside the errors and the placement."""
     shares = dict(sorted(seen.share_left.items(), key=lambda pair: pair[1]))
     ax = axes_or_new(ax, 7.0, 0.22 * len(shares) + 1.2)
     values = np.array(list(shares.values()))
     alike = set().union(*seen.alike) if seen.alike else set()
     colours = [
-        "0.8" if name in seen.invisible else ACCENT if name in alike else INK for name in shares
+        "0.8" if name in seen.not_identifiable_effects else ACCENT if name in alike else INK
+        for name in shares
     ]
     ax.barh(list(shares), 100 * values, color=colours)
     for name, colour in (
-        ("told apart from all others", INK),
+        ("identifiable beside all others", INK),
         ("another effect can take its place", ACCENT),
-        ("invisible", "0.8"),
+        ("not identifiable", "0.8"),
     ):
         ax.barh([0], [0], color=colour, label=name)
     ax.set_xlabel("share of the effect left once errors and placement are fitted (%)")

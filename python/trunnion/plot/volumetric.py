@@ -8,7 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 
+from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
+from trunnion.base.units import Floats
 from trunnion.compensation.volumetric import VolumetricError
 from trunnion.plot.axes import axes_or_new
 
@@ -18,7 +20,7 @@ _ARROWS = 8
 
 
 def _at_pose(field: VolumetricError, pose: Mapping[str, float] | None) -> tuple[int, ...]:
-    """Index of the pose nearest to a expected one; the worst one unless given."""
+    """Index of the pose nearest to an expected one; the worst one unless given."""
     expected = field.worst_pose_deg if pose is None else pose
     return tuple(
         int(np.argmin(np.abs(nodes - expected.get(letter, nodes[0]))))
@@ -53,10 +55,8 @@ def plot_volumetric(
 
     Parameters
     ----------
-    field
-        A volumetric error.
-    plane
-        "xy", "xz" or "yz", workpiece's frame.
+    field, plane
+        A volumetric error; "xy", "xz" or "yz", workpiece's frame.
     at_mm
         Where the section lies on the third axis (the nearest node); its upper end unless given.
     pose
@@ -65,15 +65,11 @@ def plot_volumetric(
         Colour scale, to share one between plots: its upper end (linear from zero), or (low, high)
         for a logarithmic one, on which before and after can both be read. From zero to the largest
         of this field unless given.
-    colorbar
-        Whether to draw one beside the section.
-    ax
-        Where to draw; a new figure unless given.
+    colorbar, ax
+        Whether to draw one beside the section; where to draw (None: a new figure).
     """
-    if plane not in _PLANES:
-        raise InputError(f"plane: got {plane!r}, expected one of {', '.join(_PLANES)}")
+    u, v, w = _PLANES[choose("plane", plane, _PLANES)]
     axes = (field.x_mm, field.y_mm, field.z_mm)
-    u, v, w = _PLANES[plane]
     at = len(axes[w]) - 1 if at_mm is None else int(np.argmin(np.abs(axes[w] - at_mm)))
     vectors = field.field_um
     vectors = vectors.reshape(*(len(n) for n in field.rotary_deg.values()), *field.grid_shape, 3)
@@ -90,31 +86,10 @@ def plot_volumetric(
     )
     if colorbar:
         ax.figure.colorbar(image, ax=ax, label="error (µm)", shrink=0.8)
-    picks = [
-        np.unique(np.linspace(0, len(axes[i]) - 1, min(_ARROWS, len(axes[i]))).round().astype(int))
-        for i in (u, v)
-    ]
-    shown = section[np.ix_(*picks)]
-    longest = float(np.hypot(shown[..., u], shown[..., v]).max())
+    longest = _draw_arrows(ax, (axes[u], axes[v]), section[..., [u, v]])
     name = "xyz"
     title = f"{name[w]} = {axes[w][at]:g} mm: largest {length.max():.3g} µm"
     if longest > 0:
-        reach = 0.11 * max(float(np.ptp(axes[u])), float(np.ptp(axes[v])))
-        arrows = ax.quiver(
-            *np.meshgrid(axes[u][picks[0]], axes[v][picks[1]], indexing="ij"),
-            shown[..., u],
-            shown[..., v],
-            angles="xy",
-            scale_units="xy",
-            scale=longest / reach,
-            color="white",
-            edgecolor="black",
-            linewidth=0.4,
-            width=0.007,
-            clip_on=False,
-        )
-        # Arrows may leave the section a little; they are no reason to make it smaller.
-        arrows.set_in_layout(False)
         title += f"\nlongest arrow {longest:.3g} µm"
     ax.set_aspect("equal")
     for nodes, limit in ((axes[u], ax.set_xlim), (axes[v], ax.set_ylim)):
@@ -125,6 +100,33 @@ def plot_volumetric(
     ax.set_ylabel(f"{name[v]} (mm)")
     ax.set_title(title, fontsize="medium")
     return ax
+
+
+def _draw_arrows(ax: Axes, nodes: tuple[Floats, Floats], vectors: Floats) -> float:
+    """Draw some of the vectors (n, m, 2) at their nodes; return the longest of them, µm."""
+    picks = [
+        np.unique(np.linspace(0, len(n) - 1, min(_ARROWS, len(n))).round().astype(int))
+        for n in nodes
+    ]
+    shown = vectors[np.ix_(*picks)]
+    longest = float(np.hypot(shown[..., 0], shown[..., 1]).max())
+    if longest > 0:
+        arrows = ax.quiver(
+            *np.meshgrid(nodes[0][picks[0]], nodes[1][picks[1]], indexing="ij"),
+            shown[..., 0],
+            shown[..., 1],
+            angles="xy",
+            scale_units="xy",
+            scale=longest / (0.11 * max(float(np.ptp(nodes[0])), float(np.ptp(nodes[1])))),
+            color="white",
+            edgecolor="black",
+            linewidth=0.4,
+            width=0.007,
+            clip_on=False,
+        )
+        # Arrows may leave the section a little; they are no reason to make it smaller.
+        arrows.set_in_layout(False)
+    return longest
 
 
 def plot_over_poses(

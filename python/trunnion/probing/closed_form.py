@@ -1,4 +1,4 @@
-"""The closed forms of paper 000: as printed, and those that separate errors from placement."""
+"""Closed forms of Kang, Kim and Jee (2022): as printed, and with errors apart from placement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Literal
 import numpy as np
 
 import trunnion._core as _core
-from trunnion.base.errors import DataError, UnknownNameError
+from trunnion.base.checks import choose
+from trunnion.base.errors import DataError
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
 from trunnion.probing.identify import known_sigma_um
@@ -21,14 +23,14 @@ MAX_STEPS = 50
 
 SEES_PRINTED = (
     "The printed forms assume a perfectly placed artefact: EC0A is found plus its yaw, EZ0A plus "
-    "its height, EX0C and EY0C are lost in the mean over C (equations (6) and (7) return the "
+    "its height, EX0C and EY0C cancel in the mean over C (equations (6) and (7) return the "
     "artefact's eccentricity), and EB0A comes out too small on side faces (equation (9) takes "
     "distances from the X axis)."
 )
 SEES_SEPARATING = (
     "The separating forms find the eight location errors and the six placement parameters from "
-    "the same touches; they cannot see probe lobing, the artefact's height, XZ squareness or Z "
-    "backlash."
+    "the same touches; probe lobing, the artefact's height, XZ squareness and Z backlash are not "
+    "identifiable."
 )
 
 
@@ -49,10 +51,10 @@ def closed_form(
     setup
         Machine, artefact and probe; half a tick of the trigger is taken off.
     method
-        "printed": equations (3) to (20) for any steps of C and A, as printed but for the slips
-        that the result lists. "separating": closed forms derived from the same 72 touches (C = 0°,
-        90°, 180°, 270° and A = ±90°) for the eight errors and the six placement parameters,
-        applied once to the readings and once to what the exact model leaves of them.
+        "printed": equations (3) to (20) for any steps of C and A, as printed but for the
+        corrections listed in `slips`. "separating": closed forms derived from the same 72 touches
+        (C = 0°, 90°, 180°, 270° and A = ±90°) for the eight errors and the six placement
+        parameters, applied once to the readings and once to what the exact model leaves of them.
 
     Raises
     ------
@@ -66,8 +68,7 @@ def closed_form(
     Kang, Kim, Jee (2022), equations (3) to (20); derivation of the separating forms in
     ``docs/closed-forms.md``.
     """
-    if method not in ("printed", "separating"):
-        raise UnknownNameError(f"method: got {method!r}, expected 'printed' or 'separating'")
+    is_printed = choose("method", method, ("printed", "separating")) == "printed"
     model = TouchModel(setup)
     moves = model.moves(data)
     if data.point is None:
@@ -81,42 +82,38 @@ def closed_form(
     )
     count = len(model.error_names)
     checks: dict[str, tuple[float, float]] = {}
-    if method == "printed":
-        values = start.copy()
-        values[:count] = printed
-    else:
+    values = start.copy()
+    values[:count] = printed
+    if not is_printed:
         values, kappa, zeta, operator = model.core.separate(moves, labels, start)
         # The variance of ζ is 35/48 of that of one reading.
         checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
-    residuals = model.core.residuals(moves, values)
-    kept = count if method == "printed" else len(values)
-    used = np.any(operator != 0, axis=0)
-    freedom = int(used.sum()) - kept
-    sigma = known_sigma_um(setup)
-    if sigma == 0.0:
-        # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
-        sigma = model.core.fit(
-            moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS
-        )["sigma_um"]
+    # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
+    sigma = known_sigma_um(setup) or _scatter_um(model, moves, start)
+    names = model.names[: count if is_printed else len(values)]
     covariance = sigma**2 * operator @ operator.T
-    names = model.names[:kept]
     spread = np.sqrt(np.diag(covariance))
+    found = dict(zip(model.names, map(float, values), strict=True))
     return ClosedFormResult(
         method=f"{method} closed forms",
-        errors={name: float(v) for name, v in zip(model.error_names, values, strict=False)},
-        placement=None
-        if method == "printed"
-        else {name: float(v) for name, v in zip(PLACEMENT, values[count:], strict=True)},
+        errors={name: found[name] for name in model.error_names},
+        placement=None if is_printed else {name: found[name] for name in PLACEMENT},
         effects={},
-        std_errors={name: float(s) for name, s in zip(names, spread, strict=True)},
+        std_errors=dict(zip(names, map(float, spread), strict=True)),
         names=names,
         covariance=covariance,
-        residuals_um=residuals,
+        residuals_um=model.core.residuals(moves, values),
         sigma_um=sigma,
-        degrees_of_freedom=float(freedom),
+        degrees_of_freedom=float(np.any(operator != 0, axis=0).sum() - len(names)),
         converged=True,
         per_position=per_position,
         checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},
-        sees=SEES_PRINTED if method == "printed" else SEES_SEPARATING,
-        slips=tuple(_core.closed_form_slips()) if method == "printed" else (),
+        sees=SEES_PRINTED if is_printed else SEES_SEPARATING,
+        slips=tuple(_core.closed_form_slips()) if is_printed else (),
     )
+
+
+def _scatter_um(model: TouchModel, moves: _core.Moves, start: Floats) -> float:
+    """Scatter of a reading about the least-squares fit."""
+    fit = model.core.fit(moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS)
+    return fit["sigma_um"]

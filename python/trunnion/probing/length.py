@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from trunnion.base.checks import positive
 from trunnion.base.errors import InputError
+from trunnion.base.units import ARCSEC
 
 
 def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> float:
@@ -37,9 +39,7 @@ def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> f
     >>> round(smallest_length_mm(0.1, 0.36), 2)
     57.3
     """
-    for what, value in (("linear_um", linear_um), ("rotary_arcsec", rotary_arcsec)):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{what}: got {value!r}, expected a positive number")
-    if rotary_arcsec >= 90 * 3600:
+    step_mm = positive("linear_um", linear_um) * 1e-3
+    if positive("rotary_arcsec", rotary_arcsec) >= 90 * 3600:
         raise InputError(f"rotary_arcsec: got {rotary_arcsec!r}, expected less than 90°")
-    return float(linear_um * 1e-3 / np.sin(np.deg2rad(rotary_arcsec / 3600)))
+    return float(step_mm / np.sin(rotary_arcsec * ARCSEC))

@@ -27,14 +27,9 @@ class TouchModel:
     Parameters are the machine's location errors, the six placement parameters and the parameters
     of the effects (``"drift_z.rate_um_h"``), in µm, arcsec, ppm, ... as their names or units say.
 
-    Parameters
-    ----------
-    setup
-        Machine, artefact, probe.
-    effects
-        Ids of the catalogue.
-    tick_um
-        Tick of the trigger; the set-up's unless given.
+    setup: Machine, artefact, probe.
+    effects: Ids of the catalogue.
+    tick_um: Tick of the trigger; the set-up's unless given.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What a plan can tell, before anything is measured."""
+"""What a plan can identify, before anything is measured."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.checks import finite, instance
+from trunnion.base.checks import instance, positive
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.statistics import linear_fit
@@ -22,9 +22,9 @@ from trunnion.probing.model import TouchModel, catalogue
 from trunnion.setup import Setup
 
 EXACT = 1e-9
-"""The same for bases that only remove exact dependencies."""
-VISIBLE_SHARE = 1e-6
-"""An effect is invisible if less than this share of it is left after the plain model is fitted."""
+"""Share of the largest singular value below which a basis has an exact dependency."""
+MIN_SHARE_LEFT = 1e-6
+"""An effect of which less is left once the plain model is fitted is not identifiable."""
 ALIKE_SHARE = 1e-6
 """Effects are alike if less than this share of one is left after the others are fitted."""
 LARGEST_SET = 4
@@ -32,7 +32,7 @@ LARGEST_SET = 4
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observability(Result):
-    """What a plan can tell.
+    """What a plan can identify.
 
     Attributes
     ----------
@@ -46,18 +46,18 @@ class Observability(Result):
     singular_values
         Of the scaled Jacobian, largest first.
     noise_um
-        Standard deviation of one reading that `std_errors` are told for.
+        Standard deviation of one reading that `std_errors` stand for.
     std_errors
-        Expected standard error of every parameter (Cramér-Rao bound); inf for what cannot be seen.
+        Expected standard error of every parameter (Cramér-Rao bound); inf where not identifiable.
     combinations
         What the plan does not identify: parameter → component, for each combination that changes
         no reading.
-    invisible
+    not_identifiable_effects
         Ids of effects that leave nothing once the plain model is fitted.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
-    untestable
+    missing_columns
         Id → column that the plan lacks for it.
     share_left
         Id → share of the effect's change of the readings that the plain model does not absorb.
@@ -70,9 +70,9 @@ class Observability(Result):
     noise_um: float
     std_errors: dict[str, float]
     combinations: tuple[dict[str, float], ...]
-    invisible: tuple[str, ...]
+    not_identifiable_effects: tuple[str, ...]
     alike: tuple[frozenset[str], ...]
-    untestable: dict[str, str]
+    missing_columns: dict[str, str]
     share_left: dict[str, float]
 
     @property
@@ -87,22 +87,23 @@ class Observability(Result):
         return (Table.of(title, ("", "std. error", "unit"), rows),)
 
     def sentences(self) -> list[str]:
-        """Rank, condition, and what cannot be told, in words."""
+        """Rank, condition, and what is not identifiable."""
         condition = "inf" if np.isinf(self.condition) else f"{self.condition:.3g}"
         lines = [f"Rank {self.rank} of {len(self.names)}, condition {condition} (columns scaled)."]
         lines.extend(self.not_identifiable)
-        if self.invisible:
-            lines.append(f"Invisible once the errors are fitted: {', '.join(self.invisible)}.")
+        if self.not_identifiable_effects:
+            names = ", ".join(self.not_identifiable_effects)
+            lines.append(f"Not identifiable beside the location errors and the placement: {names}.")
         groups, sums = self._grouped()
-        lines.extend(f"Alike: {', '.join(group)} cannot be told apart." for group in groups)
+        lines.extend(f"Alike: {', '.join(group)} cannot be distinguished." for group in groups)
         lines.extend(
             f"Dependent: each of {', '.join(members)} is a sum of the others." for members in sums
         )
         if sums and any(set(group) & set(members) for group in groups for members in sums):
             lines.append("In these sums an effect stands for all that are alike with it.")
         lines.extend(
-            f"{effect} cannot be tested: the plan has no column {column}."
-            for effect, column in self.untestable.items()
+            f"{effect} needs the column {column}, which the plan lacks."
+            for effect, column in self.missing_columns.items()
         )
         return lines
 
@@ -133,37 +134,30 @@ def observability(
     *,
     noise_um: float | None = None,
 ) -> Observability:
-    """Tell what a plan can see, before anything is measured.
+    """Say what a plan can identify, before anything is measured.
 
     Parameters
     ----------
     plan
         A plan, or touches.
-    setup
-        Machine, artefact and probe.
-    effects
-        Ids of effects to estimate together with the location errors and the placement. All the
-        others of the catalogue are judged as well: invisible, alike, or visible.
+    setup, effects
+        Machine, artefact and probe; ids of effects to estimate together with the location errors
+        and the placement. All the others of the catalogue are judged as well.
     noise_um
         Standard deviation of one reading; from the set-up unless given, 1 µm if unknown there.
 
     Raises
     ------
     InputError
-        Negative noise, an effect that needs a column which the plan lacks.
+        Noise not above 0, an effect that needs a column which the plan lacks.
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    sigma = finite("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
-    if sigma <= 0:
-        raise InputError(f"noise_um: got {noise_um!r}, expected a positive number")
+    sigma = positive("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
     ids, own = split_effects(effects)
     if own:
-        raise InputError(
-            f"effects: got the user's own {own[0].id!r}, expected ids of the catalogue: what a "
-            "plan sees is judged by the built-in effects"
-        )
-    if not len(plan):
+        raise InputError(f"effects: got {own[0].id!r}, expected ids of the catalogue")
+    if len(plan) == 0:
         raise InputError("plan: got no touches, expected at least one")
     model = TouchModel(setup, ids)
     _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
@@ -171,22 +165,24 @@ def observability(
     names = tuple(name for name, keep in zip(model.names, linear, strict=True) if keep)
     jacobian = jacobian[:, linear]
     found = linear_fit(jacobian, np.zeros(len(jacobian)))
-    singular, seen_all = found.singular_values, found.rank == len(names)
-    untestable, columns = _effect_columns(plan, setup)
+    singular = found.singular_values
+    missing, columns = _effect_columns(plan, setup)
     plain = jacobian[:, : len(model.error_names) + 6]
     shares, left = _left_after(plain, columns)
-    visible = {name: left[name] for name, share in shares.items() if share > VISIBLE_SHARE}
+    visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
     return Observability(
         names=names,
         rank=found.rank,
-        condition=float(singular[0] / singular[-1]) if seen_all else float("inf"),
+        condition=float(singular[0] / singular[-1]) if found.rank == len(names) else float("inf"),
         singular_values=singular,
-        noise_um=float(sigma),
+        noise_um=sigma,
         std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
         combinations=tuple(named_combination(names, row) for row in found.combinations),
-        invisible=tuple(name for name, share in shares.items() if share <= VISIBLE_SHARE),
+        not_identifiable_effects=tuple(
+            name for name, share in shares.items() if share <= MIN_SHARE_LEFT
+        ),
         alike=dependent_sets(visible),
-        untestable=untestable,
+        missing_columns=missing,
         share_left=shares,
     )
 
@@ -212,12 +208,12 @@ def _effect_columns(plan: Touches, setup: Setup) -> tuple[dict[str, str], dict[s
     """Change of the readings per parameter of every effect that the plan has the columns for."""
     has = set(plan.columns)
     entries = catalogue(setup)
-    untestable = {
+    missing = {
         entry.id: next(need for need in entry.needs if need not in has)
         for entry in entries
         if not set(entry.needs) <= has
     }
-    ids = [entry.id for entry in entries if entry.id not in untestable]
+    ids = [entry.id for entry in entries if entry.id not in missing]
     model = TouchModel(setup, ids)
     _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
     columns: dict[str, Floats] = {}
@@ -228,7 +224,7 @@ def _effect_columns(plan: Touches, setup: Setup) -> tuple[dict[str, str], dict[s
             if name.startswith(f"{effect}.") and kind == "linear"
         ]
         columns[effect] = jacobian[:, own]
-    return untestable, columns
+    return missing, columns
 
 
 def _left_after(
@@ -239,10 +235,9 @@ def _left_after(
     basis = basis[:, singular > EXACT * singular[0]]
     shares, left = {}, {}
     for effect, block in columns.items():
-        rest = block - basis @ (basis.T @ block)
+        left[effect] = block - basis @ (basis.T @ block)
         whole = float(np.linalg.norm(block))
-        shares[effect] = float(np.linalg.norm(rest)) / whole if whole > 0 else 0.0
-        left[effect] = rest
+        shares[effect] = float(np.linalg.norm(left[effect])) / whole if whole > 0 else 0.0
     return shares, left
 
 
@@ -255,7 +250,7 @@ def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:
     bases: dict[str, Floats] = {}
     for name, block in _without_rows(columns).items():
         vectors, singular, _ = np.linalg.svd(block, full_matrices=False)
-        kept = singular > VISIBLE_SHARE * singular[0]
+        kept = singular > MIN_SHARE_LEFT * singular[0]
         bases[name] = vectors[:, kept]
     found: list[frozenset[str]] = []
     names = list(bases)

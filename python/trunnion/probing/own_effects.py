@@ -31,14 +31,9 @@ MEDIAN_SIGMAS = 0.6745
 class Loss:
     """What is minimised.
 
-    Attributes
-    ----------
-    knee
-        Of Huber's loss in standard deviations; None: squares.
-    sigma_um
-        Standard deviation of a reading if known, else 0.
-    priors
-        Parameter's number, value, standard uncertainty.
+    knee: Of Huber's loss in standard deviations; None: squares.
+    sigma_um: Standard deviation of a reading if known, else 0.
+    priors: Parameter's number, value, standard uncertainty.
     """
 
     knee: float | None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +13,8 @@ from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.setup import Setup
 
-__all__ = ["plan"]
-
-
 MAX_DEG = 3600.0
-"""Ten turns: more is a slip of the pen."""
+"""Ten turns: more is a typo."""
 MAX_STOPS = 10_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
@@ -129,6 +127,11 @@ def plan(
         layout=layout,
         all_faces=all_faces,
     )
+    return _touches(chain, found)
+
+
+def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
+    """Return the core's plan as touches, positions and senses in the control's signs."""
     columns: dict[str, object] = {}
     turned = chain.to_control(found["sense"])
     for letter, positions in chain.to_control(found["rotary_deg"]).items():

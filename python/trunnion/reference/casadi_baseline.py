@@ -63,8 +63,8 @@ def identify(
         ``machine.errors`` is where the search starts, and results are totals.
     effects
         Ids of the catalogue, or a mapping id -> parameters held at the given values
-        (``{"setup_shift": {"t0_s": 300.0}, "drift_z": {}}``). A slip's time that is not held is
-        searched between every two touches; a time constant over a grid, then refined.
+        (``{"setup_shift": {"t0_s": 300.0}, "drift_z": {}}``). The time of a shift that is not held
+        is searched between every two touches; a time constant over a grid, then refined.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def linearise(
     jacobian : (n, p)
         Derivatives of the residuals, µm per unit of each parameter.
     names
-        Order of the columns; the time of a slip has none.
+        Order of the columns; the time of a shift has none.
     """
     held: dict[str, Mapping[str, float]] = {id_: {} for id_ in effects}
     rows = Rows.of(data, setup, held)
@@ -224,7 +224,7 @@ def _starts(model: Model, rows: Rows) -> list[tuple[float, Floats]]:
         tau_grid = list(np.geomspace(0.02 * end_min, 3 * end_min, 30))
     if len(t0_grid) * len(tau_grid) == 1:
         return [(t0_grid[0], base)]
-    slipping = np.array([name.startswith("setup_shift.") for name in model.names])
+    shifting = np.array([name.startswith("setup_shift.") for name in model.names])
     tried = []
     for tau in tau_grid:
         start = base.copy()
@@ -232,13 +232,13 @@ def _starts(model: Model, rows: Rows) -> list[tuple[float, Floats]]:
         if tau is not None:
             start[model.names.index(TIME_CONSTANT)] = tau
             free[model.names.index(TIME_CONSTANT)] = False
-        # At no slip its time changes no residual, only which rows the slip's columns have.
+        # Without a shift its time changes no residual, only which rows its columns have.
         contact = model.contacts(start, rows, -np.inf)
-        residuals, all_slipped = _evaluate(model, rows, start, -np.inf, contact)
+        residuals, all_shifted = _evaluate(model, rows, start, -np.inf, contact)
         _check_near(residuals)
         for t0_s in t0_grid:
-            slipped = (rows.time >= t0_s)[:, None]
-            jacobian = np.where(slipping & ~slipped, 0.0, all_slipped)[:, free]
+            shifted = (rows.time >= t0_s)[:, None]
+            jacobian = np.where(shifting & ~shifted, 0.0, all_shifted)[:, free]
             step = _step(residuals, jacobian)
             left = residuals + jacobian @ step
             moved = start.copy()
@@ -260,9 +260,9 @@ def _result(model: Model, rows: Rows, found: _Solution) -> IdentificationResult:
         variance = found.cost / freedom if freedom > 0 else np.inf
     weighted = vt[:rank] / s[:rank, None] / scale
     covariance = variance * weighted.T @ weighted
-    unseen = np.linalg.norm(vt[rank:], axis=0) > RANK_TOLERANCE
-    covariance[unseen, :] = covariance[:, unseen] = 0.0
-    std = np.where(unseen, np.inf, np.sqrt(np.diag(covariance)))
+    open_ = np.linalg.norm(vt[rank:], axis=0) > RANK_TOLERANCE
+    covariance[open_, :] = covariance[:, open_] = 0.0
+    std = np.where(open_, np.inf, np.sqrt(np.diag(covariance)))
     std_errors = {name: float(value) for name, value in zip(names, std, strict=True)}
     values = {name: float(value) for name, value in zip(names, found.x, strict=True)}
     effects: dict[str, dict[str, float]] = {}

@@ -227,7 +227,7 @@ class Model:
         self._build()
 
     def start(self) -> Floats:
-        """Known location errors, 0 for the rest of the unknowns."""
+        """Known location errors, 0 for the other unknowns."""
         known = self.setup.machine.errors
         return np.array([float(known.get(name, 0.0)) for name in self.names])
 
@@ -263,12 +263,12 @@ class Model:
         ca, q = self.ca, self.q
         position, direction, side = q[0:3], q[3:6], q[6:9]
         first, second, first_dir, second_dir = q[9], q[10], q[11], q[12]
-        feed, time, slipped = q[13], q[14], q[15]
+        feed, time, shifted = q[13], q[14], q[15]
         mask, sign, second_bar = q[16:19], q[19:22], q[22]
 
         rotation, offset = self._table(first, second, first_dir, second_dir)
         seat = [
-            self._unknown(name) + slipped * self._effect("setup_shift", name)
+            self._unknown(name) + shifted * self._effect("setup_shift", name)
             for name in PLACEMENT[:3]
         ]
         artefact = self.setup.artefact

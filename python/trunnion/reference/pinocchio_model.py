@@ -58,10 +58,6 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
     errors
         Location errors, totals: µm for offsets, arcsec for tilts.
 
-    Returns
-    -------
-    pin.Model
-
     Raises
     ------
     UnknownNameError

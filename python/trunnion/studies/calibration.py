@@ -15,7 +15,7 @@ from trunnion.probing.model import TouchModel
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import OFF_SURFACE_MM
 from trunnion.setup import Artefact, Machine, Probe, Resolution, Setup
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Value
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, Values
 
 CALIBRATION_PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
     {
@@ -119,7 +119,7 @@ def _bench(items: tuple[tuple[str, Value], ...]) -> Bench:
     )
 
 
-def bench_of(values: Mapping[str, Value]) -> Bench:
+def bench_of(values: Values) -> Bench:
     """Plan and model of a node; kept, because its blocks share them."""
     own = tuple((name, values[name]) for name in CALIBRATION_PARAMETERS if name != "noise_um")
     return _bench(own)
@@ -148,7 +148,7 @@ class CalibrationStudy:
         }
     )
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
+    def outputs(self, values: Values) -> tuple[Output, ...]:
         """Errors of the estimates by method."""
         names = bench_of(values).model.names
         units = tuple(_unit(name) for name in names)
@@ -167,12 +167,7 @@ class CalibrationStudy:
         )
 
     def run(
-        self,
-        values: Mapping[str, Value],
-        seeds: Seeds,
-        first: int,
-        count: int,
-        threads: int | None,
+        self, values: Values, seeds: Seeds, first: int, count: int, threads: int | None
     ) -> Block:
         """One call of the core."""
         bench = bench_of(values)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.studies.calibration import CALIBRATION_PARAMETERS, bench_of
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Value
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Values
 
 METHODS = ("identified", "separating", "printed")
 GRID_MM = tuple(
@@ -39,7 +39,7 @@ class CompensationStudy:
         }
     )
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:  # noqa: ARG002
+    def outputs(self, values: Values) -> tuple[Output, ...]:  # noqa: ARG002
         """Largest and root-mean-square volumetric error, before and after."""
         return (
             Output("before_max_um", "µm", label="largest volumetric error before compensation"),
@@ -49,12 +49,7 @@ class CompensationStudy:
         )
 
     def run(
-        self,
-        values: Mapping[str, Value],
-        seeds: Seeds,
-        first: int,
-        count: int,
-        threads: int | None,
+        self, values: Values, seeds: Seeds, first: int, count: int, threads: int | None
     ) -> Block:
         """One call of the core."""
         bench = bench_of(values)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from trunnion.base.checks import optional_module
 from trunnion.base.errors import DataError, InputError
 from trunnion.studies.description import Description
 from trunnion.studies.store import Blocks, Journal
@@ -18,27 +17,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def import_xarray() -> ModuleType:
+def import_xarray() -> Any:
     """xarray, which holds the results.
 
-    Raises
-    ------
-    ImportError
-        It is not installed.
+    Raises ImportError: it is not installed.
     """
-    try:
-        return import_module("xarray")
-    except ImportError as error:
-        raise ImportError('sweeps need xarray; pip install "trunnion[sweep]"') from error
+    return optional_module("xarray", "sweeps", "sweep")
 
 
 def target_of(path: Any) -> Path:
     """Where the result goes; a file that may be, in a folder that is there.
 
-    Raises
-    ------
-    InputError
-        No path, a folder, or a path in a folder that is not there.
+    Raises InputError: no path, a folder, or a path in a folder that is not there.
     """
     try:
         target = Path(path)
@@ -80,10 +70,7 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 def read_same(target: Path, description: Description) -> xr.Dataset:
     """Read a finished sweep.
 
-    Raises
-    ------
-    DataError
-        The file is damaged, or holds another sweep.
+    Raises DataError: the file is damaged, or holds another sweep.
     """
     found, there = _read(target)
     description.check_same(target, there)

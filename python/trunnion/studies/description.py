@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trunnion._core import __version__
-from trunnion.base.checks import shown, whole
+from trunnion.base.checks import instance, shown, whole
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.studies.grid import Grid
 from trunnion.studies.study import FunctionStudy, Output, Study
@@ -22,22 +22,13 @@ FAILURE = ("failure_sample", "failure_parameters", "failure_error")
 class Description:
     """A sweep but for its numbers: two with the same description have the same numbers.
 
-    Attributes
-    ----------
-    study
-        Name of the study.
-    grid
-        Axes, and the parameters that stay the same.
-    grid_units
-        Units of the axes.
-    samples, seed
-        Draws at each node, and what they are drawn from.
-    outputs
-        In the order of the columns.
-    code
-        Digest of a user's function; None for the other studies.
-    version
-        Of trunnion.
+    study: Name of the study.
+    grid: Axes, and the parameters that stay the same.
+    grid_units: Units of the axes.
+    samples, seed: Draws at each node, and what they are drawn from.
+    outputs: In the order of the columns.
+    code: Digest of a user's function; None for the other studies.
+    version: Of trunnion.
     """
 
     study: str
@@ -89,10 +80,7 @@ class Description:
     def read(cls, path: Path, text: object) -> Description:
         """From the JSON in a file of a sweep.
 
-        Raises
-        ------
-        DataError
-            It is not what `text` writes; the message names file and entry.
+        Raises DataError: it is not what `text` writes; the message names file and entry.
         """
         try:
             return _parsed(text)
@@ -105,10 +93,7 @@ class Description:
     def check_same(self, path: Path, found: Description) -> None:
         """Refuse to go on with the file of another sweep.
 
-        Raises
-        ------
-        DataError
-            `found`, which `path` holds, is not this sweep; the message says in what.
+        Raises DataError: `found`, which `path` holds, is not this sweep; the message says in what.
         """
         # Through JSON, as `found` came: tuples become lists, and so on.
         here: dict[str, Any] = json.loads(self.text())
@@ -129,10 +114,7 @@ class Description:
 def check_names(study: str, outputs: Sequence[Output], axes: Mapping[str, object]) -> None:
     """Refuse outputs and axes that the result cannot hold beside each other.
 
-    Raises
-    ------
-    InputError
-        A name that is taken, or a dimension with different labels.
+    Raises InputError: a name that is taken, or a dimension with different labels.
     """
     if not outputs:
         raise InputError(f"study {study}: got no outputs, expected at least one")
@@ -210,18 +192,12 @@ def _output(what: str, entry: object) -> Output:
 
 
 def _text(what: str, value: object) -> str:
-    if not isinstance(value, str):
-        raise InputError(f"{what}: got {shown(value)}, expected text")
-    return value
+    return instance(what, value, str, "text")
 
 
 def _items(what: str, value: object) -> list[Any]:
-    if not isinstance(value, list):
-        raise InputError(f"{what}: got {shown(value)}, expected a list")
-    return value
+    return instance(what, value, list, "a list")
 
 
 def _table(what: str, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{what}: got {shown(value)}, expected a table")
-    return value
+    return instance(what, value, dict, "a table")

@@ -43,12 +43,8 @@ class Grid:
 
         Names and lengths come first: a grid that is too large is not even walked through.
 
-        Raises
-        ------
-        UnknownNameError
-            A name that the study does not have.
-        InputError
-            Anything else. Both say in `entry` which value of grid or fixed it is.
+        Raises UnknownNameError: a name that the study does not have.
+        Raises InputError: anything else. Both say in `entry` which value of grid or fixed it is.
         """
         known = study.parameters
         tables = {}
@@ -74,10 +70,7 @@ class Grid:
     def restored(cls, grid: Mapping[str, Any], fixed: Mapping[str, Any]) -> Grid:
         """From the tables that a file holds.
 
-        Raises
-        ------
-        InputError
-            Values that no sweep has.
+        Raises InputError: values that no sweep has.
         """
         for name, values in grid.items():
             _length(name, values)

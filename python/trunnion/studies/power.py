@@ -16,7 +16,7 @@ from trunnion.probing.model import TouchModel, catalogue
 from trunnion.probing.plan import plan
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Probe, Setup
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, guarded
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Values, guarded
 
 NONE = "none"
 
@@ -55,7 +55,7 @@ class DiagnosisPowerStudy:
         }
     )
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:  # noqa: ARG002
+    def outputs(self, values: Values) -> tuple[Output, ...]:  # noqa: ARG002
         """Which of the four it was."""
         return tuple(
             Output(name, "1") for name in ("found", "among_alternatives", "missed", "wrong")
@@ -63,7 +63,7 @@ class DiagnosisPowerStudy:
 
     def run(
         self,
-        values: Mapping[str, Value],
+        values: Values,
         seeds: Seeds,
         first: int,
         count: int,
@@ -93,7 +93,7 @@ def _measurement(kind: str, tick_um: float) -> tuple[Setup, Touches, Floats]:
     return setup, touches, np.linalg.qr(jacobian)[0]
 
 
-def _one(values: Mapping[str, Value], rng: np.random.Generator) -> list[float]:
+def _one(values: Values, rng: np.random.Generator) -> list[float]:
     setup, touches, plain = _measurement(str(values["plan"]), float(values["tick_um"]))
     effect = str(values["effect"])
     hidden: dict[str, dict[str, float]] = {}

@@ -20,14 +20,9 @@ def progress_bar(
 ) -> Iterator[Callable[[int], None]]:
     """Give a function that counts further samples, and show them with the remaining time.
 
-    Parameters
-    ----------
-    name
-        What the bar says.
-    total, done
-        Samples of the whole sweep, and those that were there before.
-    show
-        True: at once; False: never; None: once half a second has passed.
+    name: What the bar says.
+    total, done: Samples of the whole sweep, and those that were there before.
+    show: True: at once; False: never; None: once half a second has passed.
     """
     console = Console(stderr=True)
     if show is False or not _can_show(console):

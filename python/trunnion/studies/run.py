@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from trunnion._core import MAX_THREADS
-from trunnion.base.checks import entry, whole
-from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.checks import choose, entry, whole, within
+from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.studies.dataset import (
     dataset,
     import_xarray,
@@ -286,8 +286,7 @@ def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
     if isinstance(study, FunctionStudy):
         names = [output.name for output in outputs]
         for name in study.units:
-            if name not in names:
-                raise UnknownNameError(f"units: got {name!r}, expected some of {', '.join(names)}")
+            choose("units", name, names)
     return outputs
 
 
@@ -327,10 +326,7 @@ class _Limit:
     """Ends a sweep in which too many samples fail."""
 
     def __init__(self, share: float) -> None:
-        number = isinstance(share, float | int | np.number) and not isinstance(share, bool)
-        if not (number and 0 <= share <= 1):
-            raise InputError(f"most_failures: got {share!r}, expected a share from 0 to 1")
-        self.share = share
+        self.share = within("most_failures", share, 0.0, 1.0)
 
     def check(self, blocks: Blocks) -> None:
         failed = len(blocks.failures)

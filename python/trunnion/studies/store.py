@@ -38,10 +38,7 @@ class Blocks:
     def put(self, place: Place, block: Block) -> None:
         """Take a block.
 
-        Raises
-        ------
-        InputError
-            A place that is not there, or another number of outputs.
+        Raises InputError: a place that is not there, or another number of outputs.
         """
         node, first, count = place
         nodes, samples, width = self.columns.shape
@@ -74,10 +71,7 @@ class Journal:
     def start(self, description: Description) -> None:
         """Create it, or check that it belongs to the same sweep.
 
-        Raises
-        ------
-        DataError
-            The file holds another sweep, or none.
+        Raises DataError: the file holds another sweep, or none.
         """
         with self._open() as base:
             base.execute("CREATE TABLE IF NOT EXISTS sweep (described TEXT)")
@@ -139,10 +133,7 @@ class Journal:
     def restore(self, blocks: Blocks) -> None:
         """Put all blocks so far into `blocks`.
 
-        Raises
-        ------
-        DataError
-            A block that is damaged, or none of this sweep.
+        Raises DataError: a block that is damaged, or none of this sweep.
         """
         for place, block in self.read():
             try:
@@ -181,10 +172,7 @@ def _index(value: object) -> int:
 def exclusive(path: Path) -> Iterator[None]:
     """Hold the lock file `path`; it falls free with the process, however that ends.
 
-    Raises
-    ------
-    DataError
-        Another process has it, or it cannot be made.
+    Raises DataError: another process has it, or it cannot be made.
     """
     from filelock import FileLock, Timeout  # part of the extra "sweep", as xarray is
 

@@ -12,15 +12,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from types import CodeType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from trunnion.base.checks import shown
-from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
+from trunnion.base.checks import choose, named
+from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.units import Floats
 
-Value = float | int | str | bool
+Value: TypeAlias = float | int | str | bool
+Values: TypeAlias = Mapping[str, Value]
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Study(Protocol):
         """What the grid may vary."""
         ...
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
+    def outputs(self, values: Values) -> tuple[Output, ...]:
         """What comes out, in the order of the columns; `values` are those of the first node."""
         ...
 
@@ -124,12 +125,7 @@ class Study(Protocol):
         ...
 
     def run(
-        self,
-        values: Mapping[str, Value],
-        seeds: Seeds,
-        first: int,
-        count: int,
-        threads: int | None,
+        self, values: Values, seeds: Seeds, first: int, count: int, threads: int | None
     ) -> Block:
         """Samples `first` to `first + count` at a node; `threads` None: all cores are its own."""
         ...
@@ -182,7 +178,7 @@ class FunctionStudy:
                 found[name] = Parameter(default)
         return found
 
-    def outputs(self, values: Mapping[str, Value]) -> tuple[Output, ...]:
+    def outputs(self, values: Values) -> tuple[Output, ...]:
         """Names from a trial on random numbers that no sample uses."""
         last: Exception | None = None
         for sample in range(2**32 - 8, 2**32):
@@ -206,7 +202,7 @@ class FunctionStudy:
 
     def run(
         self,
-        values: Mapping[str, Value],
+        values: Values,
         seeds: Seeds,
         first: int,
         count: int,
@@ -231,14 +227,14 @@ class FunctionStudy:
         columns = np.array([[np.nan] * width if row is None else row for row in rows])
         return Block(columns, tuple(failures))
 
-    def _call(self, values: Mapping[str, Value], rng: np.random.Generator) -> dict[str, float]:
+    def _call(self, values: Values, rng: np.random.Generator) -> dict[str, float]:
         found = self.function(rng, **values)
         if not isinstance(found, Mapping):
             found = {self.name: found}
-        return {_named(name): _number(name, value) for name, value in found.items()}
+        return {_text(name): _number(name, value) for name, value in found.items()}
 
 
-def _named(name: Any) -> str:
+def _text(name: Any) -> str:
     if not isinstance(name, str) or not name:
         raise InputError(f"name of an output: got {name!r}, expected text")
     return name
@@ -272,16 +268,11 @@ STUDIES: dict[str, tuple[str, str]] = {
 
 def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] | None) -> Study:
     """A study from a name, a function or itself."""
-    if units is not None and not isinstance(units, Mapping):
-        raise InputError(f"units: got {units!r}, expected a dict of output names")
+    named("units", units, "a dict of output names")
     if units and isinstance(study, str | Study):
         raise InputError("units: got some for a study that has its own, expected none")
     if isinstance(study, str):
-        if study not in STUDIES:
-            raise UnknownNameError(
-                f"study: got {shown(study)}, expected one of {', '.join(STUDIES)}"
-            )
-        module, name = STUDIES[study]
+        module, name = STUDIES[choose("study", study, STUDIES)]
         found: Study = getattr(import_module(module), name)()
         return found
     if isinstance(study, Study):

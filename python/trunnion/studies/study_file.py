@@ -7,7 +7,7 @@
     seed = 1                  # 0 if absent
     [grid]                    # every combination is a node
     noise_um = [0.1, 0.3, 1.0]
-    [fixed]                   # the rest keeps its default
+    [fixed]                   # the others keep their defaults
     length_mm = 150.0
 """
 
@@ -30,12 +30,9 @@ KEYS = ("study", "samples", "seed", "grid", "fixed")
 def sweep_file(study: str | PathLike[str], **how: Any) -> xr.Dataset:
     """Run the study in a file, or go on with it; keywords as in :func:`trunnion.sweep`.
 
-    Raises
-    ------
-    FileFormatError
-        The file is not TOML, or has a key or value that the study does not take; with its place.
-    TrunnionError
-        As :func:`trunnion.sweep`.
+    Raises FileFormatError: the file is not TOML, or has a key or value that the study does not
+        take; with its place.
+    Raises TrunnionError: as :func:`trunnion.sweep`.
     """
     file = TomlText.read(study)
     for key in file.tables:

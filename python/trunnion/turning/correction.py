@@ -40,7 +40,7 @@ class Correction(Result):
     covered : ndarray of bool, shape (n,)
         Does the program cut at this reading? Where not, the remaining error is the reading.
     bound_um : float or None
-        No window mean is left with more; only the rule ``"bounded"`` promises something. Between
+        No window mean is left with more; only the rule ``"bounded"`` has one. Between
         two means the error may leave their straight line by its own curvature, and so may what
         is left.
     """

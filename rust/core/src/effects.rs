@@ -306,7 +306,7 @@ fn dimensions(entries: &mut Catalogue, artefact: &Artefact) {
     });
     let shift = [("dx_um", Um), ("dy_um", Um), ("dz_um", Um), ("t0_s", S)];
     entries
-        .add("setup_shift", "slip of the artefact on the table", owner, &shift, |t, a| {
+        .add("setup_shift", "shift of the artefact on the table", owner, &shift, |t, a| {
             if t.time >= a.value(3) {
                 for direction in Direction::ALL {
                     a.add(direction.index(), Place::placement(offset(direction)), 1.0);

@@ -77,7 +77,7 @@ pub mod nc;
 // --- turning
 pub mod turning;
 
-// --- contouring (paper 003)
+// --- contouring
 pub mod contouring;
 
 pub use error::{Error, Result};

@@ -25,9 +25,9 @@ use crate::{Error, Result};
 /// that is linear in its parameters) a tolerance of rounding can be given instead.
 pub const RANK_TOLERANCE: f64 = 1e-3;
 /// A parameter whose share of a unit vector lies in the null space by more than this is not
-/// identifiable. Below it stand second-order shares: a height that cannot be told from the
+/// identifiable. Below it stand second-order shares: a height that cannot be distinguished from the
 /// placement's dz drags dx along by the tilt of the placement, 1e-5.
-const MIN_SHARE: f64 = 1e-3;
+pub(crate) const MIN_SHARE: f64 = 1e-3;
 /// A parameter is held for a combination only if its share is at least this much of the largest:
 /// without one that hardly takes part, the others would depend on each other as before.
 const MIN_HELD_SHARE: f64 = 0.25;
@@ -74,7 +74,7 @@ pub struct LinearFit {
     /// Whether each parameter takes part in a combination that is not identifiable.
     pub not_identifiable: Vec<bool>,
     /// These combinations, one row of p each in the parameters' own units, largest component 1,
-    /// in reduced form: each names one held parameter and what it cannot be told from.
+    /// in reduced form: each names one held parameter and what it cannot be distinguished from.
     pub combinations: Vec<f64>,
     /// Directions in which the parameters are identifiable, one row of p each in their own units: a
     /// unit vector for each parameter that is not held where all combinations are exact; otherwise

@@ -1,4 +1,4 @@
-//! Five-axis contouring (paper 003).
+//! Five-axis contouring.
 
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;

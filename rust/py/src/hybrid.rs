@@ -1,4 +1,4 @@
-//! The hybrid parallel machine (paper 004).
+//! The hybrid parallel machine.
 
 use nalgebra::Vector3;
 use numpy::{PyArray2, PyReadonlyArray2};

@@ -39,7 +39,7 @@ mod _core {
     #[pymodule_export]
     use crate::linear::linear_fit;
 
-    // --- trunnion (paper 000)
+    // --- trunnion
     #[pymodule_export]
     use crate::artefact::{Artefact, artefact_kinds};
     #[pymodule_export]
@@ -53,20 +53,20 @@ mod _core {
     #[pymodule_export]
     use crate::touch::{Moves, TouchModel, catalogue, closed_form_slips};
 
-    // --- turning (paper 001), part programs
+    // --- turning, part programs
     #[pymodule_export]
     use crate::nc::PyProgram;
     #[pymodule_export]
     use crate::turning::{PyProbePath, PyProfile, turning_cause, turning_change, turning_correct};
 
-    // --- contouring (paper 003)
+    // --- contouring
     #[pymodule_export]
     use crate::contouring::{
         ContourPath, contour_axis_margins, contour_axis_response, contour_axis_responses,
         contour_path_margins, contour_simulate, contour_sweep,
     };
 
-    // --- hybrid (paper 004)
+    // --- hybrid
     #[pymodule_export]
     use crate::hybrid::{Hybrid, hybrid_example, hybrid_parameter, hybrid_parameters};
 }

@@ -17,10 +17,7 @@ MAX_LEAD = 0.25  # time by which an axis may be ahead of its command, times the 
 def check_servo(letters: Iterable[str], servo: Servo) -> None:
     """Check that the set-up has the servo parameters of every axis of the log.
 
-    Raises
-    ------
-    InputError
-        An axis has none.
+    Raises InputError: an axis has none.
     """
     missing = [letter for letter in letters if letter not in servo.axes]
     if missing:
@@ -33,10 +30,8 @@ def check_servo(letters: Iterable[str], servo: Servo) -> None:
 def check_loops(signals: Iterable[AxisSignal], servo: Servo) -> None:
     """Check that every loop is stable and that the samples are close enough to see it.
 
-    Raises
-    ------
-    DataError, InputError
-        Samples further apart than `MAX_PERIOD_GAIN` over the loop gain; an unstable loop.
+    Raises DataError, InputError: samples further apart than `MAX_PERIOD_GAIN` over the loop gain;
+        an unstable loop.
     """
     for signal in signals:
         gain, tau = signal.servo.gain_per_s, signal.servo.time_constant_ms
@@ -60,11 +55,9 @@ def check_loops(signals: Iterable[AxisSignal], servo: Servo) -> None:
 def check_motion(signal: AxisSignal) -> None:
     """Check that an axis goes where it is commanded, as far and not earlier.
 
-    Raises
-    ------
-    DataError
-        Actual positions that move less than half or more than twice as far as the servo model
-        says (another unit), or that are ahead of the commanded ones (columns exchanged).
+    Raises DataError: actual positions that move less than half or more than twice as far as the
+        servo model says (another unit), or that are ahead of the commanded ones (columns
+        exchanged).
     """
     unit, name = signal.units.large, signal.letter.lower()
     actual, model = signal.actual.copy(), signal.predicted.copy()
@@ -92,10 +85,7 @@ def check_motion(signal: AxisSignal) -> None:
 def has_tip(log: AxisLog) -> bool:
     """Whether the log has the tool tip.
 
-    Raises
-    ------
-    DataError
-        Some of its three columns only, or a value that is not a finite number.
+    Raises DataError: some of its three columns only, or a value that is not a finite number.
     """
     there = [name for name in TIP_COLUMNS if name in log.extra]
     if there and len(there) < len(TIP_COLUMNS):

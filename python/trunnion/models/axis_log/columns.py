@@ -25,19 +25,11 @@ class Signals:
 class Places:
     """Values at which the effects' columns are taken: those given, else where each fits best alone.
 
-    Parameters
-    ----------
-    design:
-        What initial states may change in the readings, shape (n, p).
-    readings:
-        Shape (n,).
-    given:
-        Name → value, of another log; they are not sought anew.
+    design: What initial states may change in the readings, shape (n, p).
+    readings: Shape (n,).
+    given: Name → value, of another log; they are not sought anew.
 
-    Attributes
-    ----------
-    found:
-        Name → value, in the end of all.
+    found: Name → value, in the end of all.
     """
 
     def __init__(self, design: Floats, readings: Floats, given: Mapping[str, float]) -> None:

@@ -80,18 +80,12 @@ def _label(entry: AxisEffect, axis: AxisSignal) -> str:
 class ServoEffect:
     """Parameters of the servo differ from the set-up's by one amount.
 
-    Attributes
-    ----------
-    parameter, unit:
-        Name of the amount; its unit where the name does not say it.
-    servo:
-        Fields of `LinearAxis` or `RotaryAxis` that it is added to.
-    start, start_share:
-        Amount from which its size is sought; at least this share of the servo's own parameter.
-    percent:
-        The amount is in % of the servo's own parameter.
-    signed:
-        It can be negative.
+    parameter, unit: Name of the amount; its unit where the name does not say it.
+    servo: Fields of `LinearAxis` or `RotaryAxis` that it is added to.
+    start, start_share: Amount from which its size is sought; at least this share of the servo's own
+        parameter.
+    percent: The amount is in % of the servo's own parameter.
+    signed: It can be negative.
     """
 
     id: str

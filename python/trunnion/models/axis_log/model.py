@@ -11,7 +11,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.effect import EffectLike, EffectValues, for_compensation, with_own
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
@@ -37,7 +37,7 @@ class ExtendedServo(Estimate):
     servo: Servo
 
 
-class AxisLogModel(BaseModel):
+class AxisLogModel(Model):
     """Servo model of an axis log; see the package.
 
     Parameters
@@ -189,7 +189,7 @@ class AxisLogModel(BaseModel):
         return (*self.axes, *(TIP_COLUMNS if self.has_tip else ()))
 
     @property
-    def single_faults(self) -> bool:
+    def allows_outliers(self) -> bool:
         """An encoder has no false readings; an axis that is off is not a heap of them."""
         return False
 

@@ -72,23 +72,13 @@ class Units:
 class Blocks:
     """Which samples make which reading.
 
-    Parameters
-    ----------
-    runs:
-        Blocks do not go from one run into the next.
-    axes, channels:
-        Number of axes; number of channels, each with the same blocks.
-    size:
-        Samples in a block; by default so many that the axes have `MAX_READINGS` at most.
+    runs: Blocks do not go from one run into the next.
+    axes, channels: Number of axes; number of channels, each with the same blocks.
+    size: Samples in a block; by default so many that the axes have `MAX_READINGS` at most.
 
-    Attributes
-    ----------
-    starts:
-        First row of each block, shape (blocks,).
-    channel_of, run_of:
-        Channel and run of each reading, shape (n,).
-    groups:
-        Runs; of a single run five blocks of time, shape (n,).
+    starts: First row of each block, shape (blocks,).
+    channel_of, run_of: Channel and run of each reading, shape (n,).
+    groups: Runs; of a single run five blocks of time, shape (n,).
     """
 
     def __init__(
@@ -149,18 +139,11 @@ class Blocks:
 class AxisSignal:
     """One axis of a log: its positions, and those that the servo model says.
 
-    Attributes
-    ----------
-    letter, channel:
-        "X", and its place among the axes of the log.
-    servo:
-        Parameters of the set-up, which may know of backlash and the like.
-    feedback:
-        Which position the loop is closed on.
-    commanded, actual:
-        Positions by row, mm or deg, shape (rows,).
-    runs, blocks:
-        Of the log.
+    letter, channel: "X", and its place among the axes of the log.
+    servo: Parameters of the set-up, which may know of backlash and the like.
+    feedback: Which position the loop is closed on.
+    commanded, actual: Positions by row, mm or deg, shape (rows,).
+    runs, blocks: Of the log.
     """
 
     letter: str
@@ -303,14 +286,9 @@ class AxisSignal:
 class ToolTip:
     """Measured tool tip, and that of the set-up's machine at the actual axis positions.
 
-    Attributes
-    ----------
-    chain:
-        Machine with its known location errors, sense of each axis, length from tip to pivot.
-    measured:
-        Table's frame, mm, shape (rows, 3).
-    axes:
-        Actual positions X, Y, Z (mm) and rotary (deg) in the machine's sense, shape (rows, 5).
+    chain: Machine with its known location errors, sense of each axis, length from tip to pivot.
+    measured: Table's frame, mm, shape (rows, 3).
+    axes: Actual positions X, Y, Z (mm) and rotary (deg) in the machine's sense, shape (rows, 5).
     """
 
     chain: Chain
@@ -321,10 +299,7 @@ class ToolTip:
     def of(cls, log: AxisLog, setup: Setup) -> "ToolTip":
         """From the tip's columns and the axes of a log.
 
-        Raises
-        ------
-        InputError
-            The axes of the log are not those of the machine.
+        Raises InputError: the axes of the log are not those of the machine.
         """
         chain = Chain(setup)
         letters = f"XYZ{chain.letters}"
@@ -363,10 +338,7 @@ class ToolTip:
 def runs_of(log: AxisLog, servo: Servo) -> tuple[Run, ...]:
     """Runs of a log, each evenly sampled.
 
-    Raises
-    ------
-    DataError
-        A run is shorter than `MIN_SAMPLES` or not evenly sampled (1 %).
+    Raises DataError: a run is shorter than `MIN_SAMPLES` or not evenly sampled (1 %).
     """
     edges = [0, len(log)]
     if log.run is not None:

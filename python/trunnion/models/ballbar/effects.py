@@ -171,7 +171,7 @@ def cyclic(
 ) -> list[Effect]:
     """Make a periodic error of positions (mm) that enter the readings with weights, summed."""
     travel = max(float(np.ptp(place)) for place, _ in parts)
-    # Readings lie unevenly along an axis, so pitches below two of their gaps can be told.
+    # Readings lie unevenly along an axis, so pitches below two of their gaps can be found.
     shortest = max(MIN_PITCH_MM, travel / 100)
     longest = travel / 2
     if longest <= shortest:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,55 +23,15 @@ from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
 
-class Machine(Protocol):
-    """What a ball-bar test has to know of the machine; n readings."""
-
-    @property
-    def tips(self) -> Floats:
-        """Tool points that the nominal machine takes, mm, (n, 3)."""
-        ...
-
-    @property
-    def commands(self) -> Floats:
-        """What was commanded, (n, k): equal rows are repeats."""
-        ...
-
-    @property
-    def errors(self) -> tuple[Nuisance, ...]:
-        """Errors of the machine that are always fitted."""
-        ...
-
-    @property
-    def start(self) -> Floats:
-        """Errors known beforehand."""
-        ...
-
-    @property
-    def catalogued(self) -> tuple[str, ...]:
-        """Ids of effects that are in the machine's own catalogue."""
-        ...
-
-    @property
-    def why_not(self) -> str:
-        """Why other effects of the machine cannot be compensated."""
-        ...
-
-    def lengths(self, errors: Floats, centres_mm: Floats) -> tuple[Floats, Floats, Floats]:
-        """Lengths, mm (n,), direction of the bar (n, 3), µm by each of the errors (n, e)."""
-        ...
-
-    def effects(self, path: Path, bar: Bar) -> list[Effect]:
-        """Candidates that this machine has."""
-        ...
-
-    def covariates(self, path: Path) -> list[Covariate]:
-        """Positions of its axes or joints."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class ThreeAxis:
-    """A machine that goes where it is commanded."""
+    """A machine that goes where it is commanded; n readings.
+
+    tips: Tool points that the nominal machine takes, mm, (n, 3).
+    errors: Errors of the machine that are always fitted.
+    catalogued: Ids of effects that are in the machine's own catalogue.
+    why_not: Why other effects of the machine cannot be compensated.
+    """
 
     tips: Floats
     errors: tuple[Nuisance, ...] = ()
@@ -80,7 +40,7 @@ class ThreeAxis:
 
     @property
     def commands(self) -> Floats:
-        """Commanded coordinates."""
+        """What was commanded, (n, k): equal rows are repeats."""
         return self.tips
 
     @property
@@ -89,7 +49,7 @@ class ThreeAxis:
         return np.zeros(0)
 
     def lengths(self, _: Floats, centres_mm: Floats) -> tuple[Floats, Floats, Floats]:
-        """Distances of the commanded points from the centres."""
+        """Lengths, mm (n,), direction of the bar (n, 3), µm by each of the errors (n, e)."""
         arms = self.tips - centres_mm
         length = np.linalg.norm(arms, axis=1)
         return length, arms / length[:, None], np.zeros((len(arms), 0))
@@ -107,7 +67,7 @@ class ThreeAxis:
 
 @dataclass(frozen=True)
 class Hybrid:
-    """The hybrid machine, which gets there through its loops; ``joints``: (n, 5), commanded."""
+    """The same for the hybrid machine, which gets there through its loops; joints: (n, 5)."""
 
     mechanism: Mechanism
     joints: Floats
@@ -154,15 +114,14 @@ class Hybrid:
         return legs + [Covariate(f"wrist joint {k + 1}", self.joints[:, k], "deg") for k in (3, 4)]
 
 
+Machine: TypeAlias = ThreeAxis | Hybrid
+
+
 def machine_of(data: Ballbar, setup: Setup | None, settings: BallbarSettings) -> Machine:
     """Return the machine that was measured: hybrid if joints or a table ``[hybrid]`` say so.
 
-    Raises
-    ------
-    DataError
-        Neither joints nor coordinates.
-    KinematicsError
-        Joints or points that the hybrid machine cannot take.
+    Raises DataError: neither joints nor coordinates.
+    Raises KinematicsError: joints or points that the hybrid machine cannot take.
     """
     if data.joints is None and (setup is None or not setup.hybrid):
         return ThreeAxis(_coordinates(data))

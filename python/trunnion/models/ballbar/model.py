@@ -20,7 +20,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.grid import best_place
-from trunnion.diagnosis.model import BaseModel, Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
 from trunnion.hybrid.readings import (
     check_enough,
     check_near,
@@ -40,7 +40,7 @@ MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the cent
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
 
 
-class BallbarModel(BaseModel):
+class BallbarModel(Model):
     """Ball-bar lengths, as the diagnosis engine asks for them.
 
     Parameters
@@ -260,9 +260,7 @@ class BallbarModel(BaseModel):
         parts = [*np.round(self.machine.commands, 4).T, self.index.astype(float), self._senses()]
         if self.data.feed_mm_min is not None:
             parts.append(np.asarray(self.data.feed_mm_min))
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.bincount(label)[label] > 1
-        return np.where(several, label, -1).astype(np.intp) if several.any() else None
+        return repeats(parts)
 
     def _senses(self) -> Floats:
         if self.data.sense is not None:

@@ -23,9 +23,7 @@ class BallbarSettings:
     def from_setup(cls, setup: Setup | None) -> BallbarSettings:
         """Read the table.
 
-        Raises
-        ------
-        FileFormatError, InputError
-            A key that is none of them, or a value of the wrong kind; with its place in the file.
+        Raises FileFormatError, InputError: a key that is none of them, or a value of the wrong
+            kind; with its place in the file.
         """
         return Section.of("ballbar", {} if setup is None else setup.ballbar).build(cls)

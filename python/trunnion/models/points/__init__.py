@@ -11,7 +11,7 @@ are what the axes do, ``e``; formulas and units are in docs/effects.md. Derivati
 
 What the axes of one machine do alike on every part is *named*; what is left but changes slowly from
 place to place is *field*; what belongs to one hole and is there again when the hole is measured
-again is *hole by hole*; the rest is the measurement. :func:`repeatable_part` tells them apart.
+again is *hole by hole*; the residual is the measurement. :func:`repeatable_part` separates them.
 """
 
 from trunnion.models.points.model import ExtendedPoints as ExtendedPoints

@@ -107,8 +107,8 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class Slip:
-    """The part slips on the instrument at a moment."""
+class SetupShift:
+    """The part shifts on the instrument at a moment."""
 
     def effect(self, points: Points, _: Places) -> Effect | None:
         """Return the effect, bound to points; None if there is but one moment."""
@@ -119,7 +119,7 @@ class Slip:
             return None
         grid = tuple(map(float, between[:: max(1, len(between) // MAX_MOMENTS)]))
         name = "row" if points.time_s is None else "t0_s"
-        shape = SlipShape(name, when, groups_of(points)[1], points.dimension)
+        shape = ShiftShape(name, when, groups_of(points)[1], points.dimension)
         return gridded(
             "setup_shift",
             [
@@ -127,7 +127,7 @@ class Slip:
                 Parameter(name, grid=grid, bounds=(moments[0], moments[-1])),
             ],
             shape.columns,
-            "slip of the part on the instrument",
+            "shift of the part on the instrument",
             slopes=shape.slopes,
             owner=Owner.PLACEMENT,
         )
@@ -188,7 +188,7 @@ def entries(dimension: int) -> list[Entry]:
     expansion = "thermal expansion of the part"
     out.append(LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE))
     out += [Drift(i) for i in axes]
-    return [*out, Slip()]
+    return [*out, SetupShift()]
 
 
 def catalogue(points: Points, places: Places) -> list[Effect]:
@@ -248,7 +248,7 @@ def _moments(p: Points) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class SlipShape:
+class ShiftShape:
     """Shift of all that comes later in the same set-up; the moment lies between rows."""
 
     name: str

@@ -22,12 +22,13 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
-    BaseModel,
     Covariate,
+    Model,
     Nuisance,
     Readings,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
@@ -55,20 +56,15 @@ FOLDS = 10
 FOLD_SEED = 1
 
 
-class PointsModel(BaseModel):
+class PointsModel(Model):
     """Points, as the diagnosis engine asks for them.
 
     Readings are row by row: X, Y (and Z) of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured points.
-    effects
-        Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the change
-        of every reading, µm, in the machine frame.
-    source
-        The model whose smooth field and travel this one shares (``bind``); None: found here.
+    data: Measured points.
+    effects: Further candidates: a user's own effects, or ids. ``change(data, values)`` gives the
+        change of every reading, µm, in the machine frame.
+    source: The model whose smooth field and travel this one shares (``bind``); None: found here.
     """
 
     def __init__(
@@ -242,14 +238,7 @@ class PointsModel(BaseModel):
     @property
     def replicates(self) -> Integers | None:
         """Features at the same programmed place, measured again."""
-        several = np.bincount(self._places)[self._places] > 1
-        if not several.any():
-            return None
-        d = self.dimension
-        label = np.where(several, self._places, -1)
-        return np.where(
-            np.repeat(several, d), np.repeat(label, d) * d + np.tile(np.arange(d), len(label)), -1
-        ).astype(np.intp)
+        return repeats([self._places], self.dimension)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Features measured again share what belongs to the feature: counted once, not twice.
@@ -375,8 +364,9 @@ class ExtendedPoints(Estimate):
     ) -> Floats:
         """Error at the programmed places of points, µm in the machine frame, (n, d).
 
-        A placement (shift and rotation) may be left in it: nobody can tell it from the part's own.
-        What belongs to the part's set-up (a slip) counts at the diagnosed points only.
+        A placement (shift and rotation) may be left in it: it cannot be distinguished from the
+        part's own. What belongs to the set-up (a shift of the part) counts at the diagnosed points
+        only.
 
         Parameters
         ----------

@@ -88,7 +88,7 @@ class RepeatablePart(Result):
 
 
 def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
-    """Tell what is in the part (repeats, ISO 230-2: systematic) from what is in the measurement.
+    """Separate what is in the part (repeats, ISO 230-2: systematic) from the measurement.
 
     The noise of two measurements is independent, so that the covariance of what a model leaves of
     both is the variance of what repeats and the model does not have. The model is that of ``d``,

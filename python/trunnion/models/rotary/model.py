@@ -22,13 +22,15 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
-    BaseModel,
     Covariate,
+    Model,
     Nuisance,
+    OneEffect,
     Readings,
     Scaling,
     Uncertainty,
     identity,
+    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
@@ -62,25 +64,17 @@ class _Turned:
     spin: Floats
 
 
-class SweepModel(BaseModel):
+class SweepModel(Model):
     """A sweep, as the diagnosis engine asks for it.
 
     Readings are row by row: radial, tangential, axial of row 0, then of row 1, ...
 
-    Parameters
-    ----------
-    data
-        Measured sweep.
-    effects
-        Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
+    data: Measured sweep.
+    effects: Further candidates: ids with a harmonic beyond the default ones (``"radial_12"``), or a
         user's own, whose ``change(data, values)`` gives the change of every reading, µm.
-    source
-        The model whose candidates this one shares (``bind``); None: made for these data.
+    source: The model whose candidates this one shares (``bind``); None: made for these data.
 
-    Raises
-    ------
-    DataError
-        A target with fewer than three positions, or more than 5 mm from its circle.
+    Raises DataError: a target with fewer than three positions, or more than 5 mm from its circle.
     """
 
     def __init__(
@@ -235,7 +229,7 @@ class SweepModel(BaseModel):
         return _Turned(place, inside, target, tilt[0], tilt_by[:, 0], wobble, wobble_by, spin)
 
     def _effect(self, name: str, motion: Motion) -> Effect:
-        bound = MotionChange(self, name)
+        bound = OneEffect(self, name)
         return Effect(
             name,
             motion.parameters,
@@ -277,17 +271,12 @@ class SweepModel(BaseModel):
     def replicates(self) -> Integers | None:
         """The same target at the same position, reached in the same sense."""
         parts = [np.round(self.data.angle_deg, 6), self._target, self._conditions.sense]
-        label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-        several = np.repeat(np.bincount(label)[label] > 1, 3)
-        if not several.any():
-            return None
-        each = 3 * np.repeat(label, 3) + np.tile(np.arange(3), len(label))
-        return np.where(several, each, -1).astype(np.intp)
+        return repeats(parts, 3)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Divide each direction by its noise, taken from second differences along the positions.
 
-        Slow error motions do not count as noise so. Directions whose noise cannot be told apart
+        Slow error motions do not count as noise so. Directions whose noise cannot be distinguished
         (F test, 1 %) share one.
         """
         r = residuals.reshape(-1, 3)
@@ -386,25 +375,6 @@ class ExtendedSweep(Estimate):
                 motion = self.source._motions[name]
                 total += motion.motion(Conditions.at(angle), values)[0] / MOTION_UNIT
         return dict(zip(MOTIONS, total.T, strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class MotionChange:
-    """Change of every reading of a sweep by one error motion, µm."""
-
-    model: SweepModel
-    name: str
-
-    def change(self, values: Mapping[str, float]) -> Floats:
-        """Return the change, shape (n,), the axis and the targets where plain circles put them."""
-        start = self.model.start
-        plain = self.model.predict(start, {})
-        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
-
-    def jacobian(self, values: Mapping[str, float]) -> Floats:
-        """Return its derivative by each parameter, shape (n, k)."""
-        effect = self.model.effect(self.name)
-        return self.model.effect_jacobian(self.model.start, effect, values)
 
 
 def _alike(one: float, one_freedom: float, two: float, two_freedom: float) -> bool:

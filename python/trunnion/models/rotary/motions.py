@@ -92,7 +92,7 @@ def catalogue(
 ) -> dict[str, Motion]:
     """All candidates for these positions, and the harmonics that were asked for by name.
 
-    Of causes that these targets cannot tell apart the first is named: the simpler ones first.
+    Of causes that these targets do not distinguish the first is named: the simpler ones first.
     """
     positions = np.unique(np.round(conditions.angle_deg, 6))
     out: dict[str, Motion] = {}
@@ -124,7 +124,7 @@ def catalogue(
 def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
     """E = a cos nθ + b sin nθ for each motion of the kind; positioning a (cos nθ − 1) + b sin nθ.
 
-    A tilt has a pivot on the axis, which targets of different height tell from radial motion.
+    A tilt has a pivot on the axis: targets of different height distinguish it from radial motion.
     """
     motions = _KINDS[kind]
     unit = _UNIT[motions[0]]

@@ -8,7 +8,7 @@
 //! (a convex function), its mean square over a grid follows from means and variances of the grid.
 //!
 //! Between the frames of machine and work only the components change, not the length:
-//! |T⁻¹ m − p| = |m − T p|, at A = C = 0 the |p_machine − p| of paper 000, Table 3.
+//! |T⁻¹ m − p| = |m − T p|, at A = C = 0 the |p_machine − p| of Kang, Kim and Jee (2022), Table 3.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -401,7 +401,7 @@ mod tests {
     use super::*;
     use crate::machine::Machine;
 
-    /// Random errors of paper 000, Table 2.
+    /// Random errors of Kang, Kim and Jee (2022), Table 2.
     const TABLE_2: [(&str, f64); 8] = [
         ("EA0A", 21.6),
         ("EB0A", 18.0),

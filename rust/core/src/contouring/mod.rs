@@ -1,4 +1,4 @@
-//! Five-axis contouring with cross-coupled control (paper 003: Byun and Jee 2010).
+//! Five-axis contouring with cross-coupled control (Byun and Jee 2010).
 //!
 //! ```text
 //! R(u), O(u)  --interpolator-->  R(k), O(k)  --kinematics-->  R_m(k)
@@ -22,7 +22,7 @@
 //! | [`margins`] | how far from instability the coupled loop is |
 //! | [`batch`] | many simulations |
 //!
-//! # Slips of the paper
+//! # Errors of the paper
 //!
 //! - Eq. (4) prints the matrix of O(k-d) itself: a turn about it changes nothing. The axis of the
 //!   turn is O(k-d) × O(neighbour); see [`orientation_error::turned_tool`].

@@ -177,7 +177,7 @@ impl<'a> Loop<'a> {
         [0, 1, 2, 3, 4].map(|i| self.drives[i].load())
     }
 
-    /// Position that each loop was last told to go to: the reference and what the coupling adds.
+    /// Position that each loop was last commanded to: the reference and what the coupling adds.
     #[must_use]
     pub fn commanded(&self) -> [f64; 5] {
         self.commanded
@@ -267,7 +267,7 @@ impl<'a> Loop<'a> {
 pub struct Run {
     /// Load positions x, y, z (mm) and rotary (rad) at each sample.
     pub axes: Vec<[f64; 5]>,
-    /// Positions that the five loops were told to go to: reference and coupling.
+    /// Positions that the five loops were commanded to: reference and coupling.
     pub commands: Vec<[f64; 5]>,
     /// Whether the run broke off because the axes left the reference by [`DIVERGED_MM`] mm or rad.
     pub diverged: bool,

@@ -1,4 +1,4 @@
-//! The hybrid parallel machine of paper 004 (Ko, Kim et al.): 2-UPR + 1-SPR legs, two-axis wrist.
+//! The hybrid parallel machine of Ko, Kim, Kim and Na: 2-UPR + 1-SPR legs, two-axis wrist.
 //!
 //! ```text
 //! G(Y, E) = 0                               closure of the loops            (closure, solution)

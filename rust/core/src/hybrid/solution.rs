@@ -99,7 +99,7 @@ pub struct Solution {
     pub joints: Joints,
     /// Frames and twists there.
     pub posture: Posture,
-    /// Newton steps it took, all told.
+    /// Newton steps it took in all.
     pub steps: usize,
     closure: Closure,
     factors: Factors,

@@ -8,8 +8,8 @@
 use rayon::prelude::*;
 
 pub use super::options::{Fit, Loss, Options, Prior, Row};
-pub use super::system::RANK_TOLERANCE;
 pub use super::workspace::Workspace;
+pub use crate::linear::RANK_TOLERANCE;
 use crate::moves::Moves;
 use crate::touch::TouchModel;
 use crate::{Error, Result};

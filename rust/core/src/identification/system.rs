@@ -1,18 +1,13 @@
-//! Linear least squares: normal equations, QR, singular values, and what the rows do not determine.
+//! The linear systems of Gauss-Newton on touches: normal equations, QR, singular values.
+//!
+//! [`crate::linear`] solves one design that is given whole. Here a system is summed up touch by touch
+//! in a workspace that thousands of fits reuse, by normal equations as long as they are safe, and its
+//! covariance is that of what is identifiable, with no parameter held. What is not identifiable is
+//! decided by the same rule: [`RANK_TOLERANCE`] and [`MIN_SHARE`] are those of [`crate::linear`].
 
+use crate::linear::{MIN_SHARE, RANK_TOLERANCE};
 use nalgebra::linalg::Cholesky;
 use nalgebra::{DMatrix, DVector, Dyn};
-
-/// Scaled singular values below this share of the largest count as zero. What a plan does not identify to
-/// first order shows to second order through the tilts of errors and placement, with 1e-4 to 3e-4
-/// of the largest at 60 µm, 60″ and placements of 100 µm, 100″; the weakest combination that the
-/// paper's plan does identify has 0.03.
-pub const RANK_TOLERANCE: f64 = 1e-3;
-
-/// A parameter whose share of a unit vector lies in the null space by more than this is not identifiable.
-/// Below it stand second-order shares: a height that cannot be told from the placement's dz drags dx
-/// along by the tilt of the placement, 1e-5.
-const NOT_IDENTIFIABLE_SHARE: f64 = 1e-3;
 
 /// Steps are taken by the normal equations, or by QR, where no scaled column lies nearer than this to
 /// the others' span.
@@ -142,10 +137,7 @@ impl System {
         }
         Decomposed {
             cofactor,
-            not_identifiable: excluded
-                .iter()
-                .map(|share| share.sqrt() > NOT_IDENTIFIABLE_SHARE)
-                .collect(),
+            not_identifiable: excluded.iter().map(|share| share.sqrt() > MIN_SHARE).collect(),
             null_space,
             singular_values: order.iter().map(|&index| svd.singular_values[index]).collect(),
             rank,
@@ -155,7 +147,7 @@ impl System {
 
 /// A null space in reduced form: one parameter for each direction (the last ones that can serve),
 /// and the rows in which each of these parameters stands alone. Held at their start the parameters
-/// decide what the readings leave open; the rows name what cannot be told apart, few at a time.
+/// decide what the readings leave open; the rows name what cannot be distinguished, few at a time.
 pub(super) fn reduced(null_space: &[f64], p: usize) -> (Vec<usize>, Vec<f64>) {
     let mut rows: Vec<Vec<f64>> = null_space.chunks_exact(p).map(<[f64]>::to_vec).collect();
     let size = |row: &[f64]| row.iter().fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
@@ -165,7 +157,7 @@ pub(super) fn reduced(null_space: &[f64], p: usize) -> (Vec<usize>, Vec<f64>) {
         let share = |row: &[f64]| row[column].abs() / size(row);
         let best = (done..rows.len()).max_by(|&a, &b| share(&rows[a]).total_cmp(&share(&rows[b])));
         let Some(best) = best else { break };
-        if share(&rows[best]) <= NOT_IDENTIFIABLE_SHARE {
+        if share(&rows[best]) <= MIN_SHARE {
             continue;
         }
         rows.swap(done, best);

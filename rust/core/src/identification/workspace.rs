@@ -146,7 +146,7 @@ impl Workspace {
             .linearise(model, moves, &values)
             .and_then(|()| self.descend(model, moves, &values, options));
         // Candidates are compared with all searched parameters held: a linear step in one of them
-        // would promise what it cannot keep.
+        // would state what it cannot keep.
         let searched = without.and_then(|found| self.choose(model, moves, found.values, times));
         self.free = free;
         let values = searched?;

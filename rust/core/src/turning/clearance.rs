@@ -171,8 +171,8 @@ fn hull(mut points: Vec<Point>) -> Vec<Point> {
 /// Distance of two convex polygons (a segment is one of two corners); negative by the depth of their
 /// overlap.
 fn distance(a: &[Point], b: &[Point]) -> f64 {
-    // Overlap: the least shift along the normal of an edge that parts them.
-    let mut parted = f64::NEG_INFINITY;
+    // Overlap: the least shift along the normal of an edge that separates them.
+    let mut separation = f64::NEG_INFINITY;
     for (polygon, other) in [(a, b), (b, a)] {
         for (p, q) in edges(polygon) {
             let edge = minus(q, p);
@@ -185,12 +185,12 @@ fn distance(a: &[Point], b: &[Point]) -> f64 {
             {
                 let reach = polygon.iter().fold(f64::NEG_INFINITY, |m, c| m.max(dot(*c, normal)));
                 let near = other.iter().fold(f64::INFINITY, |m, c| m.min(dot(*c, normal)));
-                parted = parted.max(near - reach);
+                separation = separation.max(near - reach);
             }
         }
     }
-    if parted <= 0.0 {
-        return parted;
+    if separation <= 0.0 {
+        return separation;
     }
     let mut least = f64::INFINITY;
     for (p, q) in edges(a) {

@@ -1,4 +1,4 @@
-//! The lathe of paper 001 (Park and Park 1990): the part, the path of the probe along it, the
+//! The lathe of Park and Park (1990): the part, the path of the probe along it, the
 //! correction of its finishing program, and the diameter that comes out.
 //!
 //! Coordinates are `[z, x]` in mm with x the radius and z from the chuck face outward; diameter
