@@ -64,7 +64,9 @@ class Scene:
         a, local = self.setup.artefact, self._in_artefact(points)
         if a.kind == "sphere":
             assert a.diameter_mm is not None
-            return np.asarray(np.linalg.norm(local - np.array(a.centre_mm), axis=-1) - a.diameter_mm / 2)
+            return np.asarray(
+                np.linalg.norm(local - np.array(a.centre_mm), axis=-1) - a.diameter_mm / 2
+            )
         sizes = [(a.length_mm, a.width_mm)]
         if a.kind == "cross":
             sizes.append((a.width_mm, a.length_mm))
