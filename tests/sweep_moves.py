@@ -181,7 +181,7 @@ def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator
         points.append(out + np.array(a.centre_mm))
     else:
         half = np.array([a.length_mm, a.width_mm]) / 2
-        for x, y in (half, half[::-1]):
+        for x, y in (half, half[::-1]) if a.kind == "cross" else (half,):
             corners = np.array(
                 [[i * x, j * y, k] for i in (-1, 1) for j in (-1, 1) for k in (0, 1)]
             )

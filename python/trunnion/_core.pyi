@@ -190,6 +190,7 @@ class TouchModel:
         *,
         ball_radius_mm: float,
         tick_um: float,
+        servo_period_ms: float,
         effect_ids: Sequence[str],
     ) -> TouchModel: ...
     @property

@@ -6,14 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
-from trunnion.diagnosis.candidates import Candidates
+from trunnion.base.resolution import Floor
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.scan import Dictionary
-
-__all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
 
 CAUSE_LEVEL = 0.02
 REPEAT_LEVEL = 0.005
@@ -35,34 +31,48 @@ class Alarm:
     too sure of themselves when the noise has heavy tails.
     """
 
-    gains: Callable[[Array], Array]
-    rank: IntArray
-    weight: Array  # independent places of each block
+    gains: Callable[[Floats], Floats]
+    rank: Integers
+    weight: Floats  # independent places of each block
     count: float
     fit: Fit
+    floor: Floor
+    inflation: Floats  # of the gain of each block
     p: float = 1.0
 
     @classmethod
-    def of_causes(cls, c: Candidates, f: Fit) -> "Alarm":
-        """Test all candidates."""
-        alarm = cls(c.gains, c.rank, c.places, max(c.multiplicity, 1.0), f)
+    def of_causes(cls, case: Case) -> "Alarm":
+        """Test all candidates, for the plain fit."""
+        c, f = case.candidates, case.plain
+        count = max(c.multiplicity, 1.0)
+        alarm = cls(c.gains, c.rank, c.places, count, f, case.floor, c.inflation)
         return alarm._with_gains(c.gains(f.white))
 
     @classmethod
-    def of_terms(cls, d: Dictionary, f: Fit) -> "Alarm":
-        """Test all terms of unexplained structure."""
+    def of_terms(cls, case: Case, f: Fit) -> "Alarm":
+        """Test all terms of unexplained structure, for some fit."""
+        d = case.dictionary
         gain, rank = d.of_fit(f)
         n = len(d.terms)
-        alarm = cls(lambda r: d.gains(r, f.basis)[0], rank, np.ones(n), max(n, 1), f)
+        alarm = cls(
+            lambda r: d.gains(r, f.basis)[0],
+            rank,
+            np.ones(n),
+            max(n, 1),
+            f,
+            case.floor,
+            case.term_inflation(f),
+        )
         return alarm._with_gains(gain)
 
-    def _with_gains(self, gain: Array) -> "Alarm":
+    def _with_gains(self, gain: Floats) -> "Alarm":
         if len(self.rank) and self.fit.rss > 0:
             self.p = min(1.0, self.count * float(self._smallest(gain[:, None], self.fit.rss)[0]))
         return self
 
-    def _smallest(self, gain: Array, rss: Array | float) -> Array:
+    def _smallest(self, gain: Floats, rss: Floats | float) -> Floats:
         """Smallest p-value, times its places, of each column of gains (b, s)."""
+        gain = gain / self.inflation[:, None]
         out = np.ones(gain.shape[1])
         kinds = {(int(k), float(w)) for k, w in zip(self.rank, self.weight, strict=True)}
         for k, w in sorted(kinds):
@@ -71,7 +81,7 @@ class Alarm:
             top = gain[(self.rank == k) & (self.weight == w)].max(axis=0)
             d2 = max(self.fit.dof - k, 1)
             left = np.maximum(rss - top, MIN_LEFT * np.asarray(rss))
-            out = np.minimum(out, w * special.fdtrc(k, d2, top / k / (left / d2)))
+            out = np.minimum(out, w * special.fdtrc(k, d2, top / k / self.floor.noise(left, d2)))
         return out
 
     def holds(self, level: float) -> bool:
@@ -123,8 +133,9 @@ def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
         return None, np.inf
     count = np.bincount(group)
     mean = np.bincount(group, w) / count
-    pure = float(np.sum((w - mean[group]) ** 2))
     dof_pure = int(len(w) - len(count))
+    pure = float(np.sum((w - mean[group]) ** 2))
+    pure = max(pure, dof_pure * case.floor.variance)
     dof_model = f.dof - dof_pure
     if dof_pure <= 2 or dof_model <= 0 or pure <= 0:
         return None, np.inf

@@ -66,6 +66,9 @@ class Candidates:
         new._complete(basis, NAMING_LEVEL, None, None)
         return new
 
+    penalty: Floats
+    inflation: Floats
+
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
         self.count = count
@@ -112,7 +115,17 @@ class Candidates:
             np.concatenate([none, price]),
             self.multiplicity,
         )
+        new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
         return new
+
+    def inflate(self, factor: Floats) -> None:
+        """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
+        self.penalty = self.penalty + (factor - self.inflation) * self._chance()
+        self.inflation = factor
+
+    def _chance(self) -> Floats:
+        """Drop of -2 ln L that each block reaches by chance at its level (b,)."""
+        return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
     def _complete(
         self,
@@ -133,7 +146,8 @@ class Candidates:
         self.level = np.where(own > 0, own, level / max(shared, 1))
         self.multiplicity = float(shared)
         self.places = self._places()
-        self.penalty = special.chdtri(self.rank, self.level[self.owner] / self.places)
+        self.inflation = np.ones(len(self.owner))
+        self.penalty = self._chance()
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 

@@ -1,20 +1,18 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, growth, inflation
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import Dictionary
-
-__all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
 
 EXACT = 1e-12  # of the largest reading: rounding
 
@@ -31,13 +29,23 @@ class Case:
         Fit without effects.
     linearised:
         The candidates there.
+    floor:
+        Least variance of the noise of a whitened reading.
+    grid:
+        Steps in which the readings are recorded.
+    likely:
+        Fit of the machine whose errors of rounding are simulated; None: the plain one.
     """
 
     model: Model
-    rows: IntArray
+    rows: Integers
     whiten: Whiten
     plain: Fit
     linearised: "Linearised"
+    floor: Floor = NO_FLOOR
+    grid: Grid | None = None
+    likely: Fit | None = None
+    _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -60,24 +68,86 @@ class Case:
         rows = slice(None) if self.complete else self.rows
         pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
         numbers = self.linearised.width * len(self.rows)
-        return Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+        drawn = self.rounding(self.plain)
+        if drawn is not None:
+            found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
+        return found
+
+    def term_inflation(self, f: Fit) -> Floats:
+        """How many times more each term of unexplained structure gains than by noise (t,)."""
+        drawn = self.rounding(f)
+        if drawn is None:
+            return np.ones(len(self.dictionary.terms))
+        gain, rank = self.dictionary.gains(drawn[0], f.basis)
+        return inflation(gain, rank, drawn[1])
+
+    def rounding(self, f: Fit) -> tuple[Floats, Floats] | None:
+        """Residuals of a fit that errors of rounding make, and the noise of each (kept).
+
+        Shapes (m, s), white and orthogonal to the fit's basis, and (s,); None where the readings
+        have no steps to speak of.
+        """
+        drawn = self._drawn
+        if drawn is None:
+            return None
+        if id(f) not in self._residuals:
+            white = drawn - f.basis @ (f.basis.T @ drawn)
+            noise = self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
+            self._residuals[id(f)] = (f, white, noise)
+        return self._residuals[id(f)][1:]
+
+    def growth(self, f: Fit, variance: float) -> Floats:
+        """How many times larger than their standard errors rounding makes errors, 1 at least.
+
+        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
+        """
+        drawn = self._drawn
+        if drawn is None:
+            return np.ones(len(f.covariance))
+        off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
+        return growth(off, np.diag(f.covariance) * variance)
+
+    @cached_property
+    def _drawn(self) -> Floats | None:
+        """Errors of rounding and noise of machines like the likely one, white, shape (m, s)."""
+        if self.grid is None:
+            return None
+        of = self.plain if self.likely is None else self.likely
+        used = np.zeros(len(of.residuals))
+        used[self.rows] = of.residuals[self.rows]
+        variance = float(self.floor.noise(of.rss, of.dof))
+        drawn = self.grid.draws(
+            self.model.readings.values,
+            of.residuals,
+            of.jacobian,
+            of.covariance * variance,
+            self.grid.noise(used, of.dof),
+        )
+        return None if drawn is None else np.asarray(self.whiten(drawn))[self.rows]
 
     @cached_property
     def dictionary(self) -> Dictionary:
         """Structure without a name, whitened."""
         return Dictionary(self.model, self.rows, self.whiten)
 
-    def white(self, column: Array) -> Array:
+    def white(self, column: Floats) -> Floats:
         """Whiten a column of all readings and take those that are used."""
         return np.asarray(self.whiten(column))[self.rows]
 
-    def without(self, bad: IntArray) -> "Case":
+    def without(self, bad: Integers) -> "Case":
         """Return the case with these readings left out as well."""
         if not len(bad):
             return self
         rows = self.rows[kept_rows(len(self.rows), bad)]
-        plain = fit(self.model, rows, (), self.model.start, {}, self.whiten)
-        return Case(self.model, rows, self.whiten, plain, self.linearised)
+        whiten, linearised, grid = self.whiten, self.linearised, self.grid
+        if grid is not None and isinstance(whiten, Repeats):
+            # what is left out must not act on its repeats
+            grid = grid.without(self.rows[bad])
+            whiten = whiten.with_labels(grid.label)
+            linearised = Linearised(self.model, self.plain.nuisance, whiten)
+        plain = fit(self.model, rows, (), self.model.start, {}, whiten)
+        return Case(self.model, rows, whiten, plain, linearised, self.floor, grid, self.likely)
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""
@@ -96,7 +166,7 @@ class Linearised:
         Count of columns.
     """
 
-    def __init__(self, model: Model, nuisance: Array, whiten: Whiten) -> None:
+    def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
         self.values = [grid_values(effect) for effect in model.effects]
         linear = [sum(p.linear for p in effect.parameters) for effect in model.effects]
         self.width = sum(len(v) * k for v, k in zip(self.values, linear, strict=True))
@@ -104,14 +174,14 @@ class Linearised:
         few = self.width * len(model.readings) <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
 
-    def pieces(self) -> Iterable[tuple[int, Array]]:
+    def pieces(self) -> Iterable[tuple[int, Floats]]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make() if self._kept is None else self._kept
 
 
 def _pieces(
-    model: Model, nuisance: Array, whiten: Whiten, values: list[list[Values]]
-) -> Iterator[tuple[int, Array]]:
+    model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
+) -> Iterator[tuple[int, Floats]]:
     n = len(model.readings)
     for j, effect in enumerate(model.effects):
         most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
@@ -150,13 +220,13 @@ class Explanation:
     note: str | None = None
 
 
-def kept_rows(n: int, bad: IntArray) -> Flags:
+def kept_rows(n: int, bad: Integers) -> Flags:
     """Mask of the readings that stay."""
     mask = np.ones(n, dtype=bool)
     mask[bad] = False
     return mask
 
 
-def rms(r: Array) -> float:
+def rms(r: Floats) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(r * r)))

@@ -3,7 +3,8 @@
 Algorithm
 ---------
 1. The model is fitted without effects (:mod:`.fit`). What the readings do not identify is decided
-   at the model's start and held there. The noise is taken from the residuals and made white.
+   at the model's start and held there. The noise is taken from the residuals and made white; where
+   readings are recorded in steps it has a floor (:mod:`trunnion.base.resolution`).
 2. Readings far out for the noise of the others are set aside (:mod:`.outliers`).
 3. Every candidate is linearised at the plain fit and judged after what the nuisance parameters can
    absorb; sets of causes are searched (:mod:`.selection`). The best set is demanded if it is far
@@ -25,18 +26,18 @@ Time and memory are linear in readings. Numbers do not depend on the count of th
 import numpy as np
 
 from trunnion.base.errors import DataError
+from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, recognised
 from trunnion.base.threads import one_blas_thread
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, explain
-from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.model import Model, identity
+from trunnion.diagnosis.fit import Fit, Whiten, fit
+from trunnion.diagnosis.model import Model, Scaling, identity
+from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
-
-__all__ = ["diagnose"]
 
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
@@ -47,7 +48,7 @@ FAR_SIGMAS = 4.0
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
 
-Choice = tuple[float, Explanation, IntArray]  # score, explanation, readings set aside
+Choice = tuple[float, Explanation, Integers]  # score, explanation, readings set aside
 
 
 def diagnose(model: Model) -> Diagnosis:
@@ -60,8 +61,13 @@ def diagnose(model: Model) -> Diagnosis:
     """
     with one_blas_thread():
         case = _case(model)
-        _, explanation, dropped = _choose(case)
-        return report(case, explanation, dropped)
+        choice = _choose(case)
+        if case.grid is not None and (choice[1].sets or len(choice[2])):
+            # What was found was in the noise that the errors of rounding were weighed against.
+            again = _with_noise_of(case, choice)
+            if again is not None:
+                case, choice = again, _choose(again)
+        return report(case, choice[1], choice[2])
 
 
 def _case(model: Model) -> Case:
@@ -78,10 +84,65 @@ def _case(model: Model) -> Case:
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)
+    step, grid = _steps(model), None
+    if np.any(step > 0):
+        grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = model.whitener(plain.residuals)
+    if grid is not None and whiten is identity:
+        whiten = _white(grid, grid.noise(plain.residuals, plain.dof))
+    return _whitened(model, plain, grid, whiten)
+
+
+def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Case:
+    """Case of all readings; ``plain``: a fit to start from."""
+    rows = np.arange(len(model.readings))
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
-    return Case(model, rows, whiten, plain, Linearised(model, plain.nuisance, whiten))
+    floor = NO_FLOOR if grid is None else _floor(grid, whiten)
+    linearised = Linearised(model, plain.nuisance, whiten)
+    return Case(model, rows, whiten, plain, linearised, floor, grid)
+
+
+def _steps(model: Model) -> Floats:
+    """Step of each reading: the model's, or one that is recognised in the readings of a unit."""
+    readings = model.readings
+    if readings.step is not None:
+        return np.asarray(readings.step, dtype=np.float64)
+    _, index = units_of(readings)
+    steps = [recognised(readings.values[index == i]) for i in range(index.max() + 1)]
+    return np.asarray(steps)[index]
+
+
+def _white(grid: Grid, noise: float) -> Whiten:
+    """Whitener of readings with this noise beside the errors of rounding."""
+    errors = grid.errors(noise)
+    if errors is None:
+        return identity
+    return errors if len(errors.rows) else Scaling(errors.scale)
+
+
+def _floor(grid: Grid, whiten: Whiten) -> Floor:
+    """Variance of the errors of rounding alone, after whitening."""
+    if whiten is identity or isinstance(whiten, Repeats | Scaling):
+        return Floor(grid.rounding)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(grid.step), 8))
+    white = np.asarray(whiten(grid.step[:, None] / np.sqrt(12) * signs))
+    return Floor(float(np.mean(white**2)))
+
+
+def _with_noise_of(case: Case, choice: Choice) -> Case | None:
+    """Weigh errors of rounding against the noise that a choice leaves; None: nothing changes."""
+    if case.grid is None or case.model.whitener(case.plain.residuals) is not identity:
+        return None
+    used = kept_rows(len(case.rows), choice[2])
+    kept = case.grid.without(choice[2])
+    noise = kept.noise(np.where(used, choice[1].fit.residuals, 0.0), choice[1].fit.dof)
+    whiten = _white(case.grid, noise)
+    if whiten is identity and case.whiten is identity:
+        return None
+    again = _whitened(case.model, case.plain, case.grid, whiten)
+    again.likely = choice[1].fit
+    return again
 
 
 # --- which readings to set aside
@@ -92,7 +153,7 @@ def _choose(case: Case) -> Choice:
     none = np.zeros(0, dtype=np.intp)
     if not case.model.allows_outliers:
         return 0.0, explain(case), none
-    aside = none if case.exact(case.plain) else _far_out(case.plain)
+    aside = none if case.exact(case.plain) else _far_out(case, case.plain)
     best = _explained_without(case, aside)
     tried = [aside, best[2]]
     if len(aside) and best_score(case) < best[0]:
@@ -100,7 +161,9 @@ def _choose(case: Case) -> Choice:
         best = min(best, _explained_without(case, none), key=lambda c: c[0])
         tried.append(none)
     # A robust fit may follow a bad reading that weighs much, and blame those that check it.
-    snooped = out.one_by_one(case.plain.basis, case.plain.white) if len(aside) else none
+    snooped = none
+    if len(aside):
+        snooped = out.one_by_one(case.plain.basis, case.plain.white, _least(case))
     for bad in (snooped, *_proposals(case, best, aside)):
         if any(np.array_equal(bad, t) for t in tried):
             continue
@@ -117,33 +180,33 @@ def _choose(case: Case) -> Choice:
     return best
 
 
-def _proposals(case: Case, best: Choice, aside: IntArray) -> list[IntArray]:
+def _proposals(case: Case, best: Choice, aside: Integers) -> list[Integers]:
     """Propose further readings to set aside: far out under the causes, or competing with them."""
     out_of_causes = []
     if not len(best[2]) and best[1].sets and not case.exact(best[1].fit):
-        out_of_causes.append(_far_out(best[1].fit))
+        out_of_causes.append(_far_out(case, best[1].fit))
     suspects = np.union1d(aside, out_of_causes[0]) if out_of_causes else aside
     if 0 < len(suspects) <= MAX_SUSPECTS:
         out_of_causes.append(_among_causes(case, suspects))
     return out_of_causes
 
 
-def _explained_without(case: Case, bad: IntArray) -> Choice:
+def _explained_without(case: Case, bad: Integers) -> Choice:
     """Explain without these readings, or those of them that stay bad."""
     n = len(case.rows)
     without = explain(case.without(bad))
     for _ in range(MAX_REVISIONS if len(bad) else 0):
-        late = case.rows[kept_rows(n, bad)][_far_out(without.fit)]
+        late = case.rows[kept_rows(n, bad)][_far_out(case, without.fit)]
         revised = np.union1d(_still_out(case, without, bad), late)
         if np.array_equal(revised, bad):
             break
         bad = revised
         without = explain(case.without(bad))
-    score = case.plain.dof * np.log(max(without.rss, TINY)) + without.penalty
+    score = float(case.floor.deviance(without.rss, case.plain.dof)) + without.penalty
     return score + out.outlier_penalty(n) * len(bad), without, bad
 
 
-def _with_same_direction(case: Case, bad: IntArray) -> IntArray:
+def _with_same_direction(case: Case, bad: Integers) -> Integers:
     """Add readings that bend the fit as a bad one does: no data tell which of them it is."""
     q = case.plain.basis
     size = np.sqrt(np.maximum(1.0 - np.einsum("ij,ij->i", q, q), TINY))
@@ -155,30 +218,36 @@ def _with_same_direction(case: Case, bad: IntArray) -> IntArray:
     return np.unique(np.concatenate(found)).astype(np.intp)
 
 
-def _among_causes(case: Case, suspects: IntArray) -> IntArray:
+def _among_causes(case: Case, suspects: Integers) -> Integers:
     """Let a few suspect readings compete with the causes, each as a cause of its own."""
     n = len(case.model.readings)
     alone = np.zeros((n, len(suspects)))
     alone[suspects, np.arange(len(suspects))] = 1.0
     white = np.asarray(case.whiten(alone)).T[:, None, :, None]
     both = case.candidates.beside(list(white), np.full(len(suspects), out.OUTLIER_LEVEL / n))
-    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects))[0]
+    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor)[0]
     count = len(case.effects)
     return np.sort(suspects[[m - count for m in top.members if m >= count]])
 
 
-def _still_out(case: Case, e: Explanation, bad: IntArray) -> IntArray:
+def _still_out(case: Case, e: Explanation, bad: Integers) -> Integers:
     """Drop from the readings set aside those that the explanation found without them fits."""
-    sigma = np.sqrt(e.fit.rss / max(e.fit.dof, 1))
-    size = np.abs(np.asarray(case.whiten(e.fit.residuals))[bad])
+    sigma = float(np.sqrt(case.floor.noise(e.fit.rss, e.fit.dof)))
+    size = np.abs(np.asarray(case.without(bad).whiten(e.fit.residuals))[bad])
     return np.asarray(bad[size > INLIER_SIGMAS * sigma])
 
 
-def _far_out(f: Fit) -> IntArray:
+def _far_out(case: Case, f: Fit) -> Integers:
     """Find readings far out under a fit (indices into the readings it used)."""
     leverage = np.einsum("ij,ij->i", f.basis, f.basis)
     size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, MIN_FREE))
-    typical = np.median(size) / 0.6745
+    least = _least(case)
+    typical = max(np.median(size) / 0.6745, least)
     if f.dof < MIN_DOF or typical <= 0 or size.max() < FAR_SIGMAS * typical:
         return np.zeros(0, dtype=np.intp)
-    return out.far_out(out.robust_residuals(f.basis, f.white), leverage)
+    return out.far_out(out.robust_residuals(f.basis, f.white, least), leverage, least)
+
+
+def _least(case: Case) -> float:
+    """Least noise of a whitened reading."""
+    return float(np.sqrt(case.floor.variance))

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
 
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
@@ -26,9 +26,9 @@ HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     plain, candidates = case.plain, case.candidates
-    found = search(candidates, plain.white)
+    found = search(candidates, plain.white, floor=case.floor)
     nothing, named = found[-1], found[:-1]
-    alarm_cause = Alarm.of_causes(candidates, plain)
+    alarm_cause = Alarm.of_causes(case)
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
     demanded = (
@@ -43,10 +43,10 @@ def explain(case: Case) -> Explanation:
     extended = _fit_set(case, candidates, best) if demanded else plain
 
     terms: list[tuple[str, float]] = []
-    alarm_scan = Alarm.of_terms(case.dictionary, extended)
+    alarm_scan = Alarm.of_terms(case, extended)
     if not case.exact(extended) and (
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
-        or (len(best.members) > 1 and _one_term_score(case.dictionary, plain) < best.score)
+        or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
     ):
         best, terms, extended = _with_terms(case, extended)
         demanded = bool(best.members)
@@ -55,14 +55,14 @@ def explain(case: Case) -> Explanation:
     sets = _alternatives(case, best, named, hidden=not terms) if demanded else []
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
-    penalty = best.score - plain.dof * np.log(max(best.rss, TINY))
+    penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
     return Explanation(extended, best.rss, penalty, sets, terms, alarm, candidates, note)
 
 
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
-    found = search(case.candidates, case.plain.white)
-    return min(found[0].score, _one_term_score(case.dictionary, case.plain))
+    found = search(case.candidates, case.plain.white, floor=case.floor)
+    return min(found[0].score, _one_term_score(case, case.plain))
 
 
 def _alternatives(case: Case, best: Found, named: Sequence[Found], *, hidden: bool) -> Sets:
@@ -95,7 +95,7 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
         white = case.white(change)
         own = white - case.plain.basis @ (case.plain.basis.T @ white)
         for times in HIDDEN_SIZES:
-            for f in search(c, case.plain.white - times * own)[:-1]:
+            for f in search(c, case.plain.white - times * own, floor=case.floor)[:-1]:
                 if f.score > best + WITHIN:
                     break
                 for members in _expand(c, f):
@@ -139,27 +139,30 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 # --- structure without a name
 
 
-def _term_penalty(d: Dictionary, rank: Integers) -> Floats:
-    """Penalty of terms, on the scale of the penalties of causes."""
-    level = SCAN_LEVEL / max(len(d.terms), 1)
-    return np.asarray(special.chdtri(np.maximum(rank, 1), level) + UNNAMED_TERM_PENALTY)
+def _term_penalty(case: Case, f: Fit) -> Floats:
+    """Penalty of terms beside a fit, on the scale of the penalties of causes."""
+    level = SCAN_LEVEL / max(len(case.dictionary.terms), 1)
+    rank = np.maximum(case.dictionary.of_fit(f)[1], 1)
+    return special.chdtri(rank, level) * case.term_inflation(f) + UNNAMED_TERM_PENALTY
 
 
-def _one_term_score(d: Dictionary, plain: Fit) -> float:
+def _one_term_score(case: Case, plain: Fit) -> float:
     """Score of the best single term on the plain model."""
+    d = case.dictionary
     gain, rank = d.of_fit(plain)
     m = plain.dof
-    left = np.maximum(plain.rss - gain, MIN_LEFT * plain.rss)
-    penalty = _term_penalty(d, rank) * m / np.maximum(m - rank - 1, 1)
-    return float(np.min(np.where(rank > 0, m * np.log(left) + penalty, np.inf), initial=np.inf))
+    left = case.floor.deviance(np.maximum(plain.rss - gain, MIN_LEFT * plain.rss), m)
+    penalty = _term_penalty(case, plain) * m / np.maximum(m - rank - 1, 1)
+    return float(np.min(np.where(rank > 0, left + penalty, np.inf), initial=np.inf))
 
 
-def _evidence(d: Dictionary, f: Fit) -> Floats:
+def _evidence(case: Case, f: Fit) -> Floats:
     """Drop of -2 ln L of each term less its penalty."""
+    d = case.dictionary
     gain, rank = d.of_fit(f)
     left = np.maximum(f.rss - gain, MIN_LEFT * f.rss)
-    drop = f.dof * np.log(max(f.rss, TINY) / np.maximum(left, TINY))
-    value = np.where(rank > 0, drop - _term_penalty(d, rank), -np.inf)
+    drop = case.floor.deviance(f.rss, f.dof) - case.floor.deviance(left, f.dof)
+    value = np.where(rank > 0, drop - _term_penalty(case, f), -np.inf)
     # Terms that say the same are ordered by the dictionary, not by rounding.
     return np.asarray(np.round(value, SCORE_DIGITS))
 
@@ -167,13 +170,16 @@ def _evidence(d: Dictionary, f: Fit) -> Floats:
 def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float]], Fit]:
     """Let structure without a name compete with the causes."""
     d, c, plain = case.dictionary, case.candidates, case.plain
-    picked = _promising(d, (extended, plain))
+    picked = _promising(case, (extended, plain))
+    level = SCAN_LEVEL / max(len(d.terms), 1)
+    chance = special.chdtri(np.maximum(d.of_fit(plain)[1], 1), level)
+    more = (case.term_inflation(plain) - 1.0) * chance
     both = c.beside(
         [d.block(i)[None] for i in picked],
         np.full(len(picked), SCAN_LEVEL / max(len(d.terms), 1)),
-        np.full(len(picked), UNNAMED_TERM_PENALTY),
+        UNNAMED_TERM_PENALTY + more[picked],
     )
-    top = search(both, plain.white)[0]
+    top = search(both, plain.white, floor=case.floor)[0]
     causes = Found(
         frozenset(m for m in top.members if m < c.count),
         top.score,
@@ -183,18 +189,19 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float
     )
     fitted = _fit_set(case, both, causes)
     terms: list[tuple[str, float]] = []
-    if causes.members != top.members or Alarm.of_terms(d, fitted).p < SCAN_LEVEL:
-        terms = _sentences(d, fitted)
+    if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
+        terms = _sentences(case, fitted)
     return causes, terms, fitted
 
 
-def _promising(d: Dictionary, fits: Sequence[Fit]) -> list[int]:
+def _promising(case: Case, fits: Sequence[Fit]) -> list[int]:
     """Terms with the most evidence under each fit, two at most of a covariate and kind."""
     picked: list[int] = []
     for f in fits:
         per: dict[tuple[str, str], int] = {}
-        for i in map(int, np.argsort(-_evidence(d, f), kind="stable")):
-            key = (d.terms[i].covariate, d.terms[i].kind)
+        for i in map(int, np.argsort(-_evidence(case, f), kind="stable")):
+            term = case.dictionary.terms[i]
+            key = (term.covariate, term.kind)
             if per.get(key, 0) < 2 and i not in picked:
                 per[key] = per.get(key, 0) + 1
                 picked.append(i)
@@ -203,9 +210,9 @@ def _promising(d: Dictionary, fits: Sequence[Fit]) -> list[int]:
     return picked
 
 
-def _sentences(d: Dictionary, fitted: Fit) -> list[tuple[str, float]]:
+def _sentences(case: Case, fitted: Fit) -> list[tuple[str, float]]:
     """Quantities that explain the unnamed part about as well, best first, with their shares."""
-    value = _evidence(d, fitted)
+    d, value = case.dictionary, _evidence(case, fitted)
     gain, _ = d.of_fit(fitted)
     sentences: dict[str, tuple[str, float]] = {}
     for i in map(int, np.argsort(-value, kind="stable")):

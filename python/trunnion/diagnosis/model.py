@@ -60,12 +60,19 @@ class Readings:
     sigma:
         Noise of each reading (1 σ), if it is known beforehand; None: one noise for all, estimated.
         Readings of different noise or unit are brought to one noise by ``Model.whitener``.
+    step:
+        Step in which each reading is recorded, 0 where there is none; None: not known. The noise
+        of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
+    hint:
+        What to do about a step that is recognised in the readings.
     """
 
     values: Floats
     rows: Integers
     unit: str | tuple[str, ...] = "µm"
     sigma: Floats | None = None
+    step: Floats | None = None
+    hint: str = ""
 
     def __len__(self) -> int:
         """Count of readings."""

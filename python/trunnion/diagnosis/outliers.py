@@ -9,10 +9,7 @@ such noise gives.
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
-
-__all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
+from trunnion.base.units import Floats, Integers
 
 OUTLIER_LEVEL = 0.01
 GAP_LEVEL = 0.02
@@ -28,23 +25,23 @@ _MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
-def robust_residuals(design: Array, values: Array) -> Array:
+def robust_residuals(design: Floats, values: Floats, floor: float = 0.0) -> Floats:
     """Residuals, per leverage, of a fit that a few readings cannot bend, shape (n,).
 
     Least absolute deviations by reweighting, then Tukey's bisquare (c = 4.685) from there with the
-    scale held at the median absolute deviation.
+    scale held at the median absolute deviation. ``floor``: least scale.
     """
     n, p = design.shape
     q = np.linalg.qr(design)[0]
 
-    def fit(weights: Array) -> Array:
+    def fit(weights: Floats) -> Floats:
         root = np.sqrt(weights)
         solution = np.linalg.lstsq(q * root[:, None], values * root, rcond=None)[0]
         return np.asarray(values - q @ solution)
 
     r = fit(np.ones(n))
     for _ in range(25):
-        scale = np.median(np.abs(r)) / 0.6745
+        scale = max(np.median(np.abs(r)) / 0.6745, floor)
         if scale <= 0:
             break
         r_new = fit(1.0 / np.maximum(np.abs(r), 0.05 * scale))
@@ -53,7 +50,7 @@ def robust_residuals(design: Array, values: Array) -> Array:
         if done:
             break
     # p of the n absolute residuals vanish in this fit
-    scale = np.median(np.sort(np.abs(r))[p:]) / 0.6745
+    scale = max(np.median(np.sort(np.abs(r))[p:]) / 0.6745, floor)
     for _ in range(10):
         if scale <= 0:
             return r
@@ -66,11 +63,13 @@ def robust_residuals(design: Array, values: Array) -> Array:
     return r
 
 
-def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray:
+def far_out(
+    r: Floats, leverage: Floats, floor: float = 0.0, level: float = OUTLIER_LEVEL
+) -> Integers:
     """Find readings that are too far out for the noise of the others (indices).
 
     ``r``: residuals of a robust fit, shape (n,); ``leverage``: diagonal of the hat matrix of the
-    fit, by which residuals of ordinary readings are shrunk.
+    fit, by which residuals of ordinary readings are shrunk; ``floor``: least noise of a reading.
     """
     n = len(r)
     dof = n - float(leverage.sum())
@@ -87,6 +86,7 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
             continue
         others = ordered[k:]
         mad = 0.5 * (others[(len(others) - 1) // 2] + others[len(others) // 2])  # they are in order
+        mad = max(mad, 0.6745 * floor)
         if mad <= 0 or x < 3.5 * mad / 0.6745:
             continue
         scale = mad / _MAD
@@ -108,13 +108,13 @@ def far_out(r: Array, leverage: Array, level: float = OUTLIER_LEVEL) -> IntArray
     return np.zeros(0, dtype=np.intp)
 
 
-def one_by_one(design: Array, values: Array) -> IntArray:
+def one_by_one(design: Floats, values: Floats, floor: float = 0.0) -> Integers:
     """Set aside, each time, the reading that the others miss most (indices, MAX_ASIDE at most).
 
     Baarda's data snooping, then back: a reading stays aside only if those set aside with it do not
     make it ordinary. Residuals are taken per leverage, so that a reading which the fit follows is
     found before those that it bends; a robust fit may take it for a good one. ``design`` is
-    orthonormal, shape (n, p), and ``values`` orthogonal to it.
+    orthonormal, shape (n, p), and ``values`` orthogonal to it; ``floor``: least noise of a reading.
     """
     n = len(values)
     shifts = np.zeros((n, 0))  # orthonormal, what the readings set aside may change
@@ -126,7 +126,7 @@ def one_by_one(design: Array, values: Array) -> IntArray:
         size = np.abs(r) / np.sqrt(np.maximum(free, CHECKED))
         size[free < CHECKED] = 0.0
         i = int(np.argmax(size))
-        if size[i] < FAR * np.median(size[left]) / 0.6745:
+        if size[i] < FAR * max(np.median(size[left]) / 0.6745, floor):
             break
         aside.append(i)
         left[i] = False
@@ -136,7 +136,7 @@ def one_by_one(design: Array, values: Array) -> IntArray:
         shifts = np.column_stack([shifts, unit])
         r = r - unit * (unit @ r)
         free = free - unit * unit
-    sigma = np.sqrt(r @ r / max(n - design.shape[1] - len(aside), 1))
+    sigma = max(np.sqrt(r @ r / max(n - design.shape[1] - len(aside), 1)), floor)
     while aside:
         bent = -design @ design[aside].T
         bent[aside, np.arange(len(aside))] += 1.0
@@ -150,7 +150,7 @@ def one_by_one(design: Array, values: Array) -> IntArray:
     return np.sort(np.asarray(aside, dtype=np.intp))
 
 
-def _weights(log_likelihood: Array) -> Array:
+def _weights(log_likelihood: Floats) -> Floats:
     w = np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(w / w.sum())
 

@@ -1,6 +1,7 @@
 """Put what was found into a :class:`Diagnosis`."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
@@ -11,13 +12,23 @@ from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model, Uncertainty
-from trunnion.diagnosis.records import Alternative, Cause, Gain, Residuals, Verdict, units_of
+from trunnion.diagnosis.records import (
+    Alternative,
+    Cause,
+    Gain,
+    Residuals,
+    Verdict,
+    units_of,
+    with_unit,
+)
 from trunnion.diagnosis.result import Diagnosis
 
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
 TINY = 1e-300
+MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
+MAX_STEPS = 3
 SINGULAR = 1e-8  # of a correlation matrix of estimates
 
 
@@ -29,12 +40,15 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     model, f = case.model, e.fit
     alternatives = _alternatives(case, e)
     rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
-    plain = case.without(dropped).plain
+    kept = case.without(dropped)
+    plain = kept.plain
     unexplained = _unexplained(e)
     verdict = _verdict(unexplained, len(alternatives), len(dropped))
     if verdict == "consistent":
         f = plain
-    variance = f.rss / max(f.dof, 1)
+    variance = float(case.floor.noise(f.rss, f.dof))
+    growth = kept.growth(f, variance)
+    f = replace(f, covariance=f.covariance * np.outer(growth, growth))
     gain = _gain(case, rows, plain, f)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
@@ -70,7 +84,28 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
+        notes=_notes(case, variance),
     )
+
+
+def _notes(case: Case, variance: float) -> tuple[str, ...]:
+    """Say in which steps the readings are recorded, where that is what limits them."""
+    readings, floor = case.model.readings, case.floor.variance
+    if case.grid is None or floor < MIN_SHARE * variance:
+        return ()
+    units, index = units_of(readings)
+    text = []
+    for i, unit in enumerate(units):
+        steps = [f"{step:.4g}" for step in np.unique(case.grid.step[index == i]) if step > 0]
+        if steps:
+            text.append(with_unit(" and ".join(steps[:MAX_STEPS]), unit))
+    known = readings.step is not None
+    source = "as the set-up states" if known else "recognised in the data"
+    note = (
+        f"Readings are recorded in steps of {', '.join(text)} ({source}): their noise is taken as "
+        "at least step/√12, and what rounding does is not taken for a cause"
+    )
+    return (f"{note}{'' if known or not readings.hint else f'; {readings.hint}'}.",)
 
 
 def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:

@@ -90,6 +90,8 @@ class Diagnosis(Result):
         The extended model, in the form its kind of data is used with.
     residuals:
         The readings with what the models leave of them.
+    notes:
+        What else a reader should know, in sentences.
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
         user's own candidates the ids only.
@@ -113,6 +115,7 @@ class Diagnosis(Result):
     labels: Mapping[str, str]
     model: Any
     residuals: Residuals | None = None
+    notes: tuple[str, ...] = ()
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -266,7 +269,7 @@ class Diagnosis(Result):
                 f"Cross-validated rms {verb} {self.gain.fall()}; "
                 f"the plain model alone has {chance(self.p_value)}.",
             ]
-        return (*lines, *self._left_out())
+        return (*lines, *self._left_out(), *self.notes)
 
     def _noise(self) -> str:
         if not self.gain.others:

@@ -8,7 +8,8 @@ A set of causes S with K columns, of m degrees of freedom left by the nuisance, 
 
     score(S) = m ln RSS(S) + m / (m - K - 1) * sum of penalties
 
-that is -2 ln L, profiled over the noise (which is never taken as known), with the small-sample
+that is -2 ln L, profiled over the noise (from its floor up where readings are recorded in steps,
+:class:`trunnion.base.resolution.Floor`), with the small-sample
 factor of AICc. The penalty of a cause with k columns is the quantile of chi² with k degrees of
 freedom at the family-wise level divided by the number of candidates (times the number of places a
 nonlinear parameter can take): a cause is worth its name if it gains what no candidate would gain
@@ -23,11 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.base.units import Floats as Array
-from trunnion.base.units import Integers as IntArray
+from trunnion.base.resolution import NO_FLOOR, Floor
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
-
-__all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
 
 # "Within 6 of the best": a likelihood ratio of exp(3) = 20.
 WITHIN = 6.0
@@ -61,8 +60,8 @@ class _State:
         self,
         mask: int,
         blocks: tuple[int, ...],
-        taken: Array,
-        residual: Array,
+        taken: Floats,
+        residual: Floats,
         rss: float,
         penalty: float,
     ) -> None:
@@ -99,7 +98,7 @@ def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
     )
 
 
-def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Array, IntArray]:
+def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Floats, Integers]:
     """Drop of RSS and count of new columns for every state and every block, shape (s, b)."""
     k_max = max(s.taken.shape[0] for s in states)
     taken = np.zeros((len(states), k_max, c.width))
@@ -138,7 +137,7 @@ def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Array, IntArray]:
     return gain, rank
 
 
-def _wide_gain(taken: Array, residual: Array, span: slice) -> tuple[Array, IntArray]:
+def _wide_gain(taken: Floats, residual: Floats, span: slice) -> tuple[Floats, Integers]:
     """Drop of RSS and count of new columns of one block of many columns, for every state (s,)."""
     t = taken[:, :, span]
     w, u = np.linalg.eigh(np.eye(t.shape[2]) - t.transpose(0, 2, 1) @ t)
@@ -151,16 +150,16 @@ def _wide_gain(taken: Array, residual: Array, span: slice) -> tuple[Array, IntAr
 class _Scorer:
     """-2 ln L of a set, penalised for its size."""
 
-    def __init__(self, dof: int, floor: float) -> None:
+    def __init__(self, dof: int, floor: Floor, least: float) -> None:
         self.dof = dof
         self.floor = floor
+        self.least = least  # of a sum of squares: rounding
 
     def __call__(
-        self, rss: Array | float, columns: IntArray | int, penalty: Array | float
-    ) -> Array:
+        self, rss: Floats | float, columns: Integers | int, penalty: Floats | float
+    ) -> Floats:
         room = self.dof - columns - 1.0
-        with np.errstate(divide="ignore"):
-            score = self.dof * np.log(np.maximum(rss, self.floor))
+        score = self.floor.deviance(np.maximum(rss, self.least), self.dof)
         score = score + penalty * self.dof / np.maximum(room, 1.0)
         # Sets that explain the same are ordered by the catalogue, not by rounding.
         return np.where(room < 1.0, np.inf, np.round(score, SCORE_DIGITS))
@@ -168,8 +167,9 @@ class _Scorer:
 
 def search(
     c: Candidates,
-    r: Array,
+    r: Floats,
     *,
+    floor: Floor = NO_FLOOR,
     within: float = WITHIN,
     beam: int = BEAM,
     most: int = MAX_CAUSES,
@@ -177,9 +177,9 @@ def search(
     """Find the sets of causes whose score lies within ``within`` of the best, best first.
 
     The empty set is always the last entry, whatever its score. ``r``: residuals with the nuisance
-    projected out, shape (n,).
+    projected out, shape (n,). ``floor``: of the variance of a reading.
     """
-    s = _Search(c, r, within)
+    s = _Search(c, r, floor, within)
     if len(c.leaders):
         s.widen(beam, most)
         s.exchange()
@@ -190,10 +190,10 @@ def search(
 class _Search:
     """All sets that were looked at, and the best score among them."""
 
-    def __init__(self, c: Candidates, r: Array, within: float) -> None:
+    def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
         self.c, self.within = c, within
         rss = float(r @ r)
-        self.score = _Scorer(c.dof, 1e-14 * rss)
+        self.score = _Scorer(c.dof, floor, 1e-14 * rss)
         self.empty = _State(0, (), np.zeros((0, c.width)), c.products(r), rss, 0.0)
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
@@ -245,7 +245,7 @@ class _Search:
         gain, rank = _gains(c, states)
         size = np.array([s.taken.shape[0] for s in states])
         rss = np.array([s.rss for s in states])[:, None] - gain
-        penalty: Array = np.array([s.penalty for s in states])[:, None] + c.penalty
+        penalty: Floats = np.array([s.penalty for s in states])[:, None] + c.penalty
         total = self.score(rss, size[:, None] + rank, penalty)
         total = np.where(rank > 0, total, np.inf)
         # the best variant of each candidate

@@ -37,16 +37,17 @@ from trunnion.diagnosis.model import (
 )
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue, known_sigma_um, ticks_um
 from trunnion.setup import Setup
-
-__all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
 
 MAX_MOMENTS = 48
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
 MAX_DISTANCE_UM = 5000.0
+UNKNOWN_TICK = (
+    "if this is the tick of the control, half of it is in EZ0A and the placement: state "
+    "probe.servo_period_ms (or probe.tick_um)"
+)
 UNITS = {"um": "µm", "um/h": "µm/h"}
 
 
@@ -113,7 +114,9 @@ class TouchDiagnosisModel(Model):
             along,
             np.arange(len(data)),
             "µm",
-            np.full(len(data), sigma) if (sigma := known_sigma_um(setup)) else None,
+            np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
+            ticks if np.any(ticks := ticks_um(setup, data)) else None,
+            UNKNOWN_TICK,
         )
         self._start = self._full.values()[: self._plain]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}

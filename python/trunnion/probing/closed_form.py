@@ -12,8 +12,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
-from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import TouchModel
+from trunnion.probing.model import TouchModel, known_sigma_um
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
 
@@ -89,7 +88,7 @@ def closed_form(
         # The variance of ζ is 35/48 of that of one reading.
         checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
     # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
-    sigma = known_sigma_um(setup) or _scatter_um(model, moves, start)
+    sigma = known_sigma_um(setup, data) or _scatter_um(model, moves, start)
     names = model.names[: count if is_printed else len(values)]
     covariance = sigma**2 * operator @ operator.T
     spread = np.sqrt(np.diag(covariance))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,15 +11,14 @@ from numpy.typing import NDArray
 
 from trunnion._core import Moves
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
-from trunnion.probing.model import TouchModel
+from trunnion.probing.model import TouchModel, known_sigma_um, ticks_um
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
-
-__all__ = ["identify", "identify_many"]
 
 Floats = NDArray[np.float64]
 
@@ -80,13 +80,46 @@ def identify(
     moves = model.moves(data)
     names = own_names(model, own)
     knee = HUBER_KNEE if loss == "huber" else None
-    how = Loss(knee, known_sigma_um(setup), _priors(names, priors or {}))
+    how = Loss(knee, known_sigma_um(setup, data), _priors(names, priors or {}))
     found = (
         TouchProblem(model, data, moves, own).fit(how, max_steps)
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
-    return _result(model, data, own, found, knee)
+    errors = None
+    if not own and np.any(ticks_um(setup, data)):
+        found, errors = _beside_rounding(model, data, moves, found)
+    return _result(model, data, own, found, knee, errors)
+
+
+def _beside_rounding(
+    model: TouchModel, data: Touches, moves: Moves, found: Found
+) -> tuple[Found, Repeats | None]:
+    """Covariance that knows what ticks do: repeats on one grid, and touches that round alike.
+
+    With the errors that repeats share, if there are any.
+    """
+    along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
+    jacobian = model.core.linearise(moves, found.values)[1]
+    positions = np.round(np.stack(list(data.rotary_deg.values()), axis=1), 3)
+    stops = np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1)
+    plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
+    grid = Grid.of(along, ticks_um(model.setup, data), plain, stops)
+    noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
+    errors = grid.errors(noise)
+    shared = errors if errors is not None and len(errors.rows) else None
+    drawn = grid.draws(along, found.residuals_um, jacobian, found.covariance, noise)
+    if found.sigma_um == 0 or (shared is None and drawn is None):
+        return found, shared
+    cofactor = found.covariance / found.sigma_um**2
+    covariance, weighted = found.covariance, jacobian * found.weights[:, None]
+    if shared is not None:
+        covariance = found.sigma_um**2 * cofactor @ shared.covariance(weighted) @ cofactor
+    if drawn is not None:
+        more = growth(cofactor @ (weighted.T @ drawn), np.diag(covariance))
+        covariance = covariance * np.outer(more, more)
+    std = np.where(np.isfinite(found.std_errors), np.sqrt(np.diag(covariance)), np.inf)
+    return replace(found, covariance=covariance, std_errors=std), shared
 
 
 def _result(
@@ -95,6 +128,7 @@ def _result(
     own: Sequence[UserEffect],
     found: Found,
     knee: float | None,
+    errors: Repeats | None,
 ) -> IdentificationResult:
     """Estimates by name."""
     names = own_names(model, own)
@@ -130,7 +164,10 @@ def _result(
         at_bound=_at_end_of_search(model, data, values[:built_in]),
         weights=found.weights,
         lack_of_fit=lack_of_fit(
-            found.residuals_um, repeats_of(data), len(values) - len(found.combinations)
+            found.residuals_um if errors is None else errors(found.residuals_um),
+            repeats_of(data),
+            len(values) - len(found.combinations),
+            float(np.sqrt(np.mean(ticks_um(model.setup, data) ** 2) / 12)),
         ),
     )
 
@@ -194,19 +231,12 @@ def identify_many(
         positions.reshape(len(positions), -1),
         model.values(),
         huber=None,
-        sigma_um=known_sigma_um(setup),
+        sigma_um=known_sigma_um(setup, plan),
         priors=[],
         max_steps=max_steps,
         threads=threads,
     )
     return model.names, values, errors, converged
-
-
-def known_sigma_um(setup: Setup) -> float:
-    """Standard deviation of a reading from the set-up: repeatability and tick; 0 if unknown."""
-    if setup.probe.repeatability_um == 0:
-        return 0.0
-    return float(np.hypot(setup.probe.repeatability_um, setup.probe.tick_um / np.sqrt(12)))
 
 
 def _priors(

@@ -21,6 +21,33 @@ def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
     return Chain(setup).catalogue()
 
 
+def ticks_um(setup: Setup, touches: Touches) -> Floats:
+    """Travel between two looks at the probe in each touch, µm; 0: not known. Shape (n,).
+
+    Raises
+    ------
+    InputError
+        A servo period, and touches without feeds.
+    """
+    probe = setup.probe
+    if not probe.servo_period_ms:
+        return np.full(len(touches), probe.tick_um)
+    if touches.feed_mm_min is None:
+        raise InputError(
+            f"probe.servo_period_ms = {probe.servo_period_ms:g}: got touches without column "
+            "feed_mm_min, expected it: the tick is feed × servo period (or give probe.tick_um)"
+        )
+    return np.asarray(probe.ticks_um(touches.feed_mm_min), dtype=np.float64)
+
+
+def known_sigma_um(setup: Setup, touches: Touches | None = None) -> float:
+    """Standard deviation of a reading from the set-up: repeatability and tick; 0 if unknown."""
+    if setup.probe.repeatability_um == 0:
+        return 0.0
+    ticks = np.array([setup.probe.tick_um]) if touches is None else ticks_um(setup, touches)
+    return float(np.sqrt(setup.probe.repeatability_um**2 + np.mean(ticks**2) / 12))
+
+
 class TouchModel:
     """The core's model of touches for one set-up and some built-in effects.
 
@@ -43,6 +70,7 @@ class TouchModel:
             standing_artefact(setup),
             ball_radius_mm=setup.probe.ball_radius_mm,
             tick_um=setup.probe.tick_um if tick_um is None else tick_um,
+            servo_period_ms=setup.probe.servo_period_ms if tick_um is None else 0.0,
             effect_ids=list(self.effect_ids),
         )
         self.names = tuple(name for name, _, _ in self.core.parameters)

@@ -17,8 +17,7 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Combinations, in_words, named_combination
-from trunnion.probing.identify import known_sigma_um
-from trunnion.probing.model import TouchModel, catalogue
+from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
 from trunnion.setup import Setup
 
 EXACT = 1e-9
@@ -153,7 +152,9 @@ def observability(
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    sigma = positive("noise_um", known_sigma_um(setup) or 1.0 if noise_um is None else noise_um)
+    sigma = positive(
+        "noise_um", known_sigma_um(setup, plan) or 1.0 if noise_um is None else noise_um
+    )
     ids, own = split_effects(effects)
     if own:
         raise InputError(f"effects: got {own[0].id!r}, expected ids of the catalogue")

@@ -15,6 +15,9 @@ from trunnion.setup import Setup
 
 MAX_DEG = 3600.0
 """Ten turns: more is a typo."""
+USUAL_PERIOD_MS = 1.0
+"""Servo period of LinuxCNC unless its configuration says otherwise."""
+DITHER_SEED = 1
 MAX_STOPS = 10_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
@@ -31,6 +34,7 @@ def plan(
     positions_deg: Sequence[tuple[float, float]] = (),
     layout: str = "side",
     all_faces: bool = False,
+    dither: bool = True,
 ) -> Touches:
     """Plan the touches of a measurement.
 
@@ -64,6 +68,11 @@ def plan(
         top faces of the same arms ("top"); the paper's text allows both.
     all_faces
         At ±90° touch every reachable face of the cross, not only the paper's four.
+    dither
+        Start each approach up to one tick further back, by another part of it each time. Readings
+        of a control that looks at the probe once in a servo period lie on a grid of ticks counted
+        from the start; from one start all touches alike round alike, and look like errors of the
+        machine. Where the set-up knows no tick, it is taken as that of 1 ms.
 
     Returns
     -------
@@ -99,11 +108,7 @@ def plan(
     sense = dict(zip(chain.letters, chain.senses, strict=True))
     tilt_sense = sense.get(tilting or "", 1.0)
     stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
-    if stops * max(_length(feeds_mm_min), 1) * _count(repeats) > MAX_STOPS:
-        raise InputError(
-            f"c_deg, {(tilting or 'a').lower()}_deg, feeds_mm_min, repeats: got more than "
-            f"{MAX_STOPS:,} stops of the rotary axes together, expected fewer"
-        )
+    _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), tilting or "A")
     found = _core.plan(
         chain.machine(),
         standing_artefact(setup),
@@ -127,7 +132,7 @@ def plan(
         layout=layout,
         all_faces=all_faces,
     )
-    return _touches(chain, found)
+    return _touches(chain, _dithered(setup, found) if dither else found)
 
 
 def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
@@ -144,6 +149,26 @@ def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
     for name in ("cycle", "point", "feed_mm_min", "time_s"):
         columns[name] = found[name]
     return Touches(columns)
+
+
+def _dithered(setup: Setup, found: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Start 0 to 1 tick further back, the same for the same plan, rounded like commands."""
+    feed = found["feed_mm_min"]
+    ticks = setup.probe.ticks_um(feed)
+    ticks = np.where(ticks > 0, ticks, USUAL_PERIOD_MS * feed / 60.0)
+    back = 1e-3 * ticks * np.random.default_rng(DITHER_SEED).uniform(size=len(feed))
+    start = np.asarray(found["start_mm"] - back[:, None] * found["direction"])
+    step = 1e-3 * setup.resolution.linear_um
+    return {**found, "start_mm": step * np.round(start / step) if step else start}
+
+
+def _few_enough(stops: int, tilting: str) -> None:
+    """Refuse a plan with more stops of the rotary axes than a measurement has."""
+    if stops > MAX_STOPS:
+        raise InputError(
+            f"c_deg, {tilting.lower()}_deg, feeds_mm_min, repeats: got more than {MAX_STOPS:,} "
+            "stops of the rotary axes together, expected fewer"
+        )
 
 
 def _length(values: Sequence[object]) -> int:

@@ -43,7 +43,9 @@ class LackOfFit:
     degrees_of_freedom: tuple[int, int]
 
 
-def lack_of_fit(residuals_um: Floats, repeats: Integers, parameters: int) -> LackOfFit | None:
+def lack_of_fit(
+    residuals_um: Floats, repeats: Integers, parameters: int, least_um: float = 0.0
+) -> LackOfFit | None:
     """Lack of fit where touches repeat; None where there are no repeats.
 
     Parameters
@@ -54,6 +56,8 @@ def lack_of_fit(residuals_um: Floats, repeats: Integers, parameters: int) -> Lac
         Number of the group of equal touches of each row, (n,).
     parameters
         How many parameters were determined.
+    least_um
+        Least standard deviation of a reading: repeats on a grid of ticks agree too well.
     """
     _, index = np.unique(repeats, return_inverse=True)
     groups = int(index.max(initial=-1)) + 1
@@ -64,6 +68,7 @@ def lack_of_fit(residuals_um: Floats, repeats: Integers, parameters: int) -> Lac
     counts = np.bincount(index)
     means = np.bincount(index, weights=residuals_um) / counts
     within = float(np.sum((residuals_um - means[index]) ** 2))
+    within = max(within, pure * least_um**2)
     between = float(np.sum(counts * means**2))
     if within == 0:
         return None

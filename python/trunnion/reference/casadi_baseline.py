@@ -59,7 +59,7 @@ def identify(
     data
         Recorded touches.
     setup
-        Machine, artefact and probe. Half of ``probe.tick_um`` is taken off every reading;
+        Machine, artefact and probe. Half a tick is taken off every reading;
         ``machine.errors`` is where the search starts, and results are totals.
     effects
         Ids of the catalogue, or a mapping id -> parameters held at the given values
@@ -254,10 +254,11 @@ def _result(model: Model, rows: Rows, found: _Solution) -> IdentificationResult:
     _, s, vt, scale, rank = _scaled_svd(found.jacobian)
     searched = "setup_shift" in model.held and "t0_s" not in model.held["setup_shift"]
     freedom = rows.n - rank - searched
+    rounding = float(np.mean((probe.tick_um + probe.servo_period_ms * rows.feed) ** 2)) / 12
     if probe.repeatability_um > 0:
-        variance = probe.repeatability_um**2 + probe.tick_um**2 / 12
+        variance = probe.repeatability_um**2 + rounding
     else:
-        variance = found.cost / freedom if freedom > 0 else np.inf
+        variance = max(float(found.cost / freedom), rounding) if freedom > 0 else np.inf
     weighted = vt[:rank] / s[:rank, None] / scale
     covariance = variance * weighted.T @ weighted
     open_ = np.linalg.norm(vt[rank:], axis=0) > RANK_TOLERANCE

@@ -114,6 +114,8 @@ class Rows:
             values = getattr(data, name)
             return np.zeros(len(data)) if values is None else factor * np.asarray(values, float)
 
+        if setup.probe.servo_period_ms and data.feed_mm_min is None:
+            raise InputError("touches: got no feed_mm_min, expected it for probe.servo_period_ms")
         return cls(
             position=np.stack([data.x_mm, data.y_mm, data.z_mm], axis=1),
             direction=np.stack([data.dir_x, data.dir_y, data.dir_z], axis=1),
@@ -290,7 +292,8 @@ class Model:
         a, b = ca.dot(w, w), ca.dot(e, w)
         c = ca.dot(e, e) - (rounded + r) ** 2
         s = (-b - ca.sqrt(b**2 - a * c)) / a
-        late = 0.5 * self.setup.probe.tick_um
+        probe = self.setup.probe
+        late = 0.5 * (probe.tick_um + probe.servo_period_ms * feed)
         residual = -s / MM_PER_UM - late
 
         self.residual = ca.Function("residual", [self.x, q], [residual])

@@ -35,17 +35,6 @@ from trunnion.setup.fields import (
 from trunnion.setup.names import canonical_error_name
 from trunnion.setup.write import headline_of, report_of, tables_of, toml_of
 
-__all__ = [
-    "Artefact",
-    "AxisSetup",
-    "Machine",
-    "PlanSetup",
-    "Probe",
-    "Resolution",
-    "Setup",
-    "TableSetup",
-]
-
 AXES = ("X", "Y", "Z", "A", "B", "C")
 PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
 """Tables that belong to a process, which declares and reads them."""
@@ -215,7 +204,11 @@ def names_of(kind: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Probe(Part):
-    """Touch probe. `tick_um` is the travel between two looks at it; 0 σ means unknown.
+    """Touch probe. A control looks at it every `servo_period_ms`; 0 σ means unknown.
+
+    The recorded position is the first look after contact, half a tick late on average, which every
+    estimate takes off. The tick is feed × servo period (LinuxCNC: 1 ms is 10 µm at 600 mm/min); a
+    probe that is latched at fixed steps of travel has a `tick_um` instead. Give one of the two.
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
     collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`.
@@ -227,6 +220,7 @@ class Probe(Part):
     tick_um: float = key(0.0, UNCERTAINTY, "travel between two looks at the probe, at every feed")
     length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
+    servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""
@@ -236,6 +230,14 @@ class Probe(Part):
                 f"at most probe.ball_radius_mm = {self.ball_radius_mm:g}: the ball touches first"
             )
             raise self.refuse("stem_radius_mm", limit)
+        if self.tick_um and self.servo_period_ms:
+            raise self.refuse(
+                "servo_period_ms", f"0 beside probe.tick_um = {self.tick_um:g}: give one of the two"
+            )
+
+    def ticks_um(self, feed_mm_min: Any) -> Any:
+        """Travel between two looks at the probe, µm, at feeds in mm/min (any shape)."""
+        return self.tick_um + self.servo_period_ms * feed_mm_min / 60.0
 
     @property
     def effective_stem_radius_mm(self) -> float:

@@ -73,6 +73,12 @@ pub struct Moves<'a> {
 }
 
 impl Moves<'_> {
+    /// Feed of a row's approach, 0 where it is not known.
+    #[must_use]
+    pub fn feed_at(&self, row: usize) -> f64 {
+        self.feed.map_or(0.0, |feed| feed[row])
+    }
+
     /// Number of rows.
     #[must_use]
     pub const fn len(&self) -> usize {

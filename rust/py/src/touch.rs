@@ -104,6 +104,7 @@ impl TouchModel {
         &self,
         huber: Option<f64>,
         sigma_um: f64,
+        moves: &Moves,
         priors: &[(usize, f64, f64)],
         max_steps: usize,
     ) -> Result<least_squares::Options> {
@@ -125,6 +126,7 @@ impl TouchModel {
         Ok(least_squares::Options {
             loss: huber.map_or(least_squares::Loss::Squares, least_squares::Loss::Huber),
             sigma: sigma_um * UM,
+            floor: self.inner.rounding(&moves.inner.view()),
             priors: priors.iter().map(prior).collect::<Result<_>>()?,
             max_steps,
         })
@@ -134,17 +136,22 @@ impl TouchModel {
 #[pymethods]
 impl TouchModel {
     #[new]
-    #[pyo3(signature = (machine, artefact, *, ball_radius_mm, tick_um, effect_ids))]
+    #[pyo3(signature = (
+        machine, artefact, *, ball_radius_mm, tick_um, servo_period_ms, effect_ids
+    ))]
     fn new(
         machine: &crate::machine::Machine,
         artefact: &crate::artefact::Artefact,
         ball_radius_mm: f64,
         tick_um: f64,
+        servo_period_ms: f64,
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
         let machine = machine.inner.clone();
         let (artefact, fixture) = (artefact.inner, artefact.fixture);
-        let probe = Probe::new(ball_radius_mm, tick_um * UM).into_py()?;
+        let probe = Probe::new(ball_radius_mm, tick_um * UM)
+            .and_then(|probe| probe.looked_at_every(1e-3 * servo_period_ms))
+            .into_py()?;
         let all = effects::catalogue(&machine, &artefact);
         let chosen = effects::select(&all, &effect_ids).into_py()?;
         let inner = touch::TouchModel::new(machine, artefact, probe, chosen).standing(&fixture);
@@ -262,7 +269,7 @@ impl TouchModel {
         max_steps: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
         let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
-        let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
+        let options = self.fit_options(huber, sigma_um, moves, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let fit = py.detach(|| least_squares::fit(&self.inner, &moves, &start, &options));
         let fit = fit.into_py()?;
@@ -299,7 +306,7 @@ impl TouchModel {
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)>
     {
         let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
-        let options = self.fit_options(huber, sigma_um, &priors, max_steps).into_py()?;
+        let options = self.fit_options(huber, sigma_um, moves, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let points = rows("points", &points, 3 * moves.len())?;
         let p = self.inner.parameter_count();

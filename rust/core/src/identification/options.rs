@@ -28,6 +28,8 @@ pub struct Options {
     pub loss: Loss,
     /// Standard deviation of one reading, mm; 0: taken from the residuals. Priors need it.
     pub sigma: f64,
+    /// Least standard deviation that is taken from residuals, mm: that of the errors of rounding.
+    pub floor: f64,
     /// What is known beforehand.
     pub priors: Vec<Prior>,
     /// Most Gauss–Newton steps.
@@ -36,7 +38,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { loss: Loss::Squares, sigma: 0.0, priors: Vec::new(), max_steps: 50 }
+        Self { loss: Loss::Squares, sigma: 0.0, floor: 0.0, priors: Vec::new(), max_steps: 50 }
     }
 }
 

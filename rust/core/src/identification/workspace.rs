@@ -410,7 +410,7 @@ impl Workspace {
             return 0.0;
         }
         let left = self.deviations.iter().zip(&self.weights).map(|(r, w)| w * r * r);
-        (left.sum::<f64>() / freedom as f64).sqrt()
+        (left.sum::<f64>() / freedom as f64).sqrt().max(options.floor)
     }
 
     /// Everything there is to say about the fit, by a singular value decomposition.

@@ -108,7 +108,7 @@ impl<'a> Evaluator<'a> {
                 None => &none[..axes],
             },
             direction: Moves::vector(self.moves.direction, row),
-            feed: self.moves.feed.map_or(0.0, |feed| feed[row]),
+            feed: self.moves.feed_at(row),
             time: self.moves.time.map_or(0.0, |time| time[row]),
         };
         let mut places = self.constant;
@@ -130,7 +130,7 @@ impl<'a> Evaluator<'a> {
     /// Predicted minus recorded coordinate along the approach, mm.
     pub fn deviation(&mut self, row: usize) -> Option<f64> {
         let contact = self.contact(row, Search::Nearest)?;
-        Some(contact.travel + self.model.probe.mean_delay())
+        Some(contact.travel + self.model.probe.mean_delay(self.moves.feed_at(row)))
     }
 
     /// The deviation of a row and its derivative with respect to every parameter.
@@ -150,7 +150,7 @@ impl<'a> Evaluator<'a> {
         for rate in &self.rates {
             gradient[rate.parameter] += rate.rate * by_place[rate.place.index()];
         }
-        Some(contact.travel + model.probe.mean_delay())
+        Some(contact.travel + model.probe.mean_delay(self.moves.feed_at(row)))
     }
 }
 

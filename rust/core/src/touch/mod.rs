@@ -168,6 +168,11 @@ impl TouchModel {
     /// that an effect needs and that is not there.
     pub fn check(&self, moves: &Moves) -> Result<()> {
         moves.check(self.machine.rotary().len())?;
+        if self.probe.period > 0.0 && moves.feed.is_none() {
+            let got = "data without column feed_mm_min".to_owned();
+            let expected = "data with column feed_mm_min: the tick is the feed times the period";
+            return Err(Error::input("servo period of the probe", got, expected));
+        }
         for effect in &self.effects {
             if let Some(column) = self.missing(effect, moves) {
                 let what = format!("effect {:?}", effect.id);
@@ -176,6 +181,14 @@ impl TouchModel {
             }
         }
         Ok(())
+    }
+
+    /// Standard deviation of the errors of rounding to ticks, rms over the rows, mm.
+    #[must_use]
+    pub fn rounding(&self, moves: &Moves) -> f64 {
+        let squares: f64 =
+            (0..moves.len()).map(|row| self.probe.tick_at(moves.feed_at(row)).powi(2)).sum();
+        (squares / (12 * moves.len().max(1)) as f64).sqrt()
     }
 
     /// The first column that an effect needs and that the moves lack.

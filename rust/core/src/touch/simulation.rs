@@ -51,7 +51,8 @@ impl TouchModel {
             })?;
             let noise: f64 =
                 if simulation.noise > 0.0 { StandardNormal.sample(&mut random) } else { 0.0 };
-            *slot = self.probe.trigger(contact.travel + simulation.noise * noise);
+            *slot =
+                self.probe.trigger(contact.travel + simulation.noise * noise, moves.feed_at(row));
         }
         Ok(())
     }

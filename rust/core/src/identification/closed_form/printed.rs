@@ -69,9 +69,11 @@ pub const SLIPS: [&str; 6] = [
 /// off.
 #[must_use]
 pub fn printed(model: &TouchModel, rows: &PaperRows, moves: &Moves) -> Printed {
-    let (delay, radius) = (model.probe().mean_delay(), model.probe().ball_radius);
-    let row =
-        |row: usize| Moves::vector(moves.point, row) - Moves::vector(moves.direction, row) * delay;
+    let radius = model.probe().ball_radius;
+    let row = |row: usize| {
+        let delay = model.probe().mean_delay(moves.feed_at(row));
+        Moves::vector(moves.point, row) - Moves::vector(moves.direction, row) * delay
+    };
     let point = |rows: &[usize]| -> Vector3<f64> {
         rows.iter().map(|&r| row(r)).sum::<Vector3<f64>>() / rows.len() as f64
     };

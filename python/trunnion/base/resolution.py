@@ -1,0 +1,284 @@
+"""Readings that are recorded in steps: a control's tick, the resolution of a scale, a display.
+
+A reading in steps of t has an error of rounding between -t/2 and t/2 beside its noise: variance
+t²/12 (GUM, F.2.2.1). Three things follow.
+
+- The noise of a reading is never below t/√12, however well some model fits. A model with enough
+  parameters always finds readings on one grid that it fits exactly.
+- Errors of rounding are a function of where the machine is, not noise: readings that differ by a
+  part of a step round alike. What that does to a machine like the fitted one is simulated
+  (:meth:`Grid.draws`), and each candidate is judged against it.
+- Repeats of one reading on one grid have the same error of rounding as long as their noise is small
+  beside the step: they are no independent readings. With noise of standard deviation s their errors
+  of rounding correlate by (6/π²) Σ exp(-4π²k²s²/t²) / k², from the Fourier series of the sawtooth.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.units import Floats, Integers
+
+MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
+MAX_NOISE_STEPS = 1.0  # from here on errors of rounding are noise like any other
+MAX_SIMULATED_STEPS = 0.5  # noise, in steps, from which rounding is as good as random
+MAX_DRAWS = 128
+MIN_DRAWS = 16
+MAX_DRAWN = 1 << 22  # numbers that are drawn
+SEED = 1
+QUANTILE = 0.95
+SAME_PHASE_STEPS = 0.02
+SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
+OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
+MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
+MAX_PARTS = 5  # steps between the nearest readings
+SAME_STEP = 0.02
+MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
+TINY = 1e-300
+
+_STEPS = np.linspace(0.0, MAX_NOISE_STEPS, 401)
+_ORDERS = np.arange(1, 200)[:, None]
+_CORRELATION = (6 / np.pi**2) * np.sum(
+    np.exp(-4 * np.pi**2 * _ORDERS**2 * _STEPS**2) / _ORDERS**2, axis=0
+)
+_PURE = _STEPS**2 + (1 - np.minimum(_CORRELATION, 1.0)) / 12
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Least variance of the noise of a whitened reading; 0: none is known."""
+
+    variance: float = 0.0
+
+    def deviance(self, rss: Floats | float, dof: int) -> Floats:
+        """-2 ln L of a sum of squares, up to a constant, over all variances from the floor up."""
+        least = dof * self.variance
+        rss = np.asarray(rss, dtype=np.float64)
+        value = dof * np.log(np.maximum(rss, max(least, TINY)))
+        if self.variance > 0:
+            value = value + np.minimum(rss - least, 0.0) / self.variance
+        return np.asarray(value)
+
+    def noise(self, rss: Floats | float, dof: int | Integers) -> Floats:
+        """Return the variance that a sum of squares shows, or the floor."""
+        return np.maximum(np.asarray(rss) / np.maximum(dof, 1), self.variance)
+
+
+NO_FLOOR = Floor()
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The steps of readings, and which of them share their error of rounding.
+
+    Attributes
+    ----------
+    step:
+        Of each reading, in its unit; 0: none. Shape (n,).
+    label:
+        Equal for repeats on one grid, -1 for the others, shape (n,).
+    """
+
+    step: Floats
+    label: Integers
+
+    @classmethod
+    def of(cls, values: Floats, step: Floats, jacobian: Floats, groups: Integers) -> "Grid":
+        """Find the repeats: readings on one grid and of one group that depend alike on everything.
+
+        Parameters
+        ----------
+        values, step, groups:
+            Of each reading, shape (n,).
+        jacobian:
+            Derivative of the readings, shape (n, p).
+        """
+        size = np.abs(jacobian).max(axis=0)
+        rows = np.floor(jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
+        parts = np.column_stack([rows, step, groups])
+        first, label = np.unique(parts, axis=0, return_index=True, return_inverse=True)[1:]
+        label = label.reshape(-1)
+        off = (values - values[first][label]) / np.where(step > 0, step, np.inf)
+        alike = (np.abs(off - np.round(off)) < SAME_PHASE_STEPS) & (step > 0)
+        return cls(step, _several(np.where(alike, label, -1)))
+
+    @property
+    def rounding(self) -> float:
+        """Mean variance of the errors of rounding."""
+        return float(np.mean(self.step**2)) / 12
+
+    def without(self, bad: Integers) -> "Grid":
+        """Return the grid when these readings are left out: they repeat no other."""
+        label = self.label.copy()
+        label[bad] = -1
+        return replace(self, label=_several(label))
+
+    def noise(self, residuals: Floats, dof: int) -> float:
+        """Estimate the noise beside the rounding (standard deviation), from repeats if there are.
+
+        ``residuals``: of all readings, not whitened, shape (n,).
+        """
+        step = float(np.sqrt(np.mean(self.step**2)))
+        index, count = _groups(self.label)
+        r = residuals[self.label >= 0]
+        mean = np.bincount(index, r) / count if len(count) else np.zeros(0)
+        freedom = len(r) - len(count)
+        if freedom >= MIN_REPEATS:
+            pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
+            if pure < _PURE[-1]:
+                return step * float(np.interp(pure, _PURE, _STEPS))
+            return step * float(np.sqrt(pure - 1 / 12))
+        total = float(residuals @ residuals) / max(dof, 1)
+        return float(np.sqrt(max(total - step**2 / 12, 0.0)))
+
+    def errors(self, noise: float) -> "Repeats | None":
+        """Errors of readings with this noise beside the rounding.
+
+        None: they are white and of one size.
+        """
+        largest = float(self.step.max())
+        if noise >= MAX_NOISE_STEPS * largest and np.all(self.step == largest):
+            return None
+        noise = max(noise, MIN_NOISE_STEPS * largest)
+        rounding = self.step**2 / 12
+        steps = noise / np.where(self.step > 0, self.step, noise)
+        correlation = np.interp(steps, _STEPS, _CORRELATION, right=0.0)
+        if not np.any(self.label >= 0) and np.all(rounding == rounding[0]):
+            return None
+        total = noise**2 + self.rounding
+        shared = rounding * correlation / total
+        return Repeats((noise**2 + rounding) / total, shared, self.label)
+
+    def draws(
+        self,
+        values: Floats,
+        residuals: Floats,
+        jacobian: Floats,
+        covariance: Floats,
+        noise: float,
+    ) -> Floats | None:
+        """Errors of rounding and noise of machines like a fitted one, all readings, shape (n, s).
+
+        None where the noise is large beside the steps. The machine is drawn from the fit's
+        covariance; each of its readings is the step next to what it would be.
+        """
+        largest = float(self.step.max())
+        if noise >= MAX_SIMULATED_STEPS * largest:
+            return None
+        count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
+        rng = np.random.default_rng(SEED)
+        free = np.flatnonzero(np.diag(covariance) > 0)
+        size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
+        root = axes * np.sqrt(np.maximum(size, 0.0))
+        off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
+        where = (values - residuals)[:, None] + off
+        noisy = where + max(noise, MIN_NOISE_STEPS * largest) * rng.standard_normal(where.shape)
+        step = np.where(self.step > 0, self.step, 1.0)[:, None]
+        rounded = values[:, None] + step * np.round((noisy - values[:, None]) / step)
+        return np.asarray(np.where(self.step[:, None] > 0, rounded, noisy) - where)
+
+
+def recognised(values: Floats) -> float:
+    """Return the largest step whose multiples readings differ by; 0: none.
+
+    Such a step is the tick of a control, the resolution of an instrument, or the digits of a file.
+    """
+    distinct = np.unique(values)
+    gaps = np.diff(distinct)
+    rounding = MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0))
+    gaps = gaps[gaps > rounding]
+    if not len(gaps):
+        return 0.0
+    off = distinct - distinct[0]
+    for step in float(gaps.min()) / np.arange(1, MAX_PARTS + 1):
+        if step > rounding and np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
+            return float(step)
+    digits = 10.0 ** np.floor(np.log10(float(gaps.min())))
+    while digits > rounding:
+        count = np.round(off / digits)
+        if np.all(np.abs(off - digits * count) < SAME_STEP * digits):
+            return float(digits * np.gcd.reduce(count.astype(np.int64)))
+        digits /= 10
+    return 0.0
+
+
+class Repeats:
+    """Errors of readings of which repeats share a part; called, it makes them white.
+
+    White readings keep the size of the readings.
+
+    Parameters
+    ----------
+    variance, shared:
+        Variance of each reading, and its covariance with its repeats, shape (n,).
+    label:
+        Equal for repeats, -1 for the others, shape (n,).
+    """
+
+    def __init__(self, variance: Floats, shared: Floats, label: Integers) -> None:
+        self.variance, self.shared = variance, shared
+        self.rows = np.flatnonzero(label >= 0)
+        self.index, self.count = _groups(label)
+        own = np.where(label >= 0, variance - shared, variance)
+        self.scale = np.sqrt(own)
+        first = np.zeros(len(self.count), dtype=np.intp)
+        first[self.index] = self.rows
+        own, together = own[first], self.count * shared[first]
+        self.shrink = 1 - np.sqrt(own / (own + together))
+
+    def with_labels(self, label: Integers) -> "Repeats":
+        """Return the same for other repeats."""
+        return Repeats(self.variance, self.shared, label)
+
+    def covariance(self, columns: Floats) -> Floats:
+        """Return columns (n, k) times the covariance of the errors between them, shape (k, k)."""
+        own = columns[self.rows] * np.sqrt(self.shared[self.rows])[:, None]
+        together = np.zeros((len(self.count), columns.shape[1]))
+        np.add.at(together, self.index, own)
+        alone = self.scale**2
+        return np.asarray(columns.T @ (columns * alone[:, None]) + together.T @ together)
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        flat = columns.reshape(len(columns), -1) / self.scale[:, None]
+        if len(self.count):
+            own = flat[self.rows]
+            order = np.argsort(self.index, kind="stable")
+            start = np.concatenate([[0], np.cumsum(self.count)[:-1]])
+            total = np.add.reduceat(own[order], start, axis=0)
+            flat[self.rows] = own - (total * (self.shrink / self.count)[:, None])[self.index]
+        return np.asarray(flat.reshape(columns.shape))
+
+
+def growth(off: Floats, variance: Floats) -> Floats:
+    """How many times larger than its standard error rounding makes an estimate's error, 1 at least.
+
+    ``off``: errors of the estimates in draws, shape (p, s); ``variance``: as stated, shape (p,).
+    """
+    share = np.mean(off**2, axis=1) / np.where(variance > 0, variance, np.inf)
+    return np.asarray(np.sqrt(np.maximum(share, 1.0)))
+
+
+def inflation(gains: Floats, rank: Integers, noise: Floats) -> Floats:
+    """How many times more a candidate gains from errors of rounding than from noise, 1 at least.
+
+    ``gains``: of blocks of these ranks (b,) in draws, shape (b, s); ``noise``: variance of a
+    reading in each draw, shape (s,).
+    """
+    usual = special.chdtri(np.maximum(rank, 1), 1 - QUANTILE)
+    return np.maximum(np.quantile(gains / noise, QUANTILE, axis=1) / usual, 1.0)
+
+
+def _groups(label: Integers) -> tuple[Integers, Integers]:
+    """Group of each reading that repeats another, and how many each group has."""
+    _, index, count = np.unique(label[label >= 0], return_inverse=True, return_counts=True)
+    return index.reshape(-1), count
+
+
+def _several(label: Integers) -> Integers:
+    """Keep the labels that several readings have."""
+    if not np.any(label >= 0):
+        return label
+    count = np.bincount(label[label >= 0], minlength=int(label.max()) + 1)
+    return np.where((label >= 0) & (count[np.maximum(label, 0)] > 1), label, -1)

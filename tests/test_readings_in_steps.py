@@ -1,0 +1,192 @@
+"""Readings that are recorded in steps: the tick of a control, the digits of an instrument."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from power import ticks
+from promise import kept, needed_runs
+from trunnion.base.resolution import Floor, Grid, recognised
+from trunnion.diagnosis.effect import linear
+from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
+from trunnion.models.kinds import diagnose as diagnose_model
+from trunnion.setup import Artefact, Probe, Setup
+
+LINUXCNC = Setup(artefact=Artefact("cross"), probe=Probe(servo_period_ms=1.0))
+
+
+def rounded(values: np.ndarray, step: float) -> np.ndarray:
+    """Round to the nearest step."""
+    return step * np.ceil(values / step - 0.5)
+
+
+# --- the noise of a reading
+
+
+def test_the_deviance_is_smooth_where_the_floor_begins() -> None:
+    floor, n = Floor(2.0), 40
+    at = 2.0 * n
+    around = floor.deviance(np.array([at - 1e-4, at, at + 1e-4]), n)
+    assert np.diff(around) == pytest.approx(1e-4 / 2.0, rel=1e-3)
+    # below the floor the variance is known: half a unit of -2 ln L a unit of the sum of squares
+    assert floor.deviance(at, n) - floor.deviance(0.5 * at, n) == pytest.approx(0.5 * n)
+    assert floor.noise(0.1 * at, n) == 2.0
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.2, 0.4])
+def test_repeats_on_one_grid_share_their_error(noise: float) -> None:
+    """The covariance that is used, against rounding done a hundred thousand times."""
+    rng = np.random.default_rng(3)
+    base = rng.uniform(0, 1, (100_000, 1))
+    readings = rounded(base + noise * rng.standard_normal((100_000, 3)), 1.0) - base
+    grid = Grid(np.ones(3), np.zeros(3, dtype=np.intp))
+    errors = grid.errors(noise)
+    assert errors is not None
+    total = noise**2 + 1 / 12
+    assert np.cov(readings.T) == pytest.approx(
+        total * errors.covariance(np.eye(3)), abs=0.03 * total
+    )
+    white = errors(np.eye(3)) @ np.cov(readings.T) @ errors(np.eye(3)).T
+    assert white == pytest.approx(total * np.eye(3), abs=0.06 * total)
+
+
+def test_the_noise_beside_the_steps_is_seen_in_repeats() -> None:
+    rng = np.random.default_rng(5)
+    base = np.repeat(rng.uniform(-50, 50, 400), 4)
+    for noise in (0.05, 0.15, 0.3):
+        off = rounded(base + noise * rng.standard_normal(1600), 1.0) - base
+        grid = Grid(np.ones(1600), np.repeat(np.arange(400), 4))
+        assert grid.noise(off, 1600) == pytest.approx(noise, rel=0.15)
+
+
+# --- steps that nobody stated
+
+
+def test_steps_are_recognised() -> None:
+    rng = np.random.default_rng(2)
+    truth = rng.uniform(-300, 300, 200)
+    assert recognised(rounded(truth, 10.0)) == pytest.approx(10.0)
+    assert recognised(rounded(truth, 5 / 3) + 0.123) == pytest.approx(5 / 3)
+    assert recognised(np.round(truth, 2)) == pytest.approx(0.01)
+    assert recognised(truth) == 0.0
+    assert recognised(np.full(9, 4.2)) == 0.0
+
+
+def test_a_tick_that_nobody_stated_is_recognised_and_said() -> None:
+    plan = tn.plan(LINUXCNC, dither=False)
+    data = tn.simulate(plan, LINUXCNC, {"EX0C": 15.3, "EA0A": 11.0}, {"dx_um": 130.0})
+    unstated = replace(LINUXCNC, probe=Probe())
+    said = tn.diagnose(data, unstated)
+    (note,) = said.notes
+    assert "steps of 10 µm (recognised in the data)" in note
+    assert "probe.servo_period_ms" in note
+    assert said.sigma >= 10 / np.sqrt(12) * (1 - 1e-9)
+    stated = tn.diagnose(data, LINUXCNC)
+    assert "as the set-up states" in stated.notes[0]
+    # half a tick is in EZ0A and dz together, unless the tick is stated
+    fits = [tn.identify(data, setup) for setup in (unstated, LINUXCNC)]
+    height = [fit["EZ0A"] + fit["dz_um"] for fit in fits]
+    assert abs(height[1] - height[0]) == pytest.approx(5.0, abs=0.5)
+
+
+# --- the tick of a control
+
+
+def test_the_tick_is_feed_times_servo_period() -> None:
+    plan = tn.plan(LINUXCNC, feeds_mm_min=(600, 60), dither=False)
+    data = tn.simulate(plan, LINUXCNC, {"EZ0A": 33.3})
+    assert plan.start_mm is not None
+    way = np.linalg.norm(data.position_mm - plan.start_mm, axis=1) * 1e3
+    tick = np.where(np.asarray(plan.feed_mm_min) == 600, 10.0, 1.0)
+    assert np.abs(way / tick - np.round(way / tick)).max() < 1e-6
+    assert np.abs(way[tick == 1.0] / 10 - np.round(way[tick == 1.0] / 10)).max() > 0.05
+    fit = tn.identify(data, LINUXCNC)
+    assert abs(fit["EZ0A"] - 33.3) < 4 * fit.std_errors["EZ0A"]
+    assert fit.sigma_um >= np.sqrt((100 + 1) / 24) - 1e-12
+
+
+def test_casadi_takes_off_the_same_half_tick() -> None:
+    plan = tn.plan(LINUXCNC, feeds_mm_min=(600, 60))
+    data = tn.simulate(plan, LINUXCNC, {"EZ0A": 33.3}, noise_um=1.0, seed=2)
+    fit, base = tn.identify(data, LINUXCNC), tn.casadi_baseline.identify(data, LINUXCNC)
+    for name, value in fit.errors.items():
+        assert base[name] == pytest.approx(value, abs=1e-5), name
+        assert base.std_errors[name] == pytest.approx(fit.std_errors[name], rel=0.1), name
+
+
+def test_a_period_needs_feeds_and_stands_alone() -> None:
+    data = tn.simulate(tn.plan(LINUXCNC), LINUXCNC)
+    without = tn.Touches({k: v for k, v in data.columns.items() if k != "feed_mm_min"})
+    for use in (tn.identify, tn.diagnose, tn.casadi_baseline.identify):
+        with pytest.raises(tn.InputError, match="feed_mm_min"):
+            use(without, LINUXCNC)
+    with pytest.raises(tn.InputError, match="give one of the two"):
+        Probe(tick_um=1.0, servo_period_ms=1.0)
+
+
+def test_plans_start_at_many_phases_of_the_tick() -> None:
+    even, dithered = tn.plan(LINUXCNC, dither=False), tn.plan(LINUXCNC)
+    assert even.start_mm is not None
+    assert dithered.start_mm is not None
+    back = np.einsum("ij,ij->i", even.start_mm - dithered.start_mm, even.direction) * 1e3
+    assert back.min() > -0.06  # commands are rounded to 0.1 µm
+    assert back.max() < 10.06
+    assert np.histogram(back, bins=4, range=(0, 10))[0].min() >= 9
+    across = even.start_mm - dithered.start_mm - 1e-3 * back[:, None] * even.direction
+    assert np.abs(across).max() < 1e-4
+    assert np.array_equal(dithered.position_mm, even.position_mm)
+
+
+# --- an identification and a diagnosis stand on it
+
+
+def test_repeats_on_one_grid_are_not_independent() -> None:
+    """Standard errors of three rounds of one plan are those of one, and true."""
+    plan = tn.plan(LINUXCNC, repeats=3, dither=False)
+    once = tn.plan(LINUXCNC, dither=False)
+    z = []
+    rng = np.random.default_rng(4)
+    names = tn.identify(tn.simulate(once, LINUXCNC), LINUXCNC)
+    for seed in range(40):
+        errors = {n: rng.uniform(-25, 25) for n in names.errors}
+        place = {n: rng.uniform(-300, 300) for n in names.placement or {}}
+        fit = tn.identify(
+            tn.simulate(plan, LINUXCNC, errors, place, noise_um=0.2, seed=seed), LINUXCNC
+        )
+        z += [(fit[n] - v) / fit.std_errors[n] for n, v in errors.items()]
+    single = tn.identify(tn.simulate(once, LINUXCNC, errors, place), LINUXCNC)
+    assert fit.std_errors["EX0C"] > 0.85 * single.std_errors["EX0C"]
+    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
+
+
+def test_no_cause_with_a_vanishing_error_from_few_distinct_values() -> None:
+    """Readings of a gauge with three values, and a candidate for each pair of rows."""
+    rng = np.random.default_rng(8)
+    values = np.round(0.4 * rng.standard_normal(24))
+    readings = Readings(values, np.arange(24))
+    pairs = [
+        linear(f"pair_{i}", ("um",), np.eye(24)[:, [i, i + 1]].sum(axis=1, keepdims=True))
+        for i in range(0, 24, 2)
+    ]
+    model = LinearModel(None, readings, (Nuisance("mean", "µm"),), np.ones((24, 1)), effects=pairs)
+    found = diagnose_model(model)
+    assert found.sigma >= 1 / np.sqrt(12)
+    for cause in found.causes:
+        assert all(s >= 0.2 for s in cause.std_errors.values())
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.03, 0.1])
+def test_nothing_is_found_where_nothing_is(ratio: float) -> None:
+    runs = needed_runs(0.95)
+    seen = [ticks.run("paper", ratio, dither=False, seed=s) for s in range(1000, 1000 + runs)]
+    assert kept(sum(r.verdict == "consistent" for r in seen), runs, 0.95)
+    assert not any(r.outliers for r in seen)
+
+
+def test_what_is_hidden_is_found_on_the_grid() -> None:
+    runs = needed_runs(0.97)
+    seen = [ticks.run("paper", 0.03, True, ticks.ANY, seed=s) for s in range(2000, 2000 + runs)]
+    found = [any(r.hidden in a for a in r.alternatives) for r in seen]
+    assert kept(sum(found), runs, 0.97)
