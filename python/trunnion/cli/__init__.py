@@ -17,6 +17,7 @@ from trunnion.cli import (
     demo,
     diagnose,
     hybrid,
+    program,
     sweep,
     turning,
 )
@@ -50,5 +51,16 @@ def _main(
     del version
 
 
-for part in (calibration, diagnose, compensate, turning, contour, ballbar, hybrid, sweep, demo):
+for part in (
+    calibration,
+    program,
+    diagnose,
+    compensate,
+    turning,
+    contour,
+    ballbar,
+    hybrid,
+    sweep,
+    demo,
+):
     part.register(app)
