@@ -1,8 +1,7 @@
-"""Every move between the touches of a plan, swept by plain numpy: what ball and stem come near to.
+"""Every move of a probing program, swept by plain numpy: what ball and stem come near to.
 
 Nothing here is the planner's: poses are the twin's, distances those of points to boxes, spheres and
-cylinders, the artefact stands where a draw within its tolerance puts it, and the moves are the ones
-that a probing program makes from a plan and its safe levels.
+cylinders, and the artefact stands where a draw within its tolerance puts it.
 """
 
 from __future__ import annotations
@@ -14,6 +13,8 @@ import numpy as np
 
 import trunnion as tn
 from trunnion.base.units import Floats
+from trunnion.nc import follow
+from trunnion.probing.program import ProbingProgram
 from twin import forward
 
 STEP_MM = 0.7
@@ -97,31 +98,39 @@ def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
 
 @dataclass(frozen=True)
 class Move:
-    """A straight move of the ball's centre in the machine frame at a row's position of the axes."""
+    """A straight move of the ball's centre in the machine frame, the rotary axes at rest (deg)."""
 
-    row: int
     start: Floats
     end: Floats
+    rotary: Floats
     is_approach: bool
 
 
-def moves_of(plan: tn.Touches, setup: tn.Setup, swing: float, levels: Floats) -> Iterator[Move]:
-    """The moves of a probing program: down, in, back, up, across."""
-    assert plan.start_mm is not None
-    angles = np.column_stack(list(plan.rotary_deg.values()))
-    above: Floats | None = None
-    for row, start in enumerate(plan.start_mm):
-        over = np.array([start[0], start[1], levels[row]])
-        if row == 0 or np.any(angles[row] != angles[row - 1]):
-            yield Move(row, np.array([start[0], start[1], swing]), over, False)
-        else:
-            assert above is not None
-            yield Move(row, above, over, False)
-        yield Move(row, over, start, False)
-        end = plan.position_mm[row] + setup.plan.overtravel_mm * plan.direction[row]
-        yield Move(row, start, end, True)
-        yield Move(row, start, over, False)
-        above = over
+def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
+    """The moves of a program at rest of its rotary axes, but for the ways back from a contact.
+
+    Raises
+    ------
+    AssertionError
+        An axis turns below the level of swinging; an approach is not there.
+    """
+    starts = plan.start_mm
+    assert starts is not None
+    moves = follow(program.moves)
+    letters = [3 + "abc".index(letter) for letter in plan.rotary_deg]
+    row, is_back = 0, False
+    for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
+        if np.any(start[3:] != end[3:]):
+            assert min(start[2], end[2]) >= program.cycle.swing - 1e-9
+            continue
+        is_approach = (
+            row < len(plan) and code == 38 and np.abs(start[:3] - starts[row]).max() < 1e-4
+        )
+        if not is_back:
+            yield Move(start[:3], end[:3], end[letters], bool(is_approach))
+        is_back = bool(is_approach)
+        row += is_back
+    assert row == len(plan)
 
 
 def twin_of(setup: tn.Setup) -> forward.Setup:
@@ -135,7 +144,7 @@ def twin_of(setup: tn.Setup) -> forward.Setup:
     )
 
 
-def swept(plan: tn.Touches, setup: tn.Setup, scene: Scene, levels: tuple[float, Floats]) -> None:
+def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Scene) -> None:
     """Sweep every move.
 
     Raises
@@ -144,12 +153,14 @@ def swept(plan: tn.Touches, setup: tn.Setup, scene: Scene, levels: tuple[float, 
         Ball or stem touch something, but for the ball on the artefact in an approach; an approach
         that does not touch.
     """
-    probe, (first, second) = setup.probe, plan.rotary_deg.values()
+    probe = setup.probe
     truth = forward.Truth(errors=setup.machine.errors)
-    poses = forward.table_pose(np.asarray(first), np.asarray(second), twin_of(setup), truth)
+    moves = list(moves_of(program, plan))
+    first, second = np.array([move.rotary for move in moves]).T
+    poses = forward.table_pose(first, second, twin_of(setup), truth)
     along = np.arange(0.0, probe.length_mm, STEM_STEP_MM)
-    for move in moves_of(plan, setup, *levels):
-        pose = poses[move.row]
+    for move, pose in zip(moves, poses, strict=True):
+        where = f"{move.start.round(2)} to {move.end.round(2)} at {move.rotary.round(2)}"
         count = max(2, int(np.ceil(np.linalg.norm(move.end - move.start) / STEP_MM)) + 1)
         ball = move.start + np.linspace(0.0, 1.0, count)[:, None] * (move.end - move.start)
         stem = ball[:, None] + along[:, None] * [0.0, 0.0, 1.0]
@@ -157,11 +168,10 @@ def swept(plan: tn.Touches, setup: tn.Setup, scene: Scene, levels: tuple[float, 
         ball_table = stem_table[:, 0]
         gap = scene.artefact(ball_table) - probe.ball_radius_mm
         if move.is_approach:
-            assert gap.min() < 0.0, f"touch {move.row} meets nothing"
+            assert gap.min() < 0.0, f"touches nothing: {where}"
             until = int(np.argmax(gap < 0.0))  # the last sample in front of the contact
-            assert until > 0, f"touch {move.row} starts in the artefact"
+            assert until > 0, f"starts in the artefact: {where}"
             stem_table, ball_table, gap = stem_table[:until], ball_table[:until], gap[:until]
-        where = f"touch {move.row}, {move.start.round(2)} to {move.end.round(2)}"
         assert gap.min() > 0.0, f"ball in the artefact: {where}"
         assert scene.others(ball_table).min() > probe.ball_radius_mm, f"ball: {where}"
         near = np.minimum(scene.artefact(stem_table), scene.others(stem_table))

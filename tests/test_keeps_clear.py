@@ -11,7 +11,6 @@ import trunnion as tn
 import trunnion._core as _core
 from sweep_moves import Draw, Scene, highest_when_turning, swept, twin_of
 from trunnion.machine.chain import Chain, standing_artefact
-from trunnion.probing.program import safe_levels
 from twin import forward
 
 SPHERE = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(0.0, 0.0, 60.0))
@@ -79,11 +78,11 @@ def test_no_move_of_any_program_enters_an_obstacle(seed: int) -> None:
         plan = random_plan(setup, rng)
         if plan is None:
             continue
-        swing, levels = safe_levels(plan, setup)
+        program = tn.probing_program(plan, setup)
         scene = Scene(setup, Draw.within(setup.artefact, rng))
-        swept(plan, setup, scene, (swing, levels))
+        swept(program, plan, setup, scene)
         highest = highest_when_turning(setup, scene, rng)
-        assert highest < swing - setup.probe.ball_radius_mm
+        assert highest < program.cycle.swing - setup.probe.ball_radius_mm
         touches += len(plan)
     assert touches > 50
 
@@ -135,11 +134,11 @@ def test_a_sweep_beyond_the_tolerance_finds_the_collision() -> None:
     """The sweep of these tests is not blind."""
     rng = np.random.default_rng(1)
     plan = tn.plan(CROSS)
+    program = tn.probing_program(plan, CROSS)
     far = Draw(np.array([6.5, 0.0, 0.0]), 0.0)
     with pytest.raises(AssertionError):
-        swept(plan, CROSS, Scene(CROSS, far), safe_levels(plan, CROSS))
-    stood = Scene(CROSS, Draw.within(CROSS.artefact, rng))
-    swept(plan, CROSS, stood, safe_levels(plan, CROSS))
+        swept(program, plan, CROSS, Scene(CROSS, far))
+    swept(program, plan, CROSS, Scene(CROSS, Draw.within(CROSS.artefact, rng)))
 
 
 def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
@@ -150,6 +149,8 @@ def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
     assert "on a stem of 8.33 mm" in notes[2]
     assert notes[3].startswith("These touches cannot tell EA0A, EB0C, EX0C, EY0C.")
     assert "EA0A (+1 arcsec) together with EY0C" in notes[3]
+    head = tn.probing_program(tn.plan(sphere), sphere).text()
+    assert all(f"({note})" in head for note in notes[:3])
     stated = replace(CROSS, table=tn.TableSetup(150.0, 30.0))
     assert len(tn.plan_notes(tn.plan(stated), stated)) == 1
 

@@ -26,13 +26,14 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     tuple of str
         A sentence each, for the user of a program.
     """
-    return (*_obstacles(setup), *_not_identifiable(plan, setup))
+    return (*assumptions(setup), *_not_identifiable(plan, setup))
 
 
-def _obstacles(setup: Setup) -> list[str]:
+def assumptions(setup: Setup) -> list[str]:
+    """Say what is kept clear of, and which of it the set-up does not state."""
     artefact, table = setup.artefact, setup.table
     said = [
-        f"Keeps clear while the artefact stands within {artefact.tolerance_mm:g} mm and "
+        f"Keeps clear as long as the artefact stands within {artefact.tolerance_mm:g} mm and "
         f"{artefact.tolerance_deg:g} deg of its place."
     ]
     if table.is_assumed:
