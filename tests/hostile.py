@@ -206,7 +206,7 @@ def _hybrid() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
 
 def _turning() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
     program, part = finishing().program, profile()
-    path = turning.probe_path(part)
+    path = turning.probe_path(part, chuck_radius_mm=10.0)
     gauge = turning.Gauge()
     follow = {"follows": "contour", "nose_mm": 0.0, "feed": 100.0, "machine_codes": [("G", 4503.0)]}
     return {
@@ -215,7 +215,7 @@ def _turning() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "turning.change_um": (turning.change_um, {"before": program, "after": program, "z_mm": [5.0, 6.0], **follow}),
         "turning.crossings": (turning.crossings, {"listing": nc.Program.parse("G7 G90\nG0 X20 Z100\nG1 Z50 F100\nG1 X20.01 Z40\nG1 Z0\n", "linuxcnc-lathe"), "unit_um": 10.0, "window_mm": 5.0, "nominal_mm": 20.0}),
         "turning.probe_path": (turning.probe_path, {"profile": part, "probe": turning.TurningProbe(), "allowance_mm": 0.5, "skip": (), "retract_x_mm": 60.0, "approach_mm": 1.0, "chuck_radius_mm": 10.0, "shortest_mm": 1.0}),
-        "TurningProbe": (lambda **k: turning.probe_path(part, turning.TurningProbe(**k)), {"ball_diameter_mm": 3.0, "contact_angle_deg": 89.0, "body_diameter_mm": 4.9}),
+        "TurningProbe": (lambda **k: turning.probe_path(part, turning.TurningProbe(**k), chuck_radius_mm=10.0), {"ball_diameter_mm": 3.0, "contact_angle_deg": 89.0, "body_diameter_mm": 4.9}),
         "Gauge": (lambda **k: turning.Gauge(**k).feed_limit_mm_min(1.0, slope_um_mm=1.0), {"range_um": 150.0, "resolution_um": 0.5, "rate_hz": 50.0, "response_s": 0.02}),
         "Gauge.feed_limit_mm_min": (gauge.feed_limit_mm_min, {"pitch_mm": 1.0, "slope_um_mm": 1.0, "lag_um": 1.0}),
         "Gauge.read": (gauge.read, {"z_mm": readings()[0], "error_um": readings()[1], "feed_mm_min": 100.0, "noise_um": 0.1, "seed": 1}),

@@ -179,6 +179,7 @@ def _turning() -> Calls:
         "retract_x_mm": 60.0,
         "approach_mm": 1.0,
         "chuck_radius_mm": 0.0,
+        "chuck_face_mm": 0.0,
         "shortest_mm": 1.0,
     }
     path = profile.probe_path(**probe)
@@ -215,7 +216,7 @@ def _turning() -> Calls:
         "finishing": (profile.finishing, {"follows": "contour", "nose_mm": 0.0, "convex": "roll", "first_element": 0, "start_z_mm": 101.0, "retract_x_mm": 40.0, "approach_mm": 1.0, "steepest_fall": 1.0, "access_z_mm": [], **write}),
         "probe_path": (profile.probe_path, probe),
         "contact_z": (path.contact_z, {"interval": 0, "z_mm": np.array([70.0]), "ball_radius_mm": 1.5}),
-        "program": (path.program, {**write, "retract_last": True}),
+        "program": (path.program, {**write, "comments": ["text"], "retract_last": True}),
         "turning_correct": (core.turning_correct, correct),
         "turning_change": (core.turning_change, {"before": program, "after": program, "z_mm": z, **follow}),
         "turning_cause": (core.turning_cause, {"cause": "bending", "cuts": np.ones((3, 5)), "overhang_mm": 100.0, "parameters": [1.0]}),

@@ -106,8 +106,14 @@ AXIS = np.array([80.0, 5.0, *[0.0] * 10, math.inf])
         (lambda: short().points_mm(None), "u: got None"),  # type: ignore[arg-type]
         (lambda: short().at_length(math.nan), "s_mm: got nan"),
         (lambda: tn.printed_zeros({}, setup_yaw_arcsec=math.inf), "setup_yaw_arcsec: got inf"),
-        (lambda: turning.probe_path(profile()).stations_mm(math.inf), "pitch_mm: got inf"),
-        (lambda: turning.probe_path(profile()).contact_z_mm(0, [math.nan]), "z_mm: got"),
+        (
+            lambda: turning.probe_path(profile(), chuck_radius_mm=10.0).stations_mm(math.inf),
+            "pitch_mm: got inf",
+        ),
+        (
+            lambda: turning.probe_path(profile(), chuck_radius_mm=10.0).contact_z_mm(0, [math.nan]),
+            "z_mm: got",
+        ),
         (
             lambda: tn.residual_interval(
                 cross()[1], tn.identify(*cross()), degrees_of_freedom=5e-324

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
 from trunnion.base.output import write_text
+from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
 
 if TYPE_CHECKING:
     from trunnion.probing.program import ProbingProgram

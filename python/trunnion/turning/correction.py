@@ -180,7 +180,7 @@ def correct(
         keep_numbers=keep_numbers,
     )
     text, change = got.pop("program").text(), got.pop("change_um")
-    inserted = got.pop("inserted").astype(np.int64)
+    got["inserted"] = got["inserted"].astype(np.int64)
     return Correction(
         dialect=program.dialect,
         text=text,
@@ -188,7 +188,6 @@ def correct(
         rule=rule,
         unit_um=unit_um,
         window=window,
-        inserted=inserted,
         z_mm=z,
         error_um=error,
         remaining_um=error + change,
