@@ -1,4 +1,4 @@
-"""The numbers of paper 000, and where its printed equations do not give them."""
+"""The numbers of Kang, Kim and Jee (2022), and where its printed equations do not give them."""
 
 from typing import Any
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 from collections.abc import Iterator
@@ -85,7 +86,7 @@ def _parameters(name: str) -> Answer:
     rows = []
     for parameter, entry in study_of(name, None).parameters.items():
         bounds = "" if entry.low is None else f"from {entry.low:g}"
-        bounds += "" if entry.high is None else f" to {entry.high:g}"
+        bounds += "" if entry.high == math.inf else f" to {entry.high:g}"
         if entry.choices:
             bounds = ", ".join(str(choice) for choice in entry.choices)
         if not entry.in_grid:

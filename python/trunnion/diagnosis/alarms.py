@@ -11,8 +11,6 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 
-__all__ = ["CAUSE_LEVEL", "Alarm", "scatter"]
-
 CAUSE_LEVEL = 0.02
 REPEAT_LEVEL = 0.005
 SCATTER_LEVEL = 0.005

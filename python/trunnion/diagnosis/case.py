@@ -14,8 +14,6 @@ from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import Dictionary
 
-__all__ = ["Case", "Explanation", "Linearised", "kept_rows", "rms"]
-
 EXACT = 1e-12  # of the largest reading: rounding
 
 

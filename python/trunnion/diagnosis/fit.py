@@ -24,8 +24,6 @@ from trunnion.diagnosis.model import Model
 Flags: TypeAlias = NDArray[np.bool_]
 Whiten: TypeAlias = Callable[[Array], Array]
 
-__all__ = ["Fit", "Whiten", "fit", "grid_values", "variant_columns"]
-
 MAX_STEPS = 12
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2

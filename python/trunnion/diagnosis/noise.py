@@ -19,18 +19,6 @@ from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 
-__all__ = [
-    "Autoregression",
-    "Channel",
-    "Whitener",
-    "fit_noise",
-    "fit_noise_beside_structure",
-    "levinson",
-    "partial_autocorrelations",
-    "structure_terms",
-    "whitener",
-]
-
 MAX_ORDER = 6
 MAX_STRUCTURE = 4  # terms of unexplained structure in a channel
 MAX_TRIED = 2  # terms tried at each step

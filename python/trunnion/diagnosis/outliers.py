@@ -11,8 +11,6 @@ from scipy import special
 
 from trunnion.base.units import Floats, Integers
 
-__all__ = ["OUTLIER_LEVEL", "far_out", "one_by_one", "outlier_penalty", "robust_residuals"]
-
 OUTLIER_LEVEL = 0.01
 GAP_LEVEL = 0.02
 ALONE = 0.1  # readings as far out as this one that the others' noise may make, of all n

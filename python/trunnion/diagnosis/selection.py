@@ -28,8 +28,6 @@ from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT, Candidates
 
-__all__ = ["MAX_CAUSES", "WITHIN", "Found", "search"]
-
 # "Within 6 of the best": a likelihood ratio of exp(3) = 20.
 WITHIN = 6.0
 

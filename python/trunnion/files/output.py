@@ -10,8 +10,6 @@ from pathlib import Path
 
 from trunnion.base.errors import InputError
 
-__all__ = ["check_new", "whole_file", "write_text"]
-
 
 def check_new(path: Path, *, overwrite: bool) -> None:
     """Refuse a path where a file stands already.

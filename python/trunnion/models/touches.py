@@ -40,8 +40,6 @@ from trunnion.machine.estimate import Estimate
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um, ticks_um
 from trunnion.setup import Setup
 
-__all__ = ["ExtendedTouchModel", "TouchDiagnosisModel"]
-
 MAX_MOMENTS = 48
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers

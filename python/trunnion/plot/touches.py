@@ -48,9 +48,6 @@ def plot_artefact(
     ax
         Three-dimensional axes; new ones if None.
 
-    Returns
-    -------
-    matplotlib.axes.Axes
     """
     ax = axes_or_new(ax, 7.5, 6.5, "3d")
     axes: Any = ax
@@ -97,18 +94,14 @@ def _draw_solid(axes: Any, setup: Setup) -> None:
         )
         return
     length, width, height = artefact.length_mm, artefact.width_mm, artefact.height_mm
-    if artefact.kind == "cuboid":
-        outline = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-        corners = [(0.5 * length * x, 0.5 * width * y) for x, y in outline]
-        tops = [corners]
-    else:
-        a, b = 0.5 * length, 0.5 * width
+    a, b = 0.5 * length, 0.5 * width
+    corners = [(-a, -b), (a, -b), (a, b), (-a, b)]
+    if artefact.kind != "cuboid":
         corners = [
             (b, -a), (b, -b), (a, -b), (a, b), (b, b), (b, a),
             (-b, a), (-b, b), (-a, b), (-a, -b), (-b, -b), (-b, -a),
         ]  # fmt: skip
-        tops = [corners]
-    faces = [[(x, y, height) for x, y in outline] for outline in tops]
+    faces = [[(x, y, height) for x, y in corners]]
     for (x1, y1), (x2, y2) in zip(corners, corners[1:] + corners[:1], strict=True):
         faces.append([(x1, y1, 0.0), (x2, y2, 0.0), (x2, y2, height), (x1, y1, height)])
     solid = Poly3DCollection(faces, facecolor=FACE, edgecolor=INK, linewidth=0.6, alpha=0.35)

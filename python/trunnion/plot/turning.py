@@ -54,19 +54,9 @@ def plot_probe_path(path: ProbePath, *, ax: Axes | None = None) -> Axes:
         for z, x in (interval.start_mm, interval.end_mm):
             ax.plot(z + ball * np.sin(turn), x + ball * np.cos(turn), color="tab:green", lw=0.8)
             shoulder = x + (x0 + (half - z0) / np.tan(angle) if half > z0 and angle > 0 else 0.0)
-            foot = [z - z0, z + z0], [x + x0, x + x0]
-            ax.plot(
-                [z - half, z - half, foot[0][0]],
-                [top, shoulder, foot[1][0]],
-                color="tab:green",
-                lw=0.6,
-            )
-            ax.plot(
-                [z + half, z + half, foot[0][1]],
-                [top, shoulder, foot[1][1]],
-                color="tab:green",
-                lw=0.6,
-            )
+            for side in (-1, 1):
+                across = [z + side * half, z + side * half, z + side * z0]
+                ax.plot(across, [top, shoulder, x + x0], color="tab:green", lw=0.6)
     ax.autoscale_view()
     ax.set_ylim(0.0, top)
     ax.legend(loc="lower left", fontsize="small", ncols=2)

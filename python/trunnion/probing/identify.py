@@ -20,8 +20,6 @@ from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
 
-__all__ = ["identify", "identify_many"]
-
 Floats = NDArray[np.float64]
 
 HUBER_KNEE = 1.345

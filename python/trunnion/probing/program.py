@@ -18,8 +18,6 @@ from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
 from trunnion.setup import Setup
 
-__all__ = ["probing_program"]
-
 BACK_OFF_DEG = 5.0
 
 Block = str | Sequence[tuple[str, float]]

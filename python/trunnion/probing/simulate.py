@@ -15,8 +15,6 @@ from trunnion.machine.estimate import Estimate
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
-__all__ = ["simulate"]
-
 OFF_SURFACE_MM = 5.0
 
 

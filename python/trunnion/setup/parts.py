@@ -35,17 +35,6 @@ from trunnion.setup.fields import (
 from trunnion.setup.names import canonical_error_name
 from trunnion.setup.write import headline_of, report_of, tables_of, toml_of
 
-__all__ = [
-    "Artefact",
-    "AxisSetup",
-    "Machine",
-    "PlanSetup",
-    "Probe",
-    "Resolution",
-    "Setup",
-    "TableSetup",
-]
-
 AXES = ("X", "Y", "Z", "A", "B", "C")
 PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
 """Tables that belong to a process, which declares and reads them."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.checks import entry, named, shown
+from trunnion.base.checks import entry, named, shown, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.studies.study import Parameter, Study, Value
 
@@ -199,10 +199,8 @@ def _value(name: str, value: Any, known: Mapping[str, Parameter]) -> Value:
     if parameter.choices and value not in parameter.choices:
         choices = ", ".join(str(choice) for choice in parameter.choices)
         raise InputError(f"{name}: got {value!r}, expected one of {choices}")
-    if parameter.low is not None and not isinstance(value, str) and value < parameter.low:
-        raise InputError(f"{name}: got {value!r}, expected {parameter.low:g} or more")
-    if parameter.high is not None and not isinstance(value, str) and value > parameter.high:
-        raise InputError(f"{name}: got {value!r}, expected {parameter.high:g} or less")
+    if parameter.low is not None and not isinstance(value, str):
+        within(name, value, parameter.low, parameter.high)
     checked: Value = float(value) if kind is float else value
     return checked
 

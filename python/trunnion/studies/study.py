@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -30,14 +31,15 @@ class Parameter:
 
     `default` None: it must be given. Its type is that of the default; a number takes any number,
     a whole number only whole ones. `choices`: the only values allowed. `low`, `high`: the least
-    and the most. `in_grid` False: outputs depend on it, so that it must be the same at all nodes.
+    (None: any number) and the most. `in_grid` False: outputs depend on it, so that it must be the
+    same at all nodes.
     """
 
     default: Value | None
     unit: str = ""
     choices: tuple[Value, ...] = ()
     low: float | None = None
-    high: float | None = None
+    high: float = math.inf
     in_grid: bool = True
 
 

@@ -10,8 +10,8 @@ alone fits the log best.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -29,31 +29,24 @@ RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
 
 
-class AxisEffect(Protocol):
-    """An entry of the table for each axis."""
+@dataclass(frozen=True)
+class AxisEffect:
+    """An entry of the table for each axis; id and label are those without the axis.
 
-    @property
-    def id(self) -> str:
-        """Id without the axis."""
-        ...
+    whole_grid: Noise is what is left beside any place of its grid, not beside its middle.
+    """
 
-    @property
-    def label(self) -> str:
-        """What people call it."""
-        ...
-
-    @property
-    def whole_grid(self) -> bool:
-        """Whether noise is what is left beside any place of its grid, not beside its middle."""
-        ...
+    id: str
+    label: str
+    whole_grid: bool = field(default=False, kw_only=True)
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
-        ...
+        raise NotImplementedError
 
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
+    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
         """Return an axis with the effect in it; as it is if its parameters cannot say it."""
-        ...
+        return servo
 
 
 @dataclass(frozen=True)
@@ -77,7 +70,7 @@ def _label(entry: AxisEffect, axis: AxisSignal) -> str:
 
 
 @dataclass(frozen=True)
-class ServoEffect:
+class ServoEffect(AxisEffect):
     """Parameters of the servo differ from the set-up's by one amount.
 
     parameter, unit: Name of the amount; its unit where the name does not say it.
@@ -88,8 +81,6 @@ class ServoEffect:
     signed: It can be negative.
     """
 
-    id: str
-    label: str
     parameter: str
     servo: tuple[str, ...]
     unit: str = ""
@@ -97,7 +88,6 @@ class ServoEffect:
     start_share: float = 0.0
     percent: bool = False
     signed: bool = True
-    whole_grid: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""
@@ -164,12 +154,12 @@ class FrictionColumns:
 
 
 @dataclass(frozen=True)
-class CyclicError:
+class CyclicError(AxisEffect):
     """The load is ahead of the motor by a wave over the motor's position; its pitch is sought."""
 
     id: str = "cyclic"
     label: str = "cyclic error of the {axis} axis"
-    whole_grid: bool = True
+    whole_grid: bool = field(default=True, kw_only=True)
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
@@ -250,12 +240,14 @@ def _waves(axis: AxisSignal, pitch: float) -> Floats:
 
 
 @dataclass(frozen=True)
-class Resonance:
-    """A share of the load hangs on a structure that resonates, which the loop does not see."""
+class Resonance(AxisEffect):
+    """A share of the load hangs on a structure that resonates, which the loop does not see.
+
+    The servo model stays as it is: there the structure carries all of the load or nothing.
+    """
 
     id: str = "resonance"
     label: str = "resonance of the structure of the {axis} axis"
-    whole_grid: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
@@ -270,10 +262,6 @@ class Resonance:
         )
         columns = ResonanceColumns(axis)
         return gridded(_id(self, axis), parameters, columns, _label(self, axis))
-
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
-        """Return the axis as it is: its structure carries all of the load or nothing."""
-        return servo
 
     def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
         """Frequency and damping at which a structure that carries the whole load fits best.

@@ -1,4 +1,4 @@
-//! The cross of paper 000, Fig. 2: the union of two bars along X and Y.
+//! The cross of Kang, Kim and Jee (2022), Fig. 2: the union of two bars along X and Y.
 //!
 //! For the cross they carry the paper's labels (Figs. 3 and 4, as equations (3) to (10) fix them).
 //! Seen from above the arms follow −Y, −X, +Y, +X (j = 0..3); each has 4j + 1 on top, 4j + 2 on the
