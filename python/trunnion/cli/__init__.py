@@ -17,6 +17,7 @@ from trunnion.cli import (
     demo,
     diagnose,
     hybrid,
+    positioning,
     sweep,
     turning,
 )
@@ -50,5 +51,17 @@ def _main(
     del version
 
 
-for part in (calibration, diagnose, compensate, turning, contour, ballbar, hybrid, sweep, demo):
+GROUPS = (
+    calibration,
+    diagnose,
+    compensate,
+    turning,
+    contour,
+    ballbar,
+    positioning,
+    hybrid,
+    sweep,
+    demo,
+)
+for part in GROUPS:
     part.register(app)

@@ -213,6 +213,11 @@ class Model:
         raise NotImplementedError
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of any diagnosis of these data should know, in sentences."""
+        return ()
+
+    @property
     def start(self) -> Floats:
         """Nuisance values to start from, shape (p,): zeros."""
         return np.zeros(len(self.nuisance))

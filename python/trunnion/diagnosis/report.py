@@ -84,7 +84,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
-        notes=_notes(case, variance),
+        notes=(*model.remarks, *_notes(case, variance)),
     )
 
 
