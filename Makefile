@@ -77,6 +77,10 @@ lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
 power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/power-turning.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/turning_blind.py 200 --out docs/power-turning.md
 
+.PHONY: linuxcnc
+linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, an hour, into docs/linuxcnc-runs.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/probing_bench.py 200 --out docs/linuxcnc-runs.md
+
 # LinuxCNC's interpreter, which the tests of part programs run where it is there: the two packages it
 # needs beyond a usual Debian, unpacked and not installed (installing pulls in a desktop).
 RS274 := target/rs274/usr/bin/rs274

@@ -27,7 +27,7 @@ def test_plan_writes_csv_and_a_program(tmp_path: Path) -> None:
     said = run("plan", SETUP, "-o", str(plan), "--program", str(program))
     assert "72 touches" in said
     assert len(tn.read_touches(plan)) == 72
-    assert program.read_text().count("G38.2") == 72
+    assert program.read_text().count("o<touch> call") == 72
     rich = run("plan", SETUP, "--c", "0:330:30", "--tilt", "-90:90:30", "--both-senses", "--json")
     assert json.loads(rich)["touches"] > 400
 

@@ -23,7 +23,15 @@ from trunnion.models.kinds import kinds
 NOT_RESULTS = {
     # what is described, not what comes out
     *("Setup", "Machine", "AxisSetup", "Artefact", "Probe", "Resolution", "TableSetup"),
-    *("PlanSetup", "EffectInfo", "UserEffect", "AxisLogModel", "BallbarModel"),
+    *(
+        "PlanSetup",
+        "ControlSetup",
+        "ProbingProgram",
+        "EffectInfo",
+        "UserEffect",
+        "AxisLogModel",
+        "BallbarModel",
+    ),
     *("compensation.Compensation", "InverseCompensation", "ModelCompensation"),
     *("compensation.MachineErrors", "compensation.MotionPose", "compensation.AxisCommands"),
     *("contouring.Coupling", "contouring.Feed", "contouring.LinearAxis", "contouring.Path"),

@@ -89,9 +89,12 @@ from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
 from .probing.length import smallest_length_mm as smallest_length_mm
+from .probing.notes import plan_notes as plan_notes
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability
 from .probing.plan import plan as plan
+from .probing.program import ProbingProgram as ProbingProgram
+from .probing.program import probing_program as probing_program
 from .probing.result import ClosedFormResult as ClosedFormResult
 from .probing.result import IdentificationResult as IdentificationResult
 from .probing.simulate import simulate as simulate
@@ -106,6 +109,7 @@ from .samples import sample_path as sample_path
 # --- the set-up: machine, artefact, probe
 from .setup import Artefact as Artefact
 from .setup import AxisSetup as AxisSetup
+from .setup import ControlSetup as ControlSetup
 from .setup import Machine as Machine
 from .setup import PlanSetup as PlanSetup
 from .setup import Probe as Probe

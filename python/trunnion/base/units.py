@@ -20,6 +20,8 @@ _SUFFIXES = {
     "um_h": "µm/h",
     "mm_min": "mm/min",
     "deg_min": "deg/min",
+    "deg_s2": "deg/s²",
+    "mm_s2": "mm/s²",
     "mm_rev": "mm/rev",
     "m_min": "m/min",
     "um_m": "µm/m",

@@ -18,6 +18,7 @@ from trunnion.cli import (
     diagnose,
     hybrid,
     positioning,
+    program,
     sweep,
     turning,
 )
@@ -53,6 +54,7 @@ def _main(
 
 GROUPS = (
     calibration,
+    program,
     diagnose,
     compensate,
     turning,

@@ -10,6 +10,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.program import LogFile, ProbeLog, save_program
 from trunnion.cli.values import named_values, names, numbers
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def plan(
     program: Annotated[
         Path | None, typer.Option(help="write the probing cycle as a LinuxCNC program")
     ] = None,
-    log: Annotated[str, typer.Option(help="file the control logs touches to")] = "touches.log",
+    log: LogFile = "touches.log",
     c: Angles = "0,90,180,270",
     tilt: Annotated[str, typer.Option(help="positions of A or B, degrees")] = "90,-90",
     feeds: Annotated[str, typer.Option(help="feeds of the approaches, mm/min")] = "600",
@@ -47,7 +48,7 @@ def plan(
 ) -> Answer:
     """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
     from trunnion.machine.chain import Chain
-    from trunnion.probing.program import probing_program
+    from trunnion.probing.notes import plan_notes
 
     made = tn.read_setup(setup)
     letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
@@ -63,13 +64,20 @@ def plan(
     if output is not None:
         shown.append(save(output, planned.to_csv))
     if program is not None:
-        text = probing_program(planned, made, log).text()
-        shown.append(save(program, lambda path: path.write_text(text, encoding="utf-8")))
+        name = (output or setup).name
+        shown.append(save_program(program, tn.probing_program(planned, made, log, name=name)))
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
-    values = {"touches": len(planned), "minutes": minutes, "columns": list(planned.columns)}
+    notes = plan_notes(planned, made)
+    values = {
+        "touches": len(planned),
+        "minutes": minutes,
+        "columns": list(planned.columns),
+        "notes": list(notes),
+    }
     if not shown:
         return Answer(values, (planned.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(planned)} touches, about {minutes:.1f} min of moves.", *shown))
+    said = f"{len(planned)} touches, about {minutes:.1f} min of moves."
+    return Answer(values, (said, *notes, *shown))
 
 
 def simulate(
@@ -142,10 +150,7 @@ def estimate(
     effects: Annotated[
         str, typer.Option(help="effects to estimate by least squares, comma-separated")
     ] = "",
-    probe_log: Annotated[
-        Path | None,
-        typer.Option(help="LinuxCNC probe log; TOUCHES is then the plan it came from"),
-    ] = None,
+    probe_log: ProbeLog = None,
     per_position: Annotated[
         bool, typer.Option(help="also the paper's estimates at every A and C")
     ] = False,

@@ -10,6 +10,7 @@ import typer
 import trunnion as tn
 from trunnion.base.checks import choose
 from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.program import ProbeLog
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -36,6 +37,7 @@ def diagnose(
         str, typer.Option(help="kind of data; by default detected from the columns")
     ] = "",
     html: Html = None,
+    probe_log: ProbeLog = None,
     next_: Annotated[
         int,
         typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
@@ -46,7 +48,7 @@ def diagnose(
 
     With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
-    d = _diagnosis(files, kind)
+    d = _diagnosis(files, kind, probe_log)
     shown: list[Any] = [d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
@@ -78,9 +80,15 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _diagnosis(files: list[Path], kind: str) -> Diagnosis:
+def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = _kind(data[0], kind).read(data[0])
+    if probe_log is not None:
+        if not isinstance(read, tn.Touches):
+            raise tn.InputError(
+                f"{data[0]}: got data that are no touches, expected the plan of --probe-log"
+            )
+        read = tn.read_probe_log(probe_log, read)
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
         raise tn.InputError(

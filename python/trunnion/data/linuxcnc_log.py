@@ -1,15 +1,22 @@
-"""The probe log of LinuxCNC, read together with the plan whose program wrote it.
+"""The log of a probing program of LinuxCNC, read together with the plan that it came from.
 
-Between ``(PROBEOPEN file)`` and ``(PROBECLOSE)`` LinuxCNC writes one line a probing move: nine
-numbers ``X Y Z A B C U V W`` with six decimals, without names. They are in the program's unit (mm
-under G21, which the programs of a plan set) and in the program's coordinate system, offsets and
-tool length taken off: the program has to run with its origin at that of the machine frame.
+Programs of :func:`trunnion.probing_program` append one line a touch: its number, the feed it was
+recorded at, and X Y Z A B C. A line in front of each run names the plan by a hash of its columns,
+so that a log of another plan is refused and a run that was stopped can be gone on with.
 
-LinuxCNC leaves a line out when all nine numbers are exactly those of the touch before. The log is
-then shorter than the plan and is refused, because which touch is lacking would be a guess.
+Earlier programs wrote, between ``(PROBEOPEN file)`` and ``(PROBECLOSE)``, LinuxCNC's own lines:
+nine numbers ``X Y Z A B C U V W`` with six decimals, in the order of the program. LinuxCNC leaves a
+line out when all nine are exactly those of the touch before; the log is then refused, as the
+touches behind it do not lie where they were planned.
+
+Positions are in the program's unit (mm under G21, which the programs of a plan set) and in its
+work offset, tool length taken off: its origin has to be that of the machine frame.
 """
 
+import hashlib
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
@@ -22,6 +29,23 @@ from trunnion.files.columns import parse_number
 from trunnion.files.text import decode
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
+COUNTS = {8: "eight", 9: "nine"}
+
+RUN = "trunnion-touches"
+"""How the first line of a run begins."""
+RUN_LINE = (
+    rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ from=(?P<first>\d+)"
+)
+
+HASHED = frozenset(
+    f"{prefix}{axis}{unit}"
+    for prefix, axes, unit in (
+        ("", "abc", "_deg"), ("", "abc", "_dir"), ("", "xyz", "_mm"), ("dir_", "xyz", ""),
+        ("start_", "xyz", "_mm"), ("", ("feed",), "_mm_min"),
+    )
+    for axis in axes
+)  # fmt: skip
+"""Columns that make a plan what it is."""
 
 ROTARY_TOLERANCE_DEG = 0.001
 """How far a logged rotary position may be from the planned one: ten steps of 0.36 arcsec."""
@@ -36,90 +60,168 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     Parameters
     ----------
     path
-        Log written between PROBEOPEN and PROBECLOSE, mm and deg, one line a touch in the order of
-        the program. Blank lines and lines that begin with ``#`` are skipped.
+        Log that a program of :func:`trunnion.probing_program` wrote, or nine numbers a touch
+        between PROBEOPEN and PROBECLOSE in the order of the program; mm and deg. Blank lines and
+        lines that begin with ``#`` or ``;`` are skipped.
     plan
-        The plan that the program came from. Everything but the recorded position is taken from it,
-        commanded rotary positions and `time_s` (where planned) too.
+        The plan that the program came from. Everything but the recorded position and the feed that
+        it was recorded at is taken from it, commanded rotary positions and `time_s` (where
+        planned) too.
+
+    Returns
+    -------
+    Touches
+        The touches that are in the log, in their order: of a run that was stopped those before.
+        Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
+        with it; a touch that was made again counts as it was made last.
 
     Raises
     ------
     FileFormatError
-        If a line is not nine finite numbers, there are not as many as planned touches, a rotary
-        position differs from the plan's by more than 0.001 deg, an axis that the plan lacks is not
-        at 0, or a touch is more than 5 mm from the planned one. The message names line and column.
+        If a line is not as it should be, the log is of another plan, has no touch or more than
+        were planned, a rotary position differs from the plan's by more than 0.001 deg, an axis
+        that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one. The
+        message names line and column.
     """
     name = str(path)
     lines = decode(name, Path(path).read_bytes()).split("\n")
-    numbers = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
-    logged = np.array([_parsed(name, i, lines[i]) for i in numbers]).reshape(-1, len(NAMES))
-    _same_number(name, numbers, len(lines), len(plan))
-
-    def refuse(row: int, column: str, got: str, expected: str) -> None:
-        line = numbers[row]
-        at = _starts(lines[line])[NAMES.index(column)]
-        raise FileFormatError(
-            f"{name}:{line + 1}:{at + 1}: {column} (touch {row}): got {got}, expected {expected}"
-        )
-
-    planned = _planned_joints(plan)
-    bad = np.abs(logged - planned) > ROTARY_TOLERANCE_DEG
-    bad[:, :3] = False
-    for row, column in np.argwhere(bad)[:1].tolist():
-        letter = NAMES[column]
-        there = letter.lower() in plan.rotary_deg
-        why = "as planned" if there else f"as the plan has no {letter} axis"
-        expected = f"{planned[row, column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}"
-        refuse(row, letter, f"{logged[row, column]:.6f}", expected)
-
-    distance = np.linalg.norm(logged[:, :3] - plan.position_mm, axis=1)
-    for row in np.flatnonzero(distance > DISTANCE_MM)[:1].tolist():
-        x, y, z = plan.position_mm[row].tolist()
-        got = f"a touch {distance[row]:.3f} mm from the planned one"
-        expected = f"at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
-        refuse(row, "X", got, expected)
+    data = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#;"]
+    log = _Log(name, lines)
+    if data and lines[data[0]].lstrip().startswith(RUN):
+        entries = _numbered(log, data, plan)
+    else:
+        entries = _in_order(log, data, plan)
+    log.check(entries, plan)
+    rows = np.array([entry.row for entry in entries], dtype=np.intp)
+    logged = np.array([entry.values for entry in entries])
     x_mm, y_mm, z_mm = logged[:, :3].T
-    return Touches(plan.columns).with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm)
+    made = plan[rows].with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm)
+    feeds = [entry.feed for entry in entries]
+    return made if None in feeds else made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
 
 
-def _parsed(name: str, index: int, line: str) -> list[float]:
-    fields = line.split()
-    if len(fields) != len(NAMES):
-        raise FileFormatError(
-            f"{name}:{index + 1}:{_starts(line)[min(len(fields), len(NAMES)) - 1] + 1}: got "
-            f"{len(fields)} fields, expected nine numbers: {' '.join(NAMES)}"
+@dataclass(frozen=True)
+class _Entry:
+    """A touch: its line in the file, its row in the plan, X to W, and the feed where it is said."""
+
+    line: int
+    row: int
+    values: list[float]
+    feed: float | None
+
+
+@dataclass(frozen=True)
+class _Log:
+    """The lines of a log, and its errors."""
+
+    name: str
+    lines: list[str]
+
+    def error(self, line: int, field: int, message: str) -> FileFormatError:
+        """Return the error at a field of a line, both counted from 0."""
+        at = _starts(self.lines[line]) or [0]
+        column = at[min(field, len(at) - 1)] + 1
+        return FileFormatError(f"{self.name}:{line + 1}:{column}: {message}")
+
+    def numbers(self, line: int, names: Sequence[str]) -> list[float]:
+        """Return the numbers of a line."""
+        fields = self.lines[line].split()
+        if len(fields) != len(names):
+            many = f"{COUNTS[len(names)]} numbers: {' '.join(names)}"
+            last = min(len(fields), len(names)) - 1
+            raise self.error(line, last, f"got {len(fields)} fields, expected {many}")
+        values = []
+        for column, field in enumerate(fields):
+            value = parse_number(field)
+            if value is None or not np.isfinite(value):
+                message = f"{names[column]}: got {field[:60]!r}, expected a finite number"
+                raise self.error(line, column, message)
+            values.append(value)
+        return values
+
+    def check(self, entries: Sequence[_Entry], plan: Touches) -> None:
+        """Check where the touches are."""
+        planned = _planned_joints(plan)
+        for entry in entries:
+            logged, expected = np.array(entry.values), planned[entry.row]
+            first = 2 if entry.feed is not None else 0
+            bad = np.abs(logged - expected) > ROTARY_TOLERANCE_DEG
+            bad[:3] = False
+            for column in np.flatnonzero(bad)[:1].tolist():
+                letter = NAMES[column]
+                there = letter.lower() in plan.rotary_deg
+                why = "as planned" if there else f"as the plan has no {letter} axis"
+                raise self.error(
+                    entry.line,
+                    first + column,
+                    f"{letter} (touch {entry.row + 1}): got {logged[column]:.6f}, expected "
+                    f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}",
+                )
+            distance = float(np.linalg.norm(logged[:3] - expected[:3]))
+            if distance > DISTANCE_MM:
+                x, y, z = expected[:3].tolist()
+                raise self.error(
+                    entry.line,
+                    first,
+                    f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
+                    f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})",
+                )
+
+
+def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
+    """Return the touches of a log of PROBEOPEN, the first of which are the plan's first."""
+    entries = [_Entry(i, row, log.numbers(i, NAMES), None) for row, i in enumerate(data)]
+    if len(data) > len(plan):
+        why = f"got {len(data)} touches, expected {len(plan)}, one for each touch of the plan"
+        raise log.error(data[len(plan)], 0, why)
+    if not data:
+        raise log.error(len(log.lines) - 1, 0, "got no touches, expected those of the plan")
+    return entries
+
+
+def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
+    """Return the touches of the last measurement in a log with numbers."""
+    letters = "XYZABC"
+    found: dict[int, _Entry] = {}
+    for i in data:
+        text = log.lines[i].strip()
+        if text.startswith(RUN):
+            if _first_touch(log, i, text, plan) == 1:
+                found = {}
+            continue
+        number, feed, *values = log.numbers(i, ("touch", "feed", *letters))
+        if number != int(number) or not 1 <= number <= len(plan):
+            message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
+            raise log.error(i, 0, message)
+        if feed <= 0:
+            raise log.error(i, 1, f"feed: got {feed:g}, expected a number above 0")
+        row = int(number) - 1
+        found.pop(row, None)
+        found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)
+    if not found:
+        raise log.error(data[-1], 0, "got no touches, expected those of the plan")
+    return list(found.values())
+
+
+def _first_touch(log: _Log, line: int, text: str, plan: Touches) -> int:
+    """Return the touch that a run began with, once it is known to be of this plan."""
+    match = re.fullmatch(RUN_LINE, text)
+    if match is None:
+        raise log.error(
+            line, 0, f"got {text[:60]!r}, expected the first line of a run: {RUN} 1 ..."
         )
-    values = []
-    for column, (field, at) in enumerate(zip(fields, _starts(line), strict=True)):
-        value = parse_number(field)
-        if value is None or not np.isfinite(value):
-            raise FileFormatError(
-                f"{name}:{index + 1}:{at + 1}: {NAMES[column]}: got {field[:60]!r}, expected a "
-                "finite number"
-            )
-        values.append(value)
-    return values
+    if match["hash"] != plan_hash(plan):
+        message = (
+            f"got the log of plan {match['plan']}, hash {match['hash']}, expected that of this "
+            f"plan, hash {plan_hash(plan)}: is it another plan, or was it changed since its "
+            "program was written?"
+        )
+        raise log.error(line, 0, message)
+    return int(match["first"])
 
 
 def _starts(line: str) -> list[int]:
     return [match.start() for match in re.finditer(r"\S+", line)]
-
-
-def _same_number(name: str, numbers: list[int], end: int, planned: int) -> None:
-    if len(numbers) == planned:
-        return
-    if len(numbers) > planned:
-        line, why = numbers[planned] + 1, ""
-    else:
-        line = numbers[-1] + 1 if numbers else end
-        why = (
-            "; LinuxCNC writes no line for a touch at exactly the position of the one before, and"
-            " a G38.2 that touches nothing ends the program"
-        )
-    raise FileFormatError(
-        f"{name}:{line}:1: got {len(numbers)} touches, expected {planned}, one for each touch of "
-        f"the plan{why}"
-    )
 
 
 def _planned_joints(plan: Touches) -> Floats:
@@ -130,3 +232,14 @@ def _planned_joints(plan: Touches) -> Floats:
         if axis in plan.rotary_deg:
             planned[:, NAMES.index(axis.upper())] = plan.rotary_deg[axis]
     return planned
+
+
+def plan_hash(plan: Touches) -> str:
+    """Twelve hexadecimal digits that name a plan: its positions, directions, starts and feeds."""
+    names = sorted(HASHED.intersection(plan.columns))
+    text = ";".join(f"{name}={_digits(plan.columns[name])}" for name in names)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _digits(values: Floats) -> str:
+    return ",".join(f"{value + 0.0:.6f}" for value in values.tolist())

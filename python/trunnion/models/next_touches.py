@@ -166,7 +166,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
         chance, enough, alike = 1.0, None, ()
     before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
     return ExpectedDiscrimination(
-        _ordered(both.data, chosen, old), len(sets), chance, enough, alike, before, after
+        _ordered(pool[chosen - len(old)], old), len(sets), chance, enough, alike, before, after
     )
 
 
@@ -272,14 +272,12 @@ def _std(
     return out[0], out[1]
 
 
-def _ordered(touches: Touches, chosen: Integers, old: Touches) -> Touches:
+def _ordered(chosen: Touches, old: Touches) -> Touches:
     """Sort by position of the axes; let time run on."""
-    letters = list(touches.rotary_deg)
-    keys = [touches.rotary_deg[x][chosen] for x in letters]
-    rows = np.asarray(chosen)[np.lexsort(keys)]
-    out = touches[rows]
+    rows = np.lexsort([chosen.rotary_deg[x] for x in chosen.rotary_deg])
+    out = chosen[rows]
     if old.time_s is None:
-        return out
+        return out.with_columns(time_s=None)
     end = float(np.max(np.asarray(old.time_s)))
     pace = (end - float(np.min(np.asarray(old.time_s)))) / max(len(old) - 1, 1)
     return out.with_columns(time_s=end + PAUSE_S + pace * np.arange(1, len(out) + 1))

@@ -1,87 +1,199 @@
 """The probing cycle of a plan as a program for LinuxCNC.
 
-The program runs with the work offset in the origin of the machine frame (centre of the table top),
-in mm, with tool length compensation to the centre of the ball. `PROBEOPEN` logs one line a touch,
-which :func:`trunnion.read_probe_log` reads together with the plan.
+What moves, in which order and how long it takes is in `trunnion.probing.cycle`, the text in
+`trunnion.probing.linuxcnc`. The program runs with its work offset in the origin of the machine
+frame (centre of the table top), in mm, with tool length compensation to the centre of the ball.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.checks import instance
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats
+from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
+from trunnion.probing.cycle import Cycle, Step
+from trunnion.probing.linuxcnc import program_text
 from trunnion.setup import Setup
 
-BACK_OFF_DEG = 5.0
+DECIMALS = 4
+FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
 
-Block = str | Sequence[tuple[str, float]]
+
+@dataclass(frozen=True, eq=False)
+class ProbingProgram:
+    """A probing program for LinuxCNC.
+
+    Attributes
+    ----------
+    cycle
+        What it does: steps, levels and speeds.
+    """
+
+    cycle: Cycle
+
+    def __repr__(self) -> str:
+        return f"<ProbingProgram: {len(self.cycle.steps)} touches, {self.seconds / 60:.1f} min>"
+
+    def text(self) -> str:
+        """Return the program as it stands in its file."""
+        return program_text(self.cycle)
+
+    @cached_property
+    def moves(self) -> Program:
+        """The moves of the program one after the other, without checks, for :func:`nc.follow`.
+
+        A touch ends at the end of its search; where touches are made twice, the first pass and the
+        way back are between these ends and are left out.
+        """
+        return Program.from_blocks("linuxcnc", self.cycle.blocks())
+
+    @property
+    def time_s(self) -> Floats:
+        """When each touch triggers, s after the first cycle start; pauses are not in it, (n,)."""
+        return self.cycle.times()[0]
+
+    @property
+    def seconds(self) -> float:
+        """How long the program takes without pauses, s."""
+        return self.cycle.times()[1]
+
+    @property
+    def plan_hash(self) -> str:
+        """What the log names the plan by."""
+        return self.cycle.plan_hash
 
 
-def probing_program(plan: Touches, setup: Setup, log: str = "touches.log") -> Program:
+def probing_program(
+    plan: Touches,
+    setup: Setup,
+    log: str = "touches.log",
+    *,
+    name: str = "plan",
+    start_at: int = 1,
+    dry_run: bool = False,
+    feed_mm_min: float | None = None,
+) -> ProbingProgram:
     """Write a plan as a LinuxCNC probing program.
 
-    Each approach is a G38.2 move from its start, through the expected contact, to the overtravel
-    of the set-up. Between touches the probe retracts to the start, rises along Z above everything
-    on the table, crosses, and comes down; before a rotary axis turns it rises above all that
-    swings. Where the plan wants an axis to come from a sense that the straight way does not have,
-    the axis overshoots by 5°.
+    Before the first move the program checks what it can of the control's state (`[control]` of the
+    set-up) and stops with a message if it is not as planned. Each touch is a call of one
+    subroutine: across above everything, down to the start by G38.3, which stops on contact, the
+    approach through the expected contact to the overtravel of the set-up, and back up. With
+    `slow_feed_mm_min` in `[plan]` it touches twice, the second time at that feed. Before a rotary
+    axis turns, the probe rises above all that swings; where the plan expects an axis to come from
+    another sense than that of its last turn, the axis overshoots by 5°. Paths are exact (G61).
 
     Parameters
     ----------
     plan
-        A plan with starts (from :func:`trunnion.plan`), on a machine with its rotary axes under the
-        table.
+        Touches to make, on a machine with its rotary axes under the table. Without starts, the
+        approaches begin at the clearance of the set-up.
     log
-        File that the control writes the touches to.
+        File that the control appends the touches to, with the plan's hash and a number each.
+    name
+        Of the plan, for the header and the log.
+    start_at
+        Number of the first touch, from 1, to go on with a run that was stopped (``#<_from>``).
+    dry_run
+        Make all moves but the approaches, and log nothing (``#<_dry>``).
+    feed_mm_min
+        Feed of the approaches where the plan has none.
 
     Raises
     ------
     DataError
-        A plan without starts or feeds.
+        A plan without feeds, and none given.
     InputError
-        A machine with a rotary axis in its head: the way between touches would not be along Z.
+        A machine with a rotary axis in its head: the way between touches would not be along Z;
+        a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
     """
-    starts = plan.start_mm
-    if starts is None or plan.feed_mm_min is None:
-        raise DataError("plan: got no starts or feeds, expected the plan of trunnion.plan")
-    chain = Chain(setup)
+    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
+    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     if setup.machine.preset == "table-c-head-b":
         raise InputError(
             "probing program: got machine table-c-head-b, expected one with its rotary axes under "
             "the table"
         )
-    swing, levels = safe_levels(plan, setup)
+    if FILE_NAME.fullmatch(log) is None:
+        raise InputError(
+            f"log: got {log!r}, expected a file name of printable ASCII without ( ) # % ; ,"
+        )
+    if isinstance(start_at, bool) or not isinstance(start_at, int) or start_at < 1:
+        raise InputError(f"start_at: got {start_at!r}, expected the number of a touch, from 1")
+    if start_at > len(plan):
+        raise InputError(f"start_at: got {start_at}, expected a touch of the plan's {len(plan)}")
+    ready = _with_starts(plan, setup, feed_mm_min)
+    swing, levels = safe_levels(ready, setup)
+    cycle = Cycle(
+        setup=setup,
+        letters=tuple(Chain(setup).letters),
+        name=re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60] or "plan",
+        plan_hash=plan_hash(plan),
+        log=log,
+        swing=_up(swing),
+        steps=_steps(ready, setup, levels),
+        start_at=start_at,
+        dry_run=dry_run,
+    )
+    return ProbingProgram(cycle)
+
+
+def _with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
+    """Return the plan with starts and feeds."""
+    added: dict[str, Floats] = {}
+    if plan.feed_mm_min is None:
+        if feed is None:
+            raise DataError("plan: got no column feed_mm_min, expected it, or a feed_mm_min given")
+        added["feed_mm_min"] = np.full(len(plan), float(feed))
+    if plan.start_mm is None:
+        starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
+        added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}
+    return plan.with_columns(**added) if added else plan
+
+
+def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
+    starts, feeds = plan.start_mm, plan.feed_mm_min
+    assert starts is not None
+    assert feeds is not None
     ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
-    blocks: list[Block] = [
-        "Touches of a rotary table with an artefact; origin: centre of the table top",
-        [("G", 21), ("G", 90), ("G", 94)],
-        [("G", 0), ("Z", swing)],
-        f"PROBEOPEN {log}",
-    ]
-    at: dict[str, float] = {}
+    rotary: Mapping[str, Floats] = plan.rotary_deg
+    senses = plan.rotary_dir
+    steps = []
     for row in range(len(plan)):
-        angles = {letter: float(plan.rotary_deg[letter.lower()][row]) for letter in chain.letters}
-        if angles != at:
-            blocks.append([("G", 0), ("Z", swing)])
-            blocks.extend(_turns(plan, row, at, angles))
-            at = angles
-        level = levels[row]
-        x, y, z = (float(value) for value in starts[row])
-        blocks.append([("G", 0), ("X", x), ("Y", y)])
-        blocks.append([("G", 0), ("Z", level)])
-        blocks.append([("G", 0), ("Z", z)])
-        end = [(axis, float(value)) for axis, value in zip("XYZ", ends[row], strict=True)]
-        blocks.append([("G", 38.2), *end, ("F", float(plan.feed_mm_min[row]))])
-        blocks.append([("G", 0), ("X", x), ("Y", y), ("Z", z)])
-        blocks.append([("G", 0), ("Z", level)])
-    blocks.extend([[("G", 0), ("Z", swing)], "PROBECLOSE", [("M", 2)]])
-    return Program.from_blocks("linuxcnc", blocks)
+        angles = {x.upper(): _round(float(values[row])) for x, values in rotary.items()}
+        sense = {x: int(senses[x.lower()][row]) if x.lower() in senses else 0 for x in angles}
+        start = tuple(_round(float(v)) for v in starts[row])
+        steps.append(
+            Step(
+                angles=angles,
+                senses=sense,
+                start=start,
+                contact=tuple(float(v) for v in plan.position_mm[row]),
+                end=tuple(_round(float(v)) for v in ends[row]),
+                level=max(_up(float(levels[row])), start[2]),
+                feed=float(feeds[row]),
+            )
+        )
+    return tuple(steps)
+
+
+def _round(value: float) -> float:
+    return float(round(value, DECIMALS)) + 0.0
+
+
+def _up(value: float) -> float:
+    return float(np.ceil(value * 1e4 - 1e-6)) / 1e4
 
 
 def safe_levels(
@@ -98,21 +210,3 @@ def safe_levels(
         table_radius_mm=setup.table.radius_mm,
         table_thickness_mm=setup.table.thickness_mm,
     )
-
-
-def _turns(
-    plan: Touches, row: int, at: dict[str, float], to: dict[str, float]
-) -> list[Sequence[tuple[str, float]]]:
-    """Rotary moves to a position, with an overshoot where the expected sense needs one."""
-    overshoot: list[tuple[str, float]] = []
-    for letter, angle in to.items():
-        senses = plan.rotary_dir.get(letter.lower())
-        sense = 0 if senses is None else int(senses[row])
-        way = angle - at.get(letter, 0.0)
-        if sense and way * sense <= 0 and (way != 0 or not at):
-            overshoot.append((letter, angle - sense * BACK_OFF_DEG))
-    moves: list[Sequence[tuple[str, float]]] = []
-    if overshoot:
-        moves.append([("G", 0), *overshoot])
-    moves.append([("G", 0), *to.items()])
-    return moves

@@ -1,5 +1,6 @@
 """The set-up: machine, artefact and probe of a measurement, read from ``setup.toml`` or built."""
 
+from trunnion.setup.control import ControlSetup as ControlSetup
 from trunnion.setup.parts import Artefact as Artefact
 from trunnion.setup.parts import AxisSetup as AxisSetup
 from trunnion.setup.parts import Machine as Machine

@@ -2,7 +2,7 @@
 
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]``), ``[axes.X]`` and so on,
-``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]`` and ``[plan]`` are declared here.
+``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``, ``[control]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -19,6 +19,7 @@ from trunnion.base.checks import choose, entry, instance, named, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import unit_of
+from trunnion.setup.control import ControlSetup
 from trunnion.setup.fields import (
     COORDINATE,
     LENGTH,
@@ -277,10 +278,14 @@ class PlanSetup(Part):
     overtravel_mm: float = key(5.0, LENGTH, "how far behind the contact an approach may search")
     rapid_mm_min: float = key(10000.0, SPEED, "rapid feed of linear axes")
     rotary_deg_min: float = key(3600.0, SPEED, "rapid speed of rotary axes")
+    slow_feed_mm_min: float = key(
+        0.0, Number(0.0, 1e7), "feed of a second, measuring pass of every touch; 0: one pass"
+    )
 
 
 PARTS: Mapping[str, type[Part]] = {
-    part.table: part for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup)
+    part.table: part
+    for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup, ControlSetup)
 }
 
 
@@ -302,6 +307,7 @@ class Setup:
     resolution: Resolution = field(default_factory=Resolution)
     table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
+    control: ControlSetup = field(default_factory=ControlSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)

@@ -13,7 +13,7 @@ from trunnion.setup.fields import report
 if TYPE_CHECKING:
     from trunnion.setup.parts import Setup
 
-PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan")
+PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control")
 SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
 PROCESSES = ("turning", "servo", "ballbar", "hybrid")
 

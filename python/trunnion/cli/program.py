@@ -1,0 +1,98 @@
+"""``trunnion program``, ``touches``: from a plan to the machine and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import trunnion as tn
+from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
+from trunnion.files.output import write_text
+
+if TYPE_CHECKING:
+    from trunnion.probing.program import ProbingProgram
+
+LogFile = Annotated[str, typer.Option(help="file the control appends the touches to")]
+ProbeLog = Annotated[
+    Path | None,
+    typer.Option(help="log of a probing program; the data are then the plan that it came from"),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    for function in (program, touches):
+        command(app)(function)
+
+
+def program(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PLAN SETUP", help="plan (CSV) and the set-up (TOML)"),
+    ],
+    output: Output = None,
+    log: LogFile = "touches.log",
+    start_at: Annotated[
+        int, typer.Option("--from", help="first touch, to go on with a run that was stopped")
+    ] = 1,
+    dry_run: Annotated[bool, typer.Option(help="all moves but the approaches")] = False,
+    feed: Annotated[
+        float | None, typer.Option(help="of the approaches where the plan has none, mm/min")
+    ] = None,
+) -> Answer:
+    """Write the LinuxCNC program that measures a plan."""
+    plans, file = one_set_up(files, (1, 1), "plans")
+    made = tn.probing_program(
+        tn.read_touches(plans[0]),
+        tn.read_setup(file),
+        log,
+        name=plans[0].name,
+        start_at=start_at,
+        dry_run=dry_run,
+        feed_mm_min=feed,
+    )
+    if output is None:
+        return Answer(_values(made), (made.text().rstrip("\n"),))
+    return Answer(_values(made), (_said(made), save_program(output, made)))
+
+
+def save_program(path: Path, made: ProbingProgram) -> str:
+    """Write a program, and say so."""
+    return save(path, lambda draft: write_text(draft, made.text()))
+
+
+def _values(made: ProbingProgram) -> dict[str, object]:
+    cycle = made.cycle
+    return {
+        "touches": len(cycle.steps) - cycle.start_at + 1,
+        "minutes": made.seconds / 60,
+        "plan_hash": made.plan_hash,
+        "ranges": {axis: list(values) for axis, values in cycle.ranges().items()},
+    }
+
+
+def _said(made: ProbingProgram) -> str:
+    ranges = made.cycle.ranges()
+    spans = ", ".join(f"{axis} {low:g} to {high:g}" for axis, (low, high) in ranges.items())
+    many = len(made.cycle.steps) - made.cycle.start_at + 1
+    return f"{many} touches, about {made.seconds / 60:.1f} min without pauses. Ranges: {spans}."
+
+
+def touches(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="PLAN LOG", help="plan (CSV) and the log of its probing program"),
+    ],
+    output: Output = None,
+) -> Answer:
+    """Write the touches that a probing program logged, as data for every other command."""
+    (plan, log), _ = sort_files(files, (2, 2), (0, 0), "plan and log")
+    planned = tn.read_touches(plan)
+    measured = tn.read_probe_log(log, planned)
+    values = {"touches": len(measured), "planned": len(planned), "columns": list(measured.columns)}
+    if output is None:
+        return Answer(values, (measured.to_csv().rstrip("\n"),))
+    said = f"{len(measured)} of {len(planned)} planned touches"
+    return Answer(values, (said, save(output, measured.to_csv)))

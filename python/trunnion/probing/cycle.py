@@ -1,0 +1,186 @@
+"""What a probing program does: its touches, every move in order, and how long they take.
+
+`Cycle.blocks` is the motion without expressions, for checks of every move; the text that makes
+LinuxCNC do it is in `trunnion.probing.linuxcnc`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from trunnion.base.units import Floats
+from trunnion.setup import Setup
+
+BACK_OFF_DEG = 5.0
+"""How far an axis goes beyond a position to come to it from the other sense."""
+SHORTEST_PROBE_MM = 0.3
+"""LinuxCNC refuses probing moves below 0.254 mm."""
+CHECK_DEG, CHECK_MM = 90.0, 10.0
+"""Where C stands, and how far X moves, to see whether tool centre point control is on."""
+Move = tuple[int, dict[str, float], float]
+"""Code (0 rapid, 1 down to a start, 38 approach), positions by axis, feed."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One touch: positions and expected senses of turning by letter, and its approach, mm."""
+
+    angles: Mapping[str, float]
+    senses: Mapping[str, int]
+    start: tuple[float, ...]
+    contact: tuple[float, ...]
+    end: tuple[float, ...]
+    level: float
+    feed: float
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """What a probing program does."""
+
+    setup: Setup
+    letters: tuple[str, ...]
+    name: str
+    plan_hash: str
+    log: str
+    swing: float
+    steps: Sequence[Step]
+    start_at: int
+    dry_run: bool
+
+    @property
+    def checks_tcp(self) -> bool:
+        """Whether the program moves to see that tool centre point control is off."""
+        return self.setup.control.tcp_check and "C" in self.letters
+
+    def moves(self) -> Iterator[tuple[int, Move]]:
+        """Every move with the number of its touch, 0 outside touches."""
+        at = dict.fromkeys(self.letters, 0.0)
+        sense = dict.fromkeys(self.letters, 0)
+        yield 0, (0, {"Z": self.swing}, 0.0)
+        yield 0, (0, {"X": 0.0, "Y": 0.0}, 0.0)
+        yield 0, (0, dict(at), 0.0)
+        if self.checks_tcp:
+            at["C"], sense["C"] = CHECK_DEG, 1
+            yield 0, (0, {"C": CHECK_DEG}, 0.0)
+            yield 0, (0, {"X": CHECK_MM}, 0.0)
+        x, y, z = (CHECK_MM if self.checks_tcp else 0.0), 0.0, self.swing
+        for number, step in enumerate(self.steps, start=1):
+            if number < self.start_at:
+                continue
+            turns = list(_turns(step, at, sense))
+            if turns:
+                if z < self.swing:
+                    yield number, (0, {"Z": self.swing}, 0.0)
+                z = self.swing
+                yield from ((number, (0, turn, 0.0)) for turn in turns)
+            if (step.start[0], step.start[1]) != (x, y):
+                yield number, (0, {"X": step.start[0], "Y": step.start[1]}, 0.0)
+            x, y = step.start[:2]
+            start = dict(zip("XYZ", step.start, strict=True))
+            if z > step.start[2]:
+                protected = z - step.start[2] > SHORTEST_PROBE_MM
+                feed = self.setup.control.positioning_mm_min if protected else 0.0
+                yield number, (1 if protected else 0, {"Z": step.start[2]}, feed)
+            if not self.dry_run:
+                yield number, (38, dict(zip("XYZ", step.end, strict=True)), step.feed)
+                yield number, (0, start, 0.0)
+            z = step.level
+            if z > step.start[2]:
+                yield number, (0, {"Z": z}, 0.0)
+        if z < self.swing:
+            yield 0, (0, {"Z": self.swing}, 0.0)
+        if any(at.values()):
+            yield 0, (0, dict.fromkeys(self.letters, 0.0), 0.0)
+
+    def blocks(self) -> list[str | list[tuple[str, float]]]:
+        """Return the moves as blocks of a program without expressions."""
+        blocks: list[str | list[tuple[str, float]]] = [
+            f"moves of plan {self.name} {self.plan_hash}",
+            [("G", 21), ("G", 90), ("G", 94), ("G", 61)],
+        ]
+        for _, (code, to, feed) in self.moves():
+            words = [("G", 38.3 if code else 0.0), *to.items()]
+            blocks.append([*words, ("F", feed)] if code else words)
+        return [*blocks, [("M", 2)]]
+
+    def times(self) -> tuple[Floats, float]:
+        """When each touch triggers (nan: not touched), and how long all takes, s."""
+        return self._times
+
+    @cached_property
+    def _times(self) -> tuple[Floats, float]:
+        at: dict[str, float] = {}
+        clock = 0.0
+        triggers = np.full(len(self.steps), np.nan)
+        for number, (code, to, feed) in self.moves():
+            if code == 38:
+                step = self.steps[number - 1]
+                clock += self._touch_s(step)
+                triggers[number - 1] = clock
+                to = dict(zip("XYZ", step.contact, strict=True))
+            else:
+                clock += self._move_s(at, to, feed)
+            at |= to
+        return triggers, clock
+
+    def _touch_s(self, step: Step) -> float:
+        """Time from the start of an approach to its last trigger."""
+        way, plan = math.dist(step.start, step.contact), self.setup.plan
+        accelerating = self.setup.control.acceleration_mm_s2
+        once = _ramp(way, step.feed / 60, accelerating)
+        if plan.slow_feed_mm_min == 0:
+            return once
+        back = self.setup.control.back_off_mm
+        once += _ramp(back, plan.rapid_mm_min / 60, accelerating)
+        return once + _ramp(back, plan.slow_feed_mm_min / 60, accelerating)
+
+    def _move_s(self, at: Mapping[str, float], to: Mapping[str, float], feed: float) -> float:
+        plan, control = self.setup.plan, self.setup.control
+        way = {axis: abs(value - at.get(axis, value)) for axis, value in to.items()}
+        turn = max((v for axis, v in way.items() if axis in "ABC"), default=0.0)
+        linear = math.hypot(*(v for axis, v in way.items() if axis in "XYZ"))
+        speed = (feed or plan.rapid_mm_min) / 60
+        turning = _ramp(turn, plan.rotary_deg_min / 60, control.rotary_acceleration_deg_s2)
+        return max(turning, _ramp(linear, speed, control.acceleration_mm_s2))
+
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Smallest and largest position of each axis."""
+        found: dict[str, list[float]] = {}
+        for _, (_, to, _) in self.moves():
+            for axis, value in to.items():
+                found.setdefault(axis, []).append(value)
+        return {axis: (min(values), max(values)) for axis, values in found.items()}
+
+
+def _turns(step: Step, at: dict[str, float], sense: dict[str, int]) -> Iterator[dict[str, float]]:
+    """Turn to the angles of a step, by way of an overshoot where the sense needs one."""
+    over = {}
+    moves = False
+    for letter, angle in step.angles.items():
+        expected, way = step.senses[letter], angle - at[letter]
+        still = abs(way) < 1e-6
+        if expected and (way * expected < -1e-6 or (still and sense[letter] != expected)):
+            over[letter] = angle - expected * BACK_OFF_DEG
+        moves |= not still
+        if expected or not still:
+            sense[letter] = expected or (1 if way > 0 else -1)
+        at[letter] = angle
+    if over:
+        yield {**step.angles, **over}
+    if over or moves:
+        yield dict(step.angles)
+
+
+def _ramp(way: float, speed: float, acceleration: float) -> float:
+    """Time of a move from rest to rest; acceleration 0: not known, none."""
+    if acceleration == 0.0 or way == 0.0:
+        return way / speed
+    if way > speed * speed / acceleration:
+        return way / speed + speed / acceleration
+    return 2.0 * math.sqrt(way / acceleration)

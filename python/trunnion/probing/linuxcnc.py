@@ -1,0 +1,330 @@
+"""The text of a probing cycle: checks of the control, one subroutine and a call a touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle
+from trunnion.probing.notes import assumptions
+from trunnion.setup.control import WORK_OFFSETS
+
+TOLERANCE_MM = 0.01
+ROTARY_OFFSET_DEG = 1.0
+"""Rotary work offsets beyond this are left over, not the zero of an axis."""
+
+
+def program_text(cycle: Cycle) -> str:
+    """Return the program of a cycle."""
+    parts = (_header, _settings, _state, _turn_sub, _touch_sub, _begin, _calls, _finish)
+    return "\n".join(line for part in parts for line in part(cycle)) + "\n"
+
+
+def _n(value: float) -> str:
+    text = f"{value + 0.0:.4f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text
+
+
+def _header(cycle: Cycle) -> Iterator[str]:
+    setup, control = cycle.setup, cycle.setup.control
+    yield f"(trunnion: {len(cycle.steps)} touches of plan {cycle.name}, hash {cycle.plan_hash})"
+    yield (
+        f"(machine {setup.machine.preset}, {setup.artefact.kind}, ball radius"
+        f" {_n(setup.probe.ball_radius_mm)} mm, clearance {_n(setup.plan.clearance_mm)} mm)"
+    )
+    yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"
+    if control.centre_mm is not None:
+        x, y, z = (_n(v) for v in control.centre_mm)
+        yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"
+    yield "(tool length: to the CENTRE of the ball, not to its tip)"
+    yield "(state of the control: homed, identity kinematics, no TCP or trunnion kinematics,)"
+    yield "(no G92, no rotation of the work offset, feed override 100 %)"
+    ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
+    yield f"(ranges in {control.wcs}: {ranges})"
+    yield from (f"({said})" for said in assumptions(setup))
+    yield f"(time: about {cycle.times()[1] / 60:.1f} min without pauses)"
+    yield f"(log: {cycle.log})"
+
+
+def _settings(cycle: Cycle) -> Iterator[str]:
+    plan, control = cycle.setup.plan, cycle.setup.control
+    yield ""
+    yield f"#<_from> = {cycle.start_at} (first touch, to go on with a run that was stopped)"
+    yield f"#<_dry> = {int(cycle.dry_run)} (1: dry run, all moves but the approaches)"
+    yield "#<_on_miss> = 0 (a touch that finds nothing: 0 stop, 1 go on with the next)"
+    yield f"#<_down> = {_n(control.positioning_mm_min)} (feed down to a start, stops on contact)"
+    yield f"#<_slow> = {_n(plan.slow_feed_mm_min)} (feed of the second pass; 0: one pass)"
+    yield f"#<_back_off> = {_n(control.back_off_mm)} (before the second pass)"
+    yield f"#<_swing> = {_n(cycle.swing)} (Z above all that swings)"
+    yield ""
+    yield "G21 G17 G40 G80 G90 G94 G61"
+    yield control.wcs
+    if control.tool_number:
+        yield f"G43 H{control.tool_number}"
+    yield "M5"
+    yield "M9"
+    if control.tcp_off:
+        yield control.tcp_off
+
+
+def _stop_if(label: int, condition: str, message: str) -> Iterator[str]:
+    """Stop with a message."""
+    yield f"o{label} if [{condition}]"
+    yield f"  (ABORT, {message})"
+    yield f"o{label} endif"
+
+
+def _state(cycle: Cycle) -> Iterator[str]:
+    """Check the state of the control, without a move; not in a preview."""
+    control = cycle.setup.control
+    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
+    yield ""
+    yield "(state of the control)"
+    yield "o100 if [#<_task> EQ 1]"
+    if control.tool_check:
+        why = "no tool length is in force, expected that of the probe to the centre of its ball"
+        yield from _stop_if(101, "#5403 LE 0", f"tool length #5403: {why}")
+    if control.tool_number:
+        number = control.tool_number
+        why = f"expected tool {number}, the probe"
+        yield from _stop_if(102, f"#5400 NE {number}", f"tool #5400 is in the spindle, {why}")
+    offsets = " + ".join(f"ABS[#{5211 + i}]" for i in range(9))
+    yield from _stop_if(
+        103, f"[#5210 EQ 1] AND [[{offsets}] GT 0]", "a G92 offset is active, G92.1 cancels it"
+    )
+    yield from _stop_if(104, f"#{base + 9} NE 0", f"{control.wcs} is rotated by #{base + 9} deg")
+    for label, letter in enumerate(cycle.letters, start=105):
+        number = base + 3 + "ABC".index(letter)
+        yield from _stop_if(
+            label, f"ABS[#{number}] GT {_n(ROTARY_OFFSET_DEG)}",
+            f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
+        )  # fmt: skip
+    if control.centre_mm is not None:
+        for i, (axis, value) in enumerate(zip("XYZ", control.centre_mm, strict=True)):
+            yield from _stop_if(
+                110 + i,
+                f"ABS[#{base + i} - [{_n(value)}]] GT {_n(control.centre_tolerance_mm)}",
+                f"{control.wcs} {axis} is #{base + i}, expected {_n(value)} as in the set-up",
+            )
+    if control.tcp_check:
+        yield from _identity()
+    yield "o100 endif"
+
+
+def _identity() -> Iterator[str]:
+    """Compare joints with machine coordinates where they stand."""
+    yield "  M66 E0 L0 (waits for all that was commanded)"
+    yield "  #<_unit> = 1 (mm of a unit of the machine)"
+    yield "  o120 if [#<_metric_machine> EQ 0]"
+    yield "    #<_unit> = 25.4"
+    yield "  o120 endif"
+    yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
+    for joint, axis in enumerate("xyz"):
+        far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
+        yield from _stop_if(
+            122 + joint, f"{far} GT {_n(TOLERANCE_MM)}",
+            f"joint {joint} is not where {axis.upper()} is: {_TCP_IS_ON}",
+        )  # fmt: skip
+    yield "  o121 else"
+    yield "    (DEBUG, HAL pins cannot be read: make sure that TCP is off)"
+    yield "  o121 endif"
+
+
+_TCP_IS_ON = "switch tool centre point control off, e.g. M429"
+
+
+def _turn_sub(cycle: Cycle) -> Iterator[str]:
+    """Turn the rotary axes: position and expected sense of each, 0 = any."""
+    control = cycle.setup.control
+    yield ""
+    yield f"(turn: {', '.join(f'{x}, its sense' for x in cycle.letters)}; touch)"
+    yield "o<turn> sub"
+    yield "#<moves> = 0"
+    yield "#<overs> = 0"
+    for i, letter in enumerate(cycle.letters):
+        to, expected, name = f"#{2 * i + 1}", f"#{2 * i + 2}", letter.lower()
+        o = 200 + 10 * i
+        yield f"#<way> = [{to} - #<_{name}_at>]"
+        yield f"#<over_{name}> = 0"
+        yield f"o{o} if [ABS[#<way>] GE 0.000001]"
+        yield "  #<moves> = 1"
+        yield f"  o{o + 1} if [#<way> * {expected} LT 0]"
+        yield f"    #<over_{name}> = {expected}"
+        yield f"  o{o + 1} endif"
+        yield f"  #<_{name}_sense> = {expected}"
+        yield f"  o{o + 2} if [{expected} EQ 0]"
+        yield f"    #<_{name}_sense> = [#<way> / ABS[#<way>]]"
+        yield f"  o{o + 2} endif"
+        yield f"o{o} elseif [[{expected} NE 0] AND [#<_{name}_sense> NE {expected}]]"
+        yield f"  #<over_{name}> = {expected}"
+        yield f"  #<_{name}_sense> = {expected}"
+        yield f"o{o} endif"
+        yield f"#<overs> = [#<overs> + ABS[#<over_{name}>]]"
+        yield f"#<_{name}_at> = {to}"
+    overshoot = " ".join(
+        f"{x}[#{2 * i + 1} - {_n(BACK_OFF_DEG)} * #<over_{x.lower()}>]"
+        for i, x in enumerate(cycle.letters)
+    )
+    plain = " ".join(f"{x}#{2 * i + 1}" for i, x in enumerate(cycle.letters))
+    number = 2 * len(cycle.letters) + 1
+    yield "o290 if [#<moves> + #<overs> GT 0]"
+    yield "  o291 if [#5422 LT #<_swing> - 0.00005]"
+    yield "    G0 Z#<_swing>"
+    yield "  o291 endif"
+    yield from _own(control.before_turn)
+    yield "  o292 if [#<overs> GT 0]"
+    yield f"    G0 {overshoot}"
+    yield "  o292 endif"
+    yield f"  G0 {plain}"
+    yield from _own(control.after_turn)
+    yield f"  (DEBUG,%d touch #{number} of {len(cycle.steps)})"
+    yield "o290 endif"
+    yield "o<turn> endsub"
+
+
+def _own(line: str) -> Iterator[str]:
+    """Yield a line of the user's, if there is one."""
+    if line:
+        yield f"  {line}"
+
+
+def _touch_sub(cycle: Cycle) -> Iterator[str]:
+    """One touch."""
+    turn = " ".join(f"[#{2 + i}]" for i in range(2 * len(cycle.letters)))
+    first = 2 + 2 * len(cycle.letters)
+    x, y, z, to_x, to_y, to_z, level, feed = (f"#{first + i}" for i in range(8))
+    yield ""
+    senses = ", ".join(f"{a}, its sense" for a in cycle.letters)
+    yield f"(touch: number, {senses}, start X Y Z, end X Y Z, level, feed)"
+    yield "o<touch> sub"
+    yield "o300 if [#1 LT #<_from>]"
+    yield "  o<touch> return"
+    yield "o300 endif"
+    yield f"o<turn> call {turn} [#1]"
+    yield f"o301 if [ABS[#5420 - {x}] + ABS[#5421 - {y}] GT 0.00005]"
+    yield f"  G0 X{x} Y{y}"
+    yield "o301 endif"
+    yield f"o302 if [#5422 - {z} GT {_n(SHORTEST_PROBE_MM)}]"
+    yield f"  G38.3 Z{z} F#<_down>"
+    yield "  o303 if [[#<_task> EQ 1] AND [#5070 EQ 1]]"
+    yield "    G0 Z#<_swing>"
+    yield "    M66 E0 L0"
+    yield "    (LOGCLOSE)"
+    yield "    (ABORT,%d touch #1: contact on the way down to its start, Z %.3f#5063)"
+    yield "  o303 endif"
+    yield f"o302 elseif [#5422 - {z} GT 0.00005]"
+    yield f"  G0 Z{z}"
+    yield "o302 endif"
+    yield "#<hit> = 1"
+    yield "o304 if [#<_dry> EQ 0]"
+    yield f"  G38.3 X{to_x} Y{to_y} Z{to_z} F{feed}"
+    yield "  #<hit> = [[#<_task> EQ 0] OR [#5070 EQ 1]]"
+    yield f"  #<feed> = {feed}"
+    yield "  o305 if [#<hit> AND [#<_task> EQ 1] AND [#<_slow> GT 0]]"
+    yield f"    #<x> = [{x} - {to_x}]"
+    yield f"    #<y> = [{y} - {to_y}]"
+    yield f"    #<z> = [{z} - {to_z}]"
+    yield "    #<way> = [#<_back_off> / SQRT[#<x> * #<x> + #<y> * #<y> + #<z> * #<z>]]"
+    yield "    G0 X[#5061 + #<way> * #<x>] Y[#5062 + #<way> * #<y>] Z[#5063 + #<way> * #<z>]"
+    yield f"    G38.3 X{to_x} Y{to_y} Z{to_z} F#<_slow>"
+    yield "    #<hit> = #5070"
+    yield "    #<feed> = #<_slow>"
+    yield "  o305 endif"
+    positions = " ".join(f"#{5061 + i}" for i in range(6))
+    yield "  o306 if [#<hit> AND [#<_task> EQ 1]]"
+    yield f"    (LOG,%d#1 %.6f#<feed> {positions})"
+    yield "  o306 endif"
+    yield f"  G0 X{x} Y{y} Z{z}"
+    yield "o304 endif"
+    yield f"o307 if [{level} - {z} GT 0.00005]"
+    yield f"  G0 Z{level}"
+    yield "o307 endif"
+    yield "o308 if [#<hit> EQ 0]"
+    yield "  o309 if [#<_on_miss> EQ 0]"
+    yield "    G0 Z#<_swing>"
+    yield "    M66 E0 L0"
+    yield "    (LOGCLOSE)"
+    yield "    (ABORT,%d touch #1: no contact up to the end of its approach)"
+    yield "  o309 endif"
+    yield "  (DEBUG,%d touch #1: no contact up to the end of its approach, going on)"
+    yield "o308 endif"
+    yield "o<touch> endsub"
+
+
+def _begin(cycle: Cycle) -> Iterator[str]:
+    control = cycle.setup.control
+    yield ""
+    yield "o400 if [#5422 LT #<_swing> - 0.00005]"
+    yield "  G0 Z#<_swing>"
+    yield "o400 endif"
+    yield "G0 X0 Y0"
+    yield f"(DEBUG,plan {cycle.name}, {len(cycle.steps)} touches)"
+    yield "(DEBUG,%.3f is the ball #5422 mm above the centre of the table?)"
+    yield "(MSG,spindle at rest, TCP off? then cycle start)"
+    yield "M0"
+    yield from (line.strip() for line in _own(control.probe_on))
+    for letter in cycle.letters:
+        yield f"#<_{letter.lower()}_at> = 0"
+        yield f"#<_{letter.lower()}_sense> = 0"
+    yield from (line.strip() for line in _own(control.before_turn))
+    yield "G0 " + " ".join(f"{letter}0" for letter in cycle.letters)
+    if cycle.checks_tcp:
+        yield from _tcp_move()
+    yield from (line.strip() for line in _own(control.after_turn))
+    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
+    yield "o410 if [[#<_task> EQ 1] AND [#<_dry> EQ 0]]"
+    yield f"  (LOGAPPEND,{cycle.log})"
+    yield (
+        f"  (LOG,%d trunnion-touches 1 plan={cycle.name} hash={cycle.plan_hash}"
+        f" touches={len(cycle.steps)} from=#<_from>)"
+    )
+    yield f"  (LOG,; {control.wcs} #{base} #{base + 1} #{base + 2} tool length #5403)"
+    yield "o410 endif"
+
+
+def _tcp_move() -> Iterator[str]:
+    yield f"#<_c_at> = {_n(CHECK_DEG)}"
+    yield "#<_c_sense> = 1"
+    yield f"G0 C{_n(CHECK_DEG)}"
+    yield "#<joint> = 0"
+    yield "o420 if [#<_task> EQ 1]"
+    yield "  M66 E0 L0"
+    yield "  o421 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
+    yield "    #<joint> = #<_hal[joint.0.pos-cmd]>"
+    yield "  o421 endif"
+    yield "o420 endif"
+    yield f"G0 X{_n(CHECK_MM)}"
+    yield "o422 if [#<_task> EQ 1]"
+    yield "  M66 E0 L0"
+    yield "  o423 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
+    yield "    #<way> = [[#<_hal[joint.0.pos-cmd]> - #<joint>] * #<_unit>]"
+    yield from _stop_if(
+        424, f"ABS[ABS[#<way>] - {_n(CHECK_MM)}] GT {_n(TOLERANCE_MM)}",
+        f"joint 0 moved #<way> with X{_n(CHECK_MM)} at C{_n(CHECK_DEG)}: {_TCP_IS_ON}",
+    )  # fmt: skip
+    yield "  o423 endif"
+    yield "o422 endif"
+
+
+def _calls(cycle: Cycle) -> Iterator[str]:
+    yield ""
+    for number, step in enumerate(cycle.steps, start=1):
+        rotary = [v for x in cycle.letters for v in (step.angles[x], step.senses[x])]
+        values = [number, *rotary, *step.start, *step.end, step.level, step.feed]
+        yield "o<touch> call " + " ".join(f"[{_n(v)}]" for v in values)
+
+
+def _finish(cycle: Cycle) -> Iterator[str]:
+    control = cycle.setup.control
+    yield ""
+    yield "o430 if [#5422 LT #<_swing> - 0.00005]"
+    yield "  G0 Z#<_swing>"
+    yield "o430 endif"
+    yield "(LOGCLOSE)"
+    turned = " + ".join(f"ABS[#<_{letter.lower()}_at>]" for letter in cycle.letters)
+    yield f"o431 if [{turned} GT 0]"
+    yield from _own(control.before_turn)
+    yield "  G0 " + " ".join(f"{letter}0" for letter in cycle.letters)
+    yield from _own(control.after_turn)
+    yield "o431 endif"
+    yield from (line.strip() for line in _own(control.probe_off))
+    yield "M2"

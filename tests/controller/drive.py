@@ -1,0 +1,123 @@
+#!/usr/bin/python3
+"""Drives LinuxCNC instead of a screen: MDI lines and programs one after the other, to a report.
+
+Run by LinuxCNC with the system's Python, as [DISPLAY] of the INI file; reads job.json beside it.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import hal  # type: ignore[import-not-found]
+import linuxcnc  # type: ignore[import-not-found]
+
+HERE = Path(__file__).parent
+PINS = ("strikes", "stem-strikes", "deepest", "struck-depth", "touches")
+
+
+def main() -> None:
+    job = json.loads((HERE / "job.json").read_text())
+    bench = Bench(float(job["seconds"]))
+    try:
+        bench.switch_on()
+        steps = [bench.step(step) for step in job["steps"]]
+    except TimeoutError as error:
+        steps = [{"error": f"{error}: {bench.messages()}"}]
+    (HERE / "report.json").write_text(json.dumps(steps))
+
+
+class Bench:
+    """One machine under a running LinuxCNC."""
+
+    def __init__(self, seconds: float) -> None:
+        self.end = time.monotonic() + seconds
+        self.hal = hal.component("drive")
+        self.hal.ready()
+        self.command = linuxcnc.command()
+        self.stat = linuxcnc.stat()
+        self.errors = linuxcnc.error_channel()
+
+    def wait(self, what: str, ready: Callable[[], bool]) -> None:
+        while True:
+            self.stat.poll()
+            if ready():
+                return
+            if time.monotonic() > self.end:
+                raise TimeoutError(what)
+            time.sleep(0.002)
+
+    def messages(self) -> list[str]:
+        found = []
+        while message := self.errors.poll():
+            found.append(message[1].strip())
+        return found
+
+    def switch_on(self) -> None:
+        self.command.state(linuxcnc.STATE_ESTOP_RESET)
+        self.wait("estop reset", lambda: self.stat.task_state != linuxcnc.STATE_ESTOP)
+        self.command.state(linuxcnc.STATE_ON)
+        self.wait("machine on", lambda: self.stat.task_state == linuxcnc.STATE_ON)
+        self.command.mode(linuxcnc.MODE_MANUAL)
+        self.command.wait_complete()
+        self.command.home(-1)
+        self.wait("homing", lambda: sum(self.stat.homed[: self.stat.joints]) == self.stat.joints)
+        hal.set_p("probebench.watch", "1")
+
+    def idle(self) -> bool:
+        s = self.stat
+        return bool(
+            s.interp_state == linuxcnc.INTERP_IDLE and s.state != linuxcnc.RCS_EXEC and s.inpos
+        )
+
+    def step(self, step: dict[str, str]) -> dict[str, object]:
+        started, before = time.monotonic(), hal.get_value("probebench.seconds")
+        travelled = hal.get_value("probebench.travelled")
+        said, pauses = [], []
+        if "mdi" in step:
+            self.command.mode(linuxcnc.MODE_MDI)
+            self.command.wait_complete()
+            self.command.mdi(step["mdi"])
+            time.sleep(0.01)
+            self.wait(step["mdi"], self.idle)
+        else:
+            self.command.mode(linuxcnc.MODE_AUTO)
+            self.command.wait_complete()
+            self.command.program_open(str(HERE / step["program"]))
+            self.command.wait_complete()
+            said += self.messages()
+            self.command.auto(linuxcnc.AUTO_RUN, 0)
+            time.sleep(0.05)
+
+            def ready() -> bool:
+                nonlocal said
+                said += self.messages()
+                if self.stat.interp_state == linuxcnc.INTERP_PAUSED:
+                    said += self.messages()
+                    pauses.append([len(said), [round(v, 4) for v in self.stat.joint_position[:5]]])
+                    self.command.auto(linuxcnc.AUTO_RESUME)
+                    time.sleep(0.02)
+                    return False
+                return self.idle()
+
+            self.wait(step["program"], ready)
+        said += self.messages()
+        report = {pin: hal.get_value(f"probebench.{pin}") for pin in PINS}
+        report["joints"] = [round(v, 6) for v in self.stat.joint_position[:5]]
+        report |= {key: step[key] for key in ("mdi", "program") if key in step}
+        report["travel"] = hal.get_value("probebench.travelled") - travelled
+        report["machine_seconds"] = hal.get_value("probebench.seconds") - before
+        report["seconds"] = time.monotonic() - started
+        report["messages"] = said
+        report["pauses"] = pauses
+        return report
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except Exception as error:
+        (HERE / "report.json").write_text(json.dumps([{"error": repr(error)}]))
+        raise
+    sys.exit(0)

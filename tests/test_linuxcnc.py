@@ -1,0 +1,145 @@
+"""The probing program in a real LinuxCNC, over machines with hidden errors (tests/controller)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from controller import needs_linuxcnc, run
+from probing_bench import ERRORS, Hidden, hidden, run_program, work_offset
+
+pytestmark = needs_linuxcnc
+
+MACHINES = 3
+
+
+def measured(case: Hidden, folder: Path) -> tuple[tn.Touches, dict[str, Any]]:
+    report = run_program(case, folder)
+    return tn.read_probe_log(folder / "touches.log", case.plan), report
+
+
+@pytest.mark.parametrize("seed", range(MACHINES))
+def test_nothing_is_hit_and_the_errors_are_found(seed: int, tmp_path: Path) -> None:
+    case = hidden(seed, clearance=(2.0, 3.0, 5.0)[seed % 3])
+    touches, report = measured(case, tmp_path)
+    assert report["strikes"] == report["stem-strikes"] == 0, report
+    assert len(touches) == len(case.plan), report
+    fit = tn.identify(touches, case.setup)
+    # The bench has no noise: what is left is the tick of the servo, 10 µm at the feed of the plan.
+    for name in ERRORS:
+        assert abs(fit.errors[name] - case.errors[name]) < 4 * fit.std_errors[name]
+    assert report["joints"][3:] == [0, 0]
+
+
+def dirty(case: Hidden, folder: Path, *states: list[str]) -> list[dict[str, Any]]:
+    """Start the program from each state, one after the other; reports of the program."""
+    (folder / "probe.ngc").write_text(
+        tn.probing_program(case.plan, case.setup, dry_run=True).text()
+    )
+    steps = work_offset(case)
+    for lines in states:
+        steps += [{"mdi": line} for line in lines] + [{"program": "probe.ngc"}]
+    reports = run(case.bench, steps, folder)
+    return [r for r in reports if r.get("program")]
+
+
+REFUSED = {
+    "work offset": (["G10 L2 P1 Z0", "G10 L2 P1 X9"], "expected .* as in the set-up"),
+    "rotation": (["G10 L2 P1 R1.5"], "G54 is rotated by 1.5"),
+    "rotary offset": (["G10 L2 P1 R0 C90"], "G54 shifts C by 90"),
+    "G92": (["G10 L2 P1 C0", "G92 X3"], "a G92 offset is active"),
+    "another tool": (["G92.1", "T2 M6"], "tool 2.* is in the spindle, expected tool 1"),
+}
+
+
+def test_dirty_states_are_refused_before_the_first_move(tmp_path: Path) -> None:
+    case = hidden(7)
+    x, y, z = case.setup.control.centre_mm or (0, 0, 0)
+    right = [f"G10 L2 P1 X{x:.4f} Y{y:.4f} Z{z:.4f} R0 A0 C0", "G92.1", "T1 M6"]
+    states = []
+    for lines, _ in REFUSED.values():
+        states.append([*right, *lines])
+    leftovers = [*right, "G20 G91 G64 G18", "M3 S100", "M7", "G55"]
+    reports = dirty(case, tmp_path, *states, leftovers)
+    for (name, (_, message)), report in zip(REFUSED.items(), reports, strict=False):
+        assert any(re.search(message, said) for said in report["messages"]), (name, report)
+        assert report["travel"] == 0, name
+    last = reports[-1]
+    assert last["travel"] > 1000
+    assert last["strikes"] == last["stem-strikes"] == last["touches"] == 0
+    assert not any("expected" in said for said in last["messages"])
+
+
+def test_tool_centre_point_control_is_seen(tmp_path: Path) -> None:
+    """Where A or C is turned before the first move, at zero by the move at C90; M429 cures it."""
+    case = hidden(11)
+    case = replace(case, bench=replace(case.bench, kinematics="xyzac-trt-kins"))
+    text = tn.probing_program(case.plan, case.setup, dry_run=True).text()
+    (tmp_path / "probe.ngc").write_text(text)
+    control = replace(case.setup.control, tcp_off="M429")
+    cured = tn.probing_program(case.plan, replace(case.setup, control=control), dry_run=True)
+    (tmp_path / "cured.ngc").write_text(cured.text())
+    steps = [
+        *work_offset(case),
+        {"mdi": "M428"},
+        {"program": "probe.ngc"},
+        {"mdi": "G0 A20"},
+        {"program": "probe.ngc"},
+        {"program": "cured.ngc"},
+    ]
+    reports = run(case.bench, steps, tmp_path)
+    at_zero, turned, off = (r for r in reports if "program" in r)
+    assert any("joint 0 moved" in said for said in at_zero["messages"])
+    assert at_zero["strikes"] == at_zero["touches"] == 0
+    assert any(re.search("joint . is not where . is", said) for said in turned["messages"])
+    assert turned["travel"] == 0
+    assert not any("joint" in said for said in off["messages"])
+    assert off["travel"] > 1000
+    assert off["strikes"] == off["stem-strikes"] == 0
+
+
+def test_an_artefact_out_of_place_stops_the_way_down(tmp_path: Path) -> None:
+    """The bench sees what a rapid way down would do; the program's own stops on contact."""
+    case = hidden(12, clearance=2.0, kind="cross")
+    place = case.bench.place_s.copy()
+    place[2, 3] += 10.0
+    moved = replace(case, bench=replace(case.bench, place_s=place))
+    report = run_program(moved, tmp_path)
+    assert any("contact on the way down to its start" in said for said in report["messages"])
+    assert report["strikes"] == 0
+    assert report["deepest"] < 2 * 33.3**2 / (2 * 2000)  # stops from 2000 mm/min at 2000 mm/s²
+    text = tn.probing_program(case.plan, case.setup).text().replace("G38.3 Z", "G0 Z")
+    rapid = run_program(moved, tmp_path, text=text)
+    assert rapid["strikes"] > 0
+    assert rapid["struck-depth"] > 2.0
+
+
+def test_a_stopped_run_is_gone_on_with(tmp_path: Path) -> None:
+    """No contact at one touch stops the run; the next begins there, and the log is whole."""
+    case = hidden(13, kind="cuboid")
+    text = tn.probing_program(case.plan, case.setup).text()
+    calls = [line for line in text.splitlines() if line.startswith("o<touch> call")]
+    numbers = calls[29].split()
+    start, end = (np.array([float(n[1:-1]) for n in numbers[i : i + 3]]) for i in (7, 10))
+    early = start + 0.4 / np.linalg.norm(end - start) * (end - start)
+    fields = [*numbers[:10], *(f"[{value:.4f}]" for value in early), *numbers[13:]]
+    broken = text.replace(calls[29], " ".join(fields))
+    stopped = run_program(case, tmp_path, text=broken)
+    assert any("touch 30: no contact" in said for said in stopped["messages"])
+    assert stopped["strikes"] == 0
+    first = tn.read_probe_log(tmp_path / "touches.log", case.plan)
+    assert len(first) == 29
+    again = tn.probing_program(case.plan, case.setup, start_at=30).text()
+    report = run_program(case, tmp_path, text=again, log_stays=True)
+    whole = tn.read_probe_log(tmp_path / "touches.log", case.plan)
+    assert report["strikes"] == report["stem-strikes"] == 0
+    assert len(whole) == len(case.plan)
+    fit = tn.identify(whole, case.setup)
+    for name in ERRORS:
+        assert abs(fit.errors[name] - case.errors[name]) < 4 * fit.std_errors[name]

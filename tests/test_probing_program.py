@@ -1,0 +1,182 @@
+"""The probing program: LinuxCNC's interpreter makes the moves that obstacles are checked with."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from rs274 import interpret, needs_rs274
+from trunnion.nc import follow
+
+CROSS = tn.Setup(artefact=tn.Artefact("cross"))
+PRINTED_MM = 6e-5
+
+
+def plan_of(kind: str) -> tuple[tn.Touches, tn.Setup]:
+    """Return plans that differ in axes, senses and starts."""
+    if kind == "trt-bc":
+        setup = tn.Setup(artefact=tn.Artefact("cuboid"), machine=tn.Machine(preset="trt-bc"))
+        return tn.plan(setup, c_deg=(0, 30, 200), b_deg=(-60, 45)), setup
+    if kind == "both senses":
+        angles = {"c_deg": (0, 90, 210), "a_deg": (-90, 0, 60), "feeds_mm_min": (600, 200)}
+        return tn.plan(CROSS, both_senses=True, **angles), CROSS  # type: ignore[arg-type]
+    if kind == "turned senses":
+        setup = tn.Setup(artefact=tn.Artefact("cross"), axes={"C": tn.AxisSetup(sense=-1)})
+        return tn.plan(setup), setup
+    return tn.plan(CROSS), CROSS
+
+
+@needs_rs274
+@pytest.mark.parametrize("kind", ["paper", "both senses", "trt-bc", "turned senses"])
+@pytest.mark.parametrize("start_at", [1, 23])
+def test_the_interpreter_makes_the_moves_of_the_cycle(
+    kind: str, start_at: int, tmp_path: Path
+) -> None:
+    plan, setup = plan_of(kind)
+    program = tn.probing_program(plan, setup, start_at=start_at)
+    theirs = interpret(program.text(), tmp_path)
+    ours = follow(program.moves)
+    assert len(ours) > 4 * (len(plan) - start_at)
+    theirs = theirs[len(theirs) - len(ours) :]
+    for code, end, move in zip(ours.code, ours.end, theirs, strict=True):
+        assert move.kind == {0: "traverse", 38: "probe"}[int(code)]
+        assert np.abs(end - move.end).max() < PRINTED_MM
+    ends = np.array([move.end for move in theirs])
+    assert np.abs(np.diff(ends, axis=0)).max(axis=1).min() > 0, "a block without a move"
+
+
+@needs_rs274
+def test_a_dry_run_makes_no_approach(tmp_path: Path) -> None:
+    plan, setup = plan_of("paper")
+    starts = plan.start_mm
+    assert starts is not None
+    moves = interpret(tn.probing_program(plan, setup, dry_run=True).text(), tmp_path)
+    probed = [move.end[:3] for move in moves if move.kind == "probe"]
+    assert len(probed) > 50
+    for end in probed:
+        assert np.abs(starts - end).max(axis=1).min() < PRINTED_MM
+
+
+@pytest.mark.parametrize("kind", ["paper", "both senses", "trt-bc", "turned senses"])
+def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
+    """Senses are read off the moves: the last turn of each axis before each approach."""
+    plan, setup = plan_of(kind)
+    moves = follow(tn.probing_program(plan, setup).moves)
+    assert plan.start_mm is not None
+    last = np.zeros(6)
+    row = 0
+    seen = {1: 0, -1: 0}
+    for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
+        turned = end - start
+        last[turned != 0] = np.sign(turned[turned != 0])
+        if code == 38 and np.abs(start[:3] - plan.start_mm[row]).max() < PRINTED_MM:
+            for letter, senses in plan.rotary_dir.items():
+                if senses[row]:
+                    assert last[3 + "abc".index(letter)] == senses[row]
+                    seen[int(senses[row])] += 1
+            row += 1
+    assert row == len(plan)
+    assert min(seen.values()) > 0
+
+
+def test_text_says_what_the_machine_must_be() -> None:
+    plan, setup = plan_of("paper")
+    program = tn.probing_program(plan, setup, name="a plan (1).csv")
+    text = program.text()
+    assert text.isascii()
+    assert max(map(len, text.splitlines())) < 250
+    assert len(re.findall(r"^o<touch> call", text, re.M)) == len(plan)
+    assert "72 touches of plan a_plan__1_.csv, hash " + program.plan_hash in text
+    assert "CENTRE of the ball" in text
+    head = text[: text.index("(state of the control)")].splitlines()
+    assert "G21 G17 G40 G80 G90 G94 G61" in head
+    assert "G54" in head
+    assert "M5" in head
+    assert text.rstrip().endswith("M2")
+
+
+def test_lines_of_the_set_up_are_where_they_belong() -> None:
+    control = tn.ControlSetup(
+        wcs="G56", tool_number=7, tcp_off="M429", probe_on="M64 P1", probe_off="M65 P1",
+        before_turn="M64 P2", after_turn="M65 P2", centre_mm=(1.0, -2.5, 3.25),
+    )  # fmt: skip
+    setup = tn.Setup(artefact=tn.Artefact("cross"), control=control)
+    lines = tn.probing_program(tn.plan(setup), setup).text().splitlines()
+    plain = [line.strip() for line in lines]
+    assert plain.index("G56") < plain.index("G43 H7") < plain.index("M429") < plain.index("M0")
+    assert plain.index("M0") < plain.index("M64 P1")
+    assert plain.count("M65 P1") == 1
+    assert plain.count("M64 P2") == plain.count("M65 P2") == 3
+    assert "o111 if [ABS[#5262 - [-2.5]] GT 1]" in plain
+    again = tn.Setup(artefact=setup.artefact, control=tn.ControlSetup(**control.to_dict()))
+    assert again == setup
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("wcs", "G53"),
+        ("tool_number", 1.5),
+        ("tool_number", -1),
+        ("tcp_off", "M429\nG0 Z0"),
+        ("before_turn", "M64 P2 (öffnen)"),
+        ("centre_mm", (1.0, 2.0)),
+        ("positioning_mm_min", 0.0),
+        ("back_off_mm", 0.0),
+    ],
+)
+def test_keys_of_the_control_are_checked(key: str, value: object) -> None:
+    with pytest.raises(tn.InputError, match=rf"control\.{key}: got .* expected"):
+        tn.ControlSetup(**{key: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("log", ["", "a(b).log", "a#1.log", "a\nb", "x" * 200, "é.log"])
+def test_names_of_logs_that_linuxcnc_cannot_take(log: str) -> None:
+    with pytest.raises(tn.InputError, match="log: got"):
+        tn.probing_program(tn.plan(CROSS), CROSS, log)
+
+
+def test_a_plan_without_starts_and_feeds_becomes_a_program() -> None:
+    plan = tn.plan(CROSS, dither=False)
+    names = ("feed_mm_min", "start_x_mm", "start_y_mm", "start_z_mm")
+    bare = plan.with_columns(**dict.fromkeys(names))
+    with pytest.raises(tn.DataError, match="feed_mm_min"):
+        tn.probing_program(bare, CROSS)
+    made = tn.probing_program(bare, CROSS, feed_mm_min=600)
+    assert (
+        made.moves.text().splitlines()[1:]
+        == (tn.probing_program(plan, CROSS).moves.text().splitlines()[1:])
+    )
+
+
+@pytest.mark.parametrize("start_at", [0, 73, True, 1.5])
+def test_a_first_touch_that_is_not_there(start_at: int) -> None:
+    with pytest.raises(tn.InputError, match="start_at: got"):
+        tn.probing_program(tn.plan(CROSS), CROSS, start_at=start_at)
+
+
+def test_time_grows_with_accelerations_and_slow_feeds() -> None:
+    plan = tn.plan(CROSS)
+
+    def seconds(**more: float) -> float:
+        slow = more.pop("slow_feed_mm_min", 0.0)
+        setup = tn.Setup(
+            artefact=tn.Artefact("cross"),
+            plan=tn.PlanSetup(slow_feed_mm_min=slow),
+            control=tn.ControlSetup(**more),  # type: ignore[arg-type]
+        )
+        made = tn.probing_program(plan, setup)
+        assert np.all(np.diff(made.time_s) > 0)
+        assert made.time_s[-1] < made.seconds
+        return made.seconds
+
+    plain = seconds()
+    assert seconds(acceleration_mm_s2=500.0) > plain
+    assert seconds(rotary_acceleration_deg_s2=100.0) > plain
+    # 72 second passes over 0.3 mm at 30 mm/min.
+    extra = 72 * (0.3 / 0.5 + 0.3 / (10_000 / 60))
+    assert seconds(slow_feed_mm_min=30.0) == pytest.approx(plain + extra)
