@@ -15,7 +15,7 @@ from typing import Any
 
 import trunnion as tn
 from hostile import MAX_SECONDS, holds_nan
-from result_examples import EXAMPLES
+from result_examples import EXAMPLES, SAMPLES
 from trunnion import nc
 from trunnion.base.report import Result
 from trunnion.models.kinds import kinds
@@ -115,10 +115,7 @@ def formats() -> dict[str, Format]:
     """A good file and the reader of each format, by name."""
     found: dict[str, Format] = {}
     for kind in kinds():
-        example = {"touches": "cross/touches.csv", "points": "plate/first.csv"}.get(kind.name)
-        samples = {"sweep": "axis/sweep.csv", "diameters": "turning/passes.csv"}
-        others = {"ballbar": "ballbar/circle.csv", "axislog": "contour/axislog.csv"}
-        path = tn.sample_path(example or samples.get(kind.name) or others[kind.name])
+        path = tn.sample_path(SAMPLES[kind.name][0])
         lines = path.read_bytes().split(b"\n")[:12]
         found[kind.name] = (kind.read, b"\n".join(lines) + b"\n")
     plan = tn.read_touches(tn.sample_path("cross/touches.csv"))[:2]
