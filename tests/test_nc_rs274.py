@@ -109,7 +109,7 @@ def distance(points: FloatArray, line: FloatArray) -> FloatArray:
 def test_probe_programs(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(200 + seed)
     profile = Profile.from_points(random_points(rng))
-    path = probe_path(profile, TurningProbe())
+    path = probe_path(profile, TurningProbe(), chuck_radius_mm=0.0)
     if not path.intervals:
         pytest.skip("nothing of this part can be measured")
     program = path.program("linuxcnc-lathe", feed=120, head=HEAD[:2], tail=TAIL[1:])

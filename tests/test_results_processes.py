@@ -20,7 +20,7 @@ def test_programs_and_profiles_come_back_from_results() -> None:
     again = turning.Correction.from_json(found.to_json())
     assert again.program == found.program
     assert again.original == finishing().program
-    path = turning.probe_path(profile())
+    path = turning.probe_path(profile(), chuck_radius_mm=0.0)
     back = turning.ProbePath.from_json(path.to_json())
     assert back.profile == profile()
     assert np.array_equal(back.stations_mm(5.0), path.stations_mm(5.0))

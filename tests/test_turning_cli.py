@@ -35,6 +35,9 @@ def files(tmp_path: Path) -> Path:
     return tmp_path
 
 
+PATH = ("path", "--no-chuck")
+
+
 def run(*arguments: object, code: int = 0) -> str:
     result = CliRunner().invoke(app, ["turning", *map(str, arguments)])
     assert result.exit_code == code, result.output
@@ -43,13 +46,33 @@ def run(*arguments: object, code: int = 0) -> str:
 
 def test_path(files: Path) -> None:
     picture = files / "path.png"
-    said = run("path", files / "part.ngc", "-o", files / "probe.ngc", "--picture", picture)
+    said = run(*PATH, files / "part.ngc", "-o", files / "probe.ngc", "--picture", picture)
     assert "2 intervals" in said
     assert "an arc: not measured" in said
     probe = Program.parse((files / "probe.ngc").read_text(), "linuxcnc-lathe")
     assert len(follow(probe)) > 4
     assert picture.stat().st_size > 10_000
-    assert len(json.loads(run("path", files / "part.ngc", "--json"))["intervals"]) == 2
+    assert len(json.loads(run(*PATH, files / "part.ngc", "--json"))["intervals"]) == 2
+
+
+def test_the_chuck_has_to_be_stated_and_is_kept_clear_of(files: Path) -> None:
+    """The body of the probe, 4.9 mm, stays in front of the face of the jaws, wherever that is."""
+    assert "got neither of --chuck-radius-mm and --no-chuck" in run(
+        "path", files / "part.ngc", code=2
+    )
+    both = ("--chuck-radius-mm", 80, "--no-chuck")
+    assert "got both of" in run("path", files / "part.ngc", *both, code=2)
+    assert "No chuck was stated" in run(*PATH, files / "part.ngc")
+    for face in (0.0, -4.0, 11.0):
+        out = files / f"probe{face:g}.ngc"
+        chuck = ("--chuck-radius-mm", 80, "--chuck-face-mm", face)
+        run("path", files / "part.ngc", *chuck, "-o", out)
+        text = out.read_text()
+        assert f"(Chuck: radius 80 mm, face at Z {face:g})" in text
+        assert "(Probe: ball diameter 3.175 mm" in text
+        moves = follow(Program.parse(text, "linuxcnc-lathe"))
+        low = moves.end[moves.end[:, 0] < 80.0]
+        assert low[:, 2].min() > max(face + 2.45, 0.0) - 1e-3
 
 
 def test_correct(files: Path) -> None:
@@ -88,9 +111,9 @@ def test_faults_are_told_with_file_and_place(files: Path) -> None:
             assert f"{bad}: {said}" in run(*arguments, code=2)
     bad.write_bytes(b"G7\n\xff\n")
     assert f"{bad}: got byte 0xff at 3, expected UTF-8 text" in run("path", bad, code=2)
-    told = run("path", files / "part.ngc", "--picture", files / "x.foo", code=2)
+    told = run(*PATH, files / "part.ngc", "--picture", files / "x.foo", code=2)
     assert "picture: got 'x.foo', expected a name that ends in one of" in told
-    assert "machine code" in run("path", files / "part.ngc", "--machine-code", "45", code=2)
+    assert "machine code" in run(*PATH, files / "part.ngc", "--machine-code", "45", code=2)
 
 
 def test_diameters_for_errors_are_refused(files: Path) -> None:

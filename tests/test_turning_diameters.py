@@ -30,7 +30,7 @@ def test_the_law_predicts_another_pass() -> None:
     predicted = got.model.error_um(second)
     rest = second.error_um - predicted
     assert np.std(rest) < 2.0 < np.std(second.error_um)
-    with pytest.raises(UnknownNameError, match="pass 'x'"):
+    with pytest.raises(UnknownNameError, match="pass: got 'x'"):
         got.model.error_um(second, offset_of="x")
     again = pickle.loads(pickle.dumps(got.model))
     assert np.array_equal(again.error_um(second), predicted)

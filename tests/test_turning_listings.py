@@ -47,6 +47,7 @@ def test_fig_12_from_the_shape(angle_deg: float) -> None:
         skip=[FLANGE],
         retract_x_mm=50.0,
         approach_mm=1.0,
+        chuck_radius_mm=0.0,
     )
     program = path.program("paper-um", first_number=3, tail=[[("T", 40)]], retract_last=False)
     assert program.text() == listing("fig12.nc")

@@ -38,7 +38,9 @@ def test_no_move_gouges(seed: int) -> None:
         body_diameter_mm=float(rng.uniform(2.0, 14.0)),
     )
     allowance = float(rng.choice([0.0, 0.1, 0.3]))
-    path = probe_path(Profile.from_points(corners), probe, allowance_mm=allowance)
+    path = probe_path(
+        Profile.from_points(corners), probe, allowance_mm=allowance, chuck_radius_mm=0.0
+    )
     part = outline(corners, 0.02)
     # The part's radius over z, and the stock on it as a distance.
     order = np.argsort(part[:, 0], kind="stable")
@@ -70,14 +72,16 @@ def test_measured_stretches_touch_the_stock() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):
         profile = Profile.from_points(random_points(rng))
-        path = probe_path(profile, TurningProbe(), allowance_mm=0.2)
+        path = probe_path(profile, TurningProbe(), allowance_mm=0.2, chuck_radius_mm=0.0)
         assert np.abs(path.clearance_mm[path.measures, 0]).max(initial=0) < 1e-6
         assert (path.clearance_mm > -1e-6).all()
 
 
 def test_contact_on_a_cone() -> None:
     profile = Profile.from_points([(190, 15), (155, 25), (100, 25)])
-    path = probe_path(profile, TurningProbe(ball_diameter_mm=10.0, body_diameter_mm=12.0))
+    path = probe_path(
+        profile, TurningProbe(ball_diameter_mm=10.0, body_diameter_mm=12.0), chuck_radius_mm=0.0
+    )
     assert path.contact_z_mm(0, 180.0)[0] - 180.0 == pytest.approx(-1.3736, abs=5e-5)
     stations = path.stations_mm(1.0)
     assert stations[0, 1] == path.intervals[0].start_mm[0]
@@ -97,7 +101,9 @@ def test_what_is_left_out_is_told() -> None:
             Corner(0, 34),
         ]
     )
-    path = probe_path(profile, TurningProbe(ball_diameter_mm=4.0, body_diameter_mm=6.0))
+    path = probe_path(
+        profile, TurningProbe(ball_diameter_mm=4.0, body_diameter_mm=6.0), chuck_radius_mm=0.0
+    )
     assert path.left_out[1] == "a wall: not measured"
     assert "slope" in path.left_out[2]
     assert path.left_out[4] == "an arc: not measured"
@@ -109,27 +115,29 @@ def test_what_is_left_out_is_told() -> None:
 def test_bad_probes_and_heights_are_refused() -> None:
     profile = Profile.from_points([(100, 20), (0, 20)])
     with pytest.raises(InputError, match="ball radius"):
-        probe_path(profile, TurningProbe(ball_diameter_mm=0.0))
+        probe_path(profile, TurningProbe(ball_diameter_mm=0.0), chuck_radius_mm=0.0)
     with pytest.raises(InputError, match="retract radius"):
-        probe_path(profile, retract_x_mm=20.0)
+        probe_path(profile, retract_x_mm=20.0, chuck_radius_mm=0.0)
     with pytest.raises(InputError, match="allowance"):
-        probe_path(profile, allowance_mm=-1.0)
+        probe_path(profile, allowance_mm=-1.0, chuck_radius_mm=0.0)
 
 
 def test_the_picture_draws() -> None:
-    path = probe_path(Profile.from_points(random_points(np.random.default_rng(3))))
+    path = probe_path(
+        Profile.from_points(random_points(np.random.default_rng(3))), chuck_radius_mm=0.0
+    )
     ax = plot_probe_path(path)
     assert ax.get_xlabel().startswith("Z")
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 0.0, -1.0])
 def test_a_pitch_that_cannot_be_is_refused(value: float) -> None:
-    path = probe_path(Profile.from_points([(100, 20), (0, 20)]))
+    path = probe_path(Profile.from_points([(100, 20), (0, 20)]), chuck_radius_mm=0.0)
     with pytest.raises(InputError, match="pitch_mm"):
         path.stations_mm(value)
 
 
 def test_places_that_are_no_finite_numbers_are_refused() -> None:
-    path = probe_path(Profile.from_points([(100, 20), (0, 20)]))
+    path = probe_path(Profile.from_points([(100, 20), (0, 20)]), chuck_radius_mm=0.0)
     with pytest.raises(InputError, match="z_mm"):
         path.contact_z_mm(0, [np.nan])

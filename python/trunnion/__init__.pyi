@@ -85,6 +85,7 @@ from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
 from .probing.length import smallest_length_mm as smallest_length_mm
+from .probing.notes import plan_notes as plan_notes
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability
 from .probing.plan import plan as plan

@@ -416,6 +416,7 @@ class TurnedProfile:
         retract_x_mm: float,
         approach_mm: float,
         chuck_radius_mm: float,
+        chuck_face_mm: float,
         shortest_mm: float,
     ) -> TurnedProbePath: ...
     def __eq__(self, other: object, /) -> bool: ...
@@ -437,6 +438,7 @@ class TurnedProbePath:
         dialect: str,
         feed: float | None,
         first_number: int | None,
+        comments: Sequence[str],
         head: Sequence[Sequence[tuple[str, float]]],
         tail: Sequence[Sequence[tuple[str, float]]],
         retract_last: bool,

@@ -48,6 +48,7 @@ def plan(
 ) -> Answer:
     """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
     from trunnion.machine.chain import Chain
+    from trunnion.probing.notes import plan_notes
 
     made = tn.read_setup(setup)
     letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
@@ -66,10 +67,17 @@ def plan(
         name = (output or setup).name
         shown.append(save_program(program, tn.probing_program(planned, made, log, name=name)))
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
-    values = {"touches": len(planned), "minutes": minutes, "columns": list(planned.columns)}
+    notes = plan_notes(planned, made)
+    values = {
+        "touches": len(planned),
+        "minutes": minutes,
+        "columns": list(planned.columns),
+        "notes": list(notes),
+    }
     if not shown:
         return Answer(values, (planned.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(planned)} touches, about {minutes:.1f} min of moves.", *shown))
+    said = f"{len(planned)} touches, about {minutes:.1f} min of moves."
+    return Answer(values, (said, *notes, *shown))
 
 
 def simulate(

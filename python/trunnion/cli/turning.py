@@ -89,7 +89,9 @@ def path(
     contact_angle_deg: Annotated[float, typer.Option(help="full angle of its cone, deg")] = 89.0,
     body_diameter_mm: Annotated[float, typer.Option(help="its body, mm")] = 4.9,
     allowance_mm: Annotated[float, typer.Option(help="still on the part, mm")] = 0.5,
-    chuck_radius_mm: Annotated[float, typer.Option(help="0: no chuck to watch")] = 0.0,
+    chuck_radius_mm: Annotated[float | None, typer.Option(help="radius over its jaws")] = None,
+    chuck_face_mm: Annotated[float, typer.Option(help="Z of the face of its jaws")] = 0.0,
+    no_chuck: Annotated[bool, typer.Option("--no-chuck", help="none to keep clear of")] = False,
     probe_feed: Annotated[float, typer.Option(help="measuring feed, mm/min")] = 120.0,
     output: Output = None,
     picture: Picture = None,
@@ -107,7 +109,8 @@ def path(
         profile,
         tn.turning.TurningProbe(ball_diameter_mm, contact_angle_deg, body_diameter_mm),
         allowance_mm=allowance_mm,
-        chuck_radius_mm=chuck_radius_mm,
+        chuck_radius_mm=_chuck(chuck_radius_mm, no_chuck),
+        chuck_face_mm=chuck_face_mm,
     )
     linuxcnc = dialect == "linuxcnc-lathe"
     per_minute = ("G", 94) if linuxcnc else ("G", 98)
@@ -121,6 +124,18 @@ def path(
         shown.append(_save_picture(picture, tn.plot.plot_probe_path(found).figure))
     shown.append(_written(written, output))
     return Answer(found.to_dict() | {"program": written.text()}, tuple(shown))
+
+
+def _chuck(radius_mm: float | None, no_chuck: bool) -> float:
+    """Radius of the chuck; 0 where the user says that there is none."""
+    if (radius_mm is None) != no_chuck:
+        got = "neither" if radius_mm is None else "both"
+        raise tn.InputError(
+            f"chuck: got {got} of --chuck-radius-mm and --no-chuck, expected one: unless it keeps "
+            "clear of the jaws, the probe measures down to the last line of the part and runs its "
+            "body into them"
+        )
+    return radius_mm or 0.0
 
 
 def correct(

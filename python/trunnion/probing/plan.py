@@ -18,7 +18,7 @@ MAX_DEG = 3600.0
 USUAL_PERIOD_MS = 1.0
 """Servo period of LinuxCNC unless its configuration says otherwise."""
 DITHER_SEED = 1
-MAX_STOPS = 100_000
+MAX_STOPS = 10_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 

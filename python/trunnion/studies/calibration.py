@@ -98,6 +98,9 @@ def _bench(items: tuple[tuple[str, Value], ...]) -> Bench:
             length_mm=values["length_mm"],
             width_mm=values["width_mm"],
             height_mm=values["height_mm"],
+            # The placements that are drawn are far below the clearance, however long the cross is.
+            tolerance_mm=0.0,
+            tolerance_deg=0.0,
         ),
         probe=Probe(ball_radius_mm=values["ball_radius_mm"], tick_um=values["tick_um"]),
         resolution=Resolution(linear_um=values["linear_um"], rotary_arcsec=values["rotary_arcsec"]),

@@ -178,6 +178,7 @@ def correct(
         keep_numbers=keep_numbers,
     )
     text, change = got.pop("program").text(), got.pop("change_um")
+    got["inserted"] = got["inserted"].astype(np.int64)
     return Correction(
         dialect=program.dialect,
         text=text,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
-from trunnion.base.checks import floats, positive
+from trunnion.base.checks import finite, floats, positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
 from trunnion.turning.profile import Blocks, Profile
@@ -165,10 +165,26 @@ class ProbePath(Result):
             dialect=dialect,
             feed=feed,
             first_number=first_number,
+            comments=[] if dialect == "paper-um" else self._header(),
             head=head,
             tail=tail,
             retract_last=retract_last,
         )
+
+    def _header(self) -> list[str]:
+        """What the control must be in, as comments."""
+        radius, face = self.options["chuck_radius_mm"], self.options["chuck_face_mm"]
+        return [
+            f"Probe: ball diameter {self.probe.ball_diameter_mm:g} mm, body "
+            f"{self.probe.body_diameter_mm:g} mm; tool offsets to the centre of the ball",
+            "Spindle stopped; X as a diameter, Z from the chuck face",
+            f"Chuck: radius {radius:g} mm, face at Z {face:g}"
+            if radius > 0
+            else "No chuck was stated: nothing but the part is kept clear of",
+            f"Stand above X {2 * float(self.moves_mm[:, 1].max()):.3f} before the first move"
+            if len(self.moves_mm)
+            else "No move",
+        ]
 
     def sentences(self) -> Sequence[str]:
         """Count, and what was left out."""
@@ -200,7 +216,8 @@ def probe_path(
     skip: Sequence[int] = (),
     retract_x_mm: float | None = None,
     approach_mm: float = 1.0,
-    chuck_radius_mm: float = 0.0,
+    chuck_radius_mm: float,
+    chuck_face_mm: float = 0.0,
     shortest_mm: float = 1.0,
 ) -> ProbePath:
     """Lay out the path of the probe (section 2.3) and check every move of it.
@@ -221,8 +238,10 @@ def probe_path(
     retract_x_mm, approach_mm
         Radius at which the ball's centre crosses, by default 5 mm above what is needed; height
         (radius) above the surface from which it goes down at feed.
-    chuck_radius_mm
-        Of the chuck at z <= 0; 0 if it needs no watching.
+    chuck_radius_mm, chuck_face_mm
+        Radius over the jaws, and Z of their face, behind which everything up to this radius is
+        kept clear of. Has to be stated: a part is measured down to its last line, on which the
+        body would meet the jaws. A radius of 0: there is no chuck to keep clear of.
     shortest_mm
         Shortest interval worth measuring.
 
@@ -244,6 +263,7 @@ def probe_path(
         "retract_x_mm": retract_x_mm,
         "approach_mm": approach_mm,
         "chuck_radius_mm": chuck_radius_mm,
+        "chuck_face_mm": finite("chuck_face_mm", chuck_face_mm),
         "shortest_mm": shortest_mm,
     }
     return _probe_path(profile, probe, options)

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trunnion_core::Error;
 use trunnion_core::nc::path::{Position, Start};
-use trunnion_core::turning::clearance::Probe;
+use trunnion_core::turning::clearance::{Chuck, Probe};
 use trunnion_core::turning::correction::{
     CorrectionOptions, Reading, Rule, StartCorner, change, contour_path, correct,
 };
@@ -191,7 +191,7 @@ impl PyProfile {
     }
 
     #[pyo3(signature = (*, ball_radius_mm, contact_angle_deg, body_diameter_mm, allowance_mm, skip,
-        retract_x_mm, approach_mm, chuck_radius_mm, shortest_mm))]
+        retract_x_mm, approach_mm, chuck_radius_mm, chuck_face_mm, shortest_mm))]
     fn probe_path(
         &self,
         py: Python<'_>,
@@ -203,6 +203,7 @@ impl PyProfile {
         retract_x_mm: f64,
         approach_mm: f64,
         chuck_radius_mm: f64,
+        chuck_face_mm: f64,
         shortest_mm: f64,
     ) -> PyResult<PyProbePath> {
         let probe =
@@ -213,7 +214,7 @@ impl PyProfile {
             skip,
             retract_x_mm,
             approach_mm,
-            chuck_radius_mm,
+            chuck: Chuck { radius_mm: chuck_radius_mm, face_mm: chuck_face_mm },
             shortest_mm,
         };
         let inner = py.detach(|| probe_path(&self.inner, &options)).into_py()?;
@@ -268,18 +269,20 @@ impl PyProbePath {
         Ok(array(py, z.iter().map(|&z| interval.contact_z(z, ball_radius_mm)).collect()))
     }
 
-    #[pyo3(signature = (*, dialect, feed, first_number, head, tail, retract_last))]
+    #[pyo3(signature = (*, dialect, feed, first_number, comments, head, tail, retract_last))]
     fn program(
         &self,
         dialect: &str,
         feed: Option<f64>,
         first_number: Option<u32>,
+        comments: Vec<String>,
         head: Words,
         tail: Words,
         retract_last: bool,
     ) -> PyResult<PyProgram> {
         let dialect = dialect.parse().into_py()?;
-        let options = ProgramOptions { dialect, feed, first_number, head, tail, retract_last };
+        let options =
+            ProgramOptions { dialect, feed, first_number, comments, head, tail, retract_last };
         Ok(PyProgram { inner: self.inner.program(&options).into_py()? })
     }
 }

@@ -35,10 +35,30 @@ pub struct Way {
     pub stem: Vector3<f64>,
 }
 
-impl Way {
-    /// As the artefact sees it when it stands off by `shift`.
-    fn seen_from(&self, shift: &Vector3<f64>) -> Self {
-        Self { from: self.from - shift, to: self.to - shift, stem: self.stem }
+/// How an artefact stands off its nominal place, as a pose of the table's frame that takes it from
+/// where it should be to where it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand(Pose);
+
+impl Stand {
+    /// A point of the table where the artefact has it.
+    #[must_use]
+    pub fn point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.0.undo(point)
+    }
+
+    /// A direction in the table's frame as the artefact has it.
+    #[must_use]
+    pub fn direction(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        self.0.rotation.tr_mul(direction)
+    }
+
+    fn way(&self, way: &Way) -> Way {
+        Way {
+            from: self.point(&way.from),
+            to: self.point(&way.to),
+            stem: self.direction(&way.stem),
+        }
     }
 }
 
@@ -119,7 +139,7 @@ impl Surroundings {
             }
         }
         let (pose, shape) = upright(table_radius, &Vector3::zeros(), -table_thickness, 0.0);
-        let growth = fixture.tolerance;
+        let growth = around.shift_at(0.0);
         let hull = Vec::new();
         around.obstacles.push(Obstacle { pose, shape, hull, growth, is_touched: false });
         Ok(around)
@@ -167,7 +187,7 @@ impl Surroundings {
     /// How far a point of the artefact may be from nominal, mm, at this distance from the Z axis of
     /// its frame.
     fn shift_at(&self, radius: f64) -> f64 {
-        self.tolerance + self.turn_tolerance * radius
+        self.tolerance + SLACK_MM + self.turn_tolerance * radius
     }
 
     /// How far any point of the artefact may be from nominal, mm.
@@ -176,22 +196,25 @@ impl Surroundings {
         self.obstacles.iter().map(|obstacle| obstacle.growth).fold(0.0, f64::max)
     }
 
-    /// Shifts of the artefact that stand for all within its tolerance at this point of it: none, and
-    /// the largest in 14 directions.
+    /// How the artefact may stand: where it should, and off by the tolerances of place and turn in
+    /// 14 directions each and both senses.
     #[must_use]
-    pub fn shifts_at(&self, point: &Vector3<f64>) -> Vec<Vector3<f64>> {
-        let size = self.shift_at((point - self.origin).xy().norm());
-        let mut shifts = vec![Vector3::zeros()];
-        if size > 0.0 {
-            for direction in Direction::ALL {
-                shifts.extend([direction.unit() * size, direction.unit() * -size]);
-            }
-            let corners = (0..8).map(|corner: usize| {
-                Vector3::from_fn(|i, _| if corner >> i & 1 == 0 { size } else { -size })
-            });
-            shifts.extend(corners.map(|corner| corner / 3.0_f64.sqrt()));
+    pub fn stands(&self) -> Vec<Stand> {
+        let mut directions = Vec::new();
+        for direction in Direction::ALL {
+            directions.extend([direction.unit(), -direction.unit()]);
         }
-        shifts
+        directions.extend((0..8).map(|corner: usize| {
+            Vector3::from_fn(|i, _| if corner >> i & 1 == 0 { 1.0 } else { -1.0 }).normalize()
+        }));
+        let off = directions.iter().flat_map(|direction| {
+            [self.turn_tolerance, -self.turn_tolerance].map(|turn| {
+                let rotation = Direction::Z.rotation(turn);
+                let kept = self.origin - rotation * self.origin;
+                Stand(Pose { rotation, translation: kept + direction * self.tolerance })
+            })
+        });
+        std::iter::once(Stand(Pose::identity())).chain(off).collect()
     }
 
     /// Highest coordinate along `up` (machine frame) of anything that may be on the table at this
@@ -205,13 +228,13 @@ impl Surroundings {
             let balls = obstacle.hull.iter();
             balls.map(|(centre, r)| table.apply(centre).dot(up) + r + obstacle.growth)
         });
-        balls.fold(disc + self.tolerance, f64::max)
+        balls.fold(disc + self.shift_at(0.0), f64::max)
     }
 
     /// Largest distance of anything that may be on the table from the origin of its frame.
     #[must_use]
     pub fn farthest(&self) -> f64 {
-        let table = self.table_radius.hypot(self.table_thickness) + self.tolerance;
+        let table = self.table_radius.hypot(self.table_thickness) + self.shift_at(0.0);
         let balls = self.obstacles.iter().flat_map(|obstacle| {
             obstacle.hull.iter().map(|(centre, r)| centre.norm() + r + obstacle.growth)
         });
@@ -224,25 +247,29 @@ impl Surroundings {
         self.obstacles.iter().all(|obstacle| !obstacle.meets(way, stylus, obstacle.growth))
     }
 
-    /// Whether ball and stem can make an approach. `contact` is the nominal end of the way;
-    /// `ends` has, for each of some shifts of the artefact, how far the ball really gets.
+    /// Whether ball and stem can make an approach. `contact` is its nominal end; `ends` has, for each
+    /// of some stands of the artefact, how far the ball really gets.
     #[must_use]
     pub fn is_approach_free(
         &self,
         way: &Way,
         contact: &Vector3<f64>,
-        ends: &[(Vector3<f64>, Vector3<f64>)],
+        ends: &[(Stand, Vector3<f64>)],
         stylus: &Stylus,
     ) -> bool {
         let (touched, others): (Vec<_>, Vec<_>) =
             self.obstacles.iter().partition(|obstacle| obstacle.is_at(contact, stylus));
         others.iter().all(|obstacle| !obstacle.meets(way, stylus, obstacle.growth))
-            && ends.iter().all(|(shift, end)| {
-                let way = Way { to: *end, ..*way }.seen_from(shift);
+            && ends.iter().all(|(stand, end)| {
+                let way = stand.way(&Way { to: *end, ..*way });
                 touched.iter().all(|obstacle| !obstacle.meets(&way, stylus, 0.0))
             })
     }
 }
+
+/// What is kept beyond the stated tolerance: commands are rounded, starts are dithered by a tick, and
+/// the machine has errors that nobody knows yet. Programs move exactly (G61): blending adds nothing.
+const SLACK_MM: f64 = 0.05;
 
 /// A part is touched where the ball's distance from it is below this, mm.
 const TOUCHED_MM: f64 = 1e-3;
@@ -325,7 +352,7 @@ mod tests {
         assert!(side(30.0 + 12.5 + 1.0 + 2.1) && !side(30.0 + 12.5 + 1.0 + 1.9));
         // What carries it is as wide as the cross.
         assert!(!is_free(&around, [70.0, -57.5, 5.0], [45.0, -57.5, 5.0], up));
-        assert!((around.highest(&Pose::identity(), &Vector3::z()) - 37.0).abs() < 1e-12);
+        assert!((around.highest(&Pose::identity(), &Vector3::z()) - 37.0 - SLACK_MM).abs() < 1e-12);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::pose::Direction;
 use crate::{Error, Result};
 
 use clock::Clock;
-use collision::{Stylus, Surroundings, Way};
+use collision::{Stand, Stylus, Surroundings, Way};
 
 /// How a plan is made; mm, rad, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -226,7 +226,7 @@ pub fn plan(
         return Err(Error::input("tilting angles", "some", "none: this machine has no such axis"));
     }
     let positions = positions(request);
-    let planner = Planner { arrangement, options };
+    let planner = Planner { arrangement, options, stands: arrangement.around.stands() };
     let mut reached: Vec<Vec<PlannedTouch>> = Vec::with_capacity(positions.len());
     for position in &positions {
         reached.push(planner.touches(position, axes.rotary(position, options.rotary_resolution)));
@@ -316,6 +316,7 @@ fn positions(request: &PlanRequest) -> Vec<Position> {
 struct Planner<'a> {
     arrangement: &'a Arrangement,
     options: &'a PlanOptions,
+    stands: Vec<Stand>,
 }
 
 impl Planner<'_> {
@@ -358,7 +359,7 @@ impl Planner<'_> {
         let direction = clean((end - start).normalize());
         // The first contact on the way is the one that is meant.
         let approach = Approach { posture, start, direction, target };
-        let travel = self.travel(&approach, &Vector3::zeros())?;
+        let travel = self.travel(&approach, None)?;
         let slack = 2.0 * options.linear_resolution + 1e-9;
         if (travel - (contact - start).norm()).abs() > slack {
             return None;
@@ -377,14 +378,20 @@ impl Planner<'_> {
         })
     }
 
-    /// Travel to the first contact with the artefact standing off by `shift` (table's frame), if it
+    /// Travel to the first contact with the artefact standing like this (or where it should), if it
     /// is on the face that is meant.
-    fn travel(&self, approach: &Approach, shift: &Vector3<f64>) -> Option<f64> {
+    fn travel(&self, approach: &Approach, stand: Option<&Stand>) -> Option<f64> {
         let Approach { posture, start, direction, target } = approach;
-        let origin = start - posture.table.rotation * shift;
+        let (mut origin, mut direction) = (*start, *direction);
+        if let Some(stand) = stand {
+            let table = &posture.table;
+            origin = table.apply(&stand.point(&table.undo(start)));
+            direction =
+                table.rotation * stand.direction(&table.rotation.tr_mul(&approach.direction));
+        }
         let line = Line {
             origin: posture.artefact.undo(&origin),
-            direction: posture.artefact.rotation.tr_mul(direction),
+            direction: posture.artefact.rotation.tr_mul(&direction),
         };
         let artefact = &self.arrangement.artefact;
         let solid = artefact.solid(&Places::default());
@@ -397,7 +404,7 @@ impl Planner<'_> {
     /// Whether the probe gets to the start and to the contact, wherever within its tolerance the
     /// artefact stands, and then touches the face that is meant.
     fn is_free(&self, approach: &Approach, stem: &Vector3<f64>, contact: &Vector3<f64>) -> bool {
-        let Self { options, arrangement } = self;
+        let Self { options, arrangement, .. } = self;
         let Approach { posture, start, direction, .. } = approach;
         let around = &arrangement.around;
         let stem_on_table = posture.table.rotation.tr_mul(stem);
@@ -413,14 +420,14 @@ impl Planner<'_> {
         }
         let mut ends = Vec::new();
         let mut deepest: f64 = 0.0;
-        for shift in around.shifts_at(&posture.table.undo(contact)) {
-            let Some(travel) = self.travel(approach, &shift) else { return false };
+        for stand in &self.stands {
+            let Some(travel) = self.travel(approach, Some(stand)) else { return false };
             if travel > options.clearance + options.overtravel {
                 return false;
             }
             deepest = deepest.max(travel);
             let short = start + direction * (travel - NEARLY_MM);
-            ends.push((shift, posture.table.undo(&short)));
+            ends.push((*stand, posture.table.undo(&short)));
         }
         let way = way(start, &(start + direction * (deepest - NEARLY_MM)));
         let contact = posture.table.undo(contact);

@@ -74,6 +74,15 @@ impl Probe {
     }
 }
 
+/// The chuck with its jaws: everything behind its face up to a radius.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Chuck {
+    /// Radius over the jaws, mm; 0: none.
+    pub radius_mm: f64,
+    /// Z of the face of the jaws, mm.
+    pub face_mm: f64,
+}
+
 /// The part, ready for questions of distance.
 #[derive(Clone, Debug)]
 pub struct Solid {
@@ -82,9 +91,9 @@ pub struct Solid {
 }
 
 impl Solid {
-    /// The part inside its contour, and the chuck (`z <= 0`) up to `chuck_radius_mm`.
+    /// The part inside its contour, and the chuck behind its face up to its radius.
     #[must_use]
-    pub fn new(profile: &Profile, chuck_radius_mm: f64) -> Self {
+    pub fn new(profile: &Profile, chuck: &Chuck) -> Self {
         let mut outline = Vec::new();
         for element in profile.elements() {
             element.enclose(SAGITTA_MM, &mut outline);
@@ -96,9 +105,10 @@ impl Solid {
                 _ => None,
             })
             .collect();
-        if chuck_radius_mm > 0.0 {
-            let back = -1e3;
-            pieces.push([[0.0, chuck_radius_mm], [back, chuck_radius_mm], [back, 0.0], [0.0, 0.0]]);
+        if chuck.radius_mm > 0.0 {
+            let Chuck { radius_mm: radius, face_mm: face } = *chuck;
+            let back = face - 1e3;
+            pieces.push([[face, radius], [back, radius], [back, 0.0], [face, 0.0]]);
         }
         let top = pieces.iter().flatten().fold(0.0, |most: f64, p| most.max(p[1]));
         Self { pieces, top }
@@ -216,7 +226,7 @@ mod tests {
 
     #[test]
     fn the_ball_touches_at_its_radius() {
-        let solid = Solid::new(&step(), 0.0);
+        let solid = Solid::new(&step(), &Chuck::default());
         let seen = solid.clearance(&PROBE, [90.0, 15.0], [60.0, 15.0]);
         assert!(seen.ball_mm.abs() < 1e-12, "{seen:?}");
         let deep = solid.clearance(&PROBE, [90.0, 14.9], [60.0, 15.0]);
@@ -225,7 +235,7 @@ mod tests {
 
     #[test]
     fn the_body_is_seen_beside_a_wall() {
-        let solid = Solid::new(&step(), 0.0);
+        let solid = Solid::new(&step(), &Chuck::default());
         let seen = solid.clearance(&PROBE, [70.0, 15.0], [57.0, 15.0]);
         assert!((seen.body_mm - 1.0).abs() < 1e-9, "{seen:?}");
         let seen = solid.clearance(&PROBE, [70.0, 15.0], [55.5, 15.0]);
@@ -234,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_move_through_the_part_is_seen_though_its_ends_are_free() {
-        let solid = Solid::new(&step(), 0.0);
+        let solid = Solid::new(&step(), &Chuck::default());
         let seen = solid.clearance(&PROBE, [120.0, 20.0], [-120.0, 20.0]);
         assert!(seen.ball_mm < -10.0, "{seen:?}");
     }

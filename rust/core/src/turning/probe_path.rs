@@ -6,7 +6,7 @@
 //! whole program is checked against the solid part, move by move, and an interval that would gouge
 //! is shortened or dropped, with the reason.
 
-use super::clearance::{Clearance, Probe, Solid};
+use super::clearance::{Chuck, Clearance, Probe, Solid};
 use super::geometry::{
     Element, Gap, Point, Turn, along, meet, minus, norm, offset, right_of, turn,
 };
@@ -27,8 +27,8 @@ pub struct PathOptions {
     pub retract_x_mm: f64,
     /// Height above the touching position, mm (radius), from which it goes down at feed.
     pub approach_mm: f64,
-    /// Radius of the chuck, mm; 0 if it needs no watching.
-    pub chuck_radius_mm: f64,
+    /// The chuck to keep clear of.
+    pub chuck: Chuck,
     /// Shortest interval worth measuring, mm.
     pub shortest_mm: f64,
 }
@@ -101,7 +101,8 @@ pub fn probe_path(profile: &Profile, options: &PathOptions) -> Result<ProbePath>
     for (what, value, least) in [
         ("allowance, mm", options.allowance_mm, 0.0),
         ("approach, mm", options.approach_mm, 0.0),
-        ("chuck radius, mm", options.chuck_radius_mm, 0.0),
+        ("chuck radius, mm", options.chuck.radius_mm, 0.0),
+        ("face of the chuck, mm", options.chuck.face_mm.abs(), 0.0),
         ("shortest interval, mm", options.shortest_mm, 0.0),
     ] {
         if !(value.is_finite() && value >= least) {
@@ -116,7 +117,7 @@ pub fn probe_path(profile: &Profile, options: &PathOptions) -> Result<ProbePath>
     } else {
         profile.clone()
     };
-    let solid = Solid::new(&stock, options.chuck_radius_mm);
+    let solid = Solid::new(&stock, &options.chuck);
     let highest = solid.top() + options.probe.ball_radius_mm + options.approach_mm;
     if options.retract_x_mm.is_nan() || options.retract_x_mm <= highest {
         return Err(Error::input(
@@ -387,7 +388,7 @@ mod tests {
             skip: vec![13],
             retract_x_mm: 50.0,
             approach_mm: 1.0,
-            chuck_radius_mm: 0.0,
+            chuck: Chuck::default(),
             shortest_mm: 1.0,
         }
     }
@@ -399,6 +400,7 @@ mod tests {
             let path = probe_path(&part(), &options(angle)).unwrap();
             let program = path
                 .program(&ProgramOptions {
+                    comments: Vec::new(),
                     dialect: Dialect::PaperUm,
                     feed: None,
                     first_number: Some(3),

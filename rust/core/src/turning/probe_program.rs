@@ -14,6 +14,8 @@ pub struct ProgramOptions {
     pub feed: Option<f64>,
     /// Number of the first block; none writes no numbers.
     pub first_number: Option<u32>,
+    /// Comments before everything else.
+    pub comments: Vec<String>,
     /// Blocks before: `(letter, value)` words.
     pub head: Vec<Vec<(char, f64)>>,
     /// Blocks behind.
@@ -39,6 +41,9 @@ impl ProbePath {
         };
         let dialect = options.dialect;
         let mut writer = Writer::numbered(dialect, options.first_number);
+        for comment in &options.comments {
+            writer.program.push_comment(comment)?;
+        }
         for words in &options.head {
             writer.words(words)?;
         }

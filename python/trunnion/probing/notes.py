@@ -1,0 +1,62 @@
+"""What a user should know of a plan before it runs: what was assumed, what it cannot tell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trunnion.base.statistics import linear_fit
+from trunnion.data.touches import Touches
+from trunnion.machine.estimate import in_words, named_combination
+from trunnion.probing.model import TouchModel
+from trunnion.setup import Setup
+
+
+def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
+    """Sentences on a plan: what is kept clear of, and which location errors it cannot tell.
+
+    Parameters
+    ----------
+    plan
+        A plan of this set-up, or touches.
+    setup
+        Machine, artefact, probe and table.
+
+    Returns
+    -------
+    tuple of str
+        A sentence each, for the user of a program.
+    """
+    return (*assumptions(setup), *_not_identifiable(plan, setup))
+
+
+def assumptions(setup: Setup) -> list[str]:
+    """Say what is kept clear of, and which of it the set-up does not state."""
+    artefact, table = setup.artefact, setup.table
+    said = [
+        f"Keeps clear as long as the artefact stands within {artefact.tolerance_mm:g} mm and "
+        f"{artefact.tolerance_deg:g} deg of its place."
+    ]
+    if table.is_assumed:
+        said.append(
+            f"No [table] in the set-up: a table of radius {table.radius_mm:g} mm and thickness "
+            f"{table.thickness_mm:g} mm is assumed."
+        )
+    if artefact.kind == "sphere" and artefact.stem_diameter_mm is None:
+        said.append(
+            "No stem_diameter_mm in the set-up: the sphere is assumed to stand on a stem of "
+            f"{artefact.effective_stem_diameter_mm:.3g} mm."
+        )
+    return said
+
+
+def _not_identifiable(plan: Touches, setup: Setup) -> list[str]:
+    """Say which location errors the touches cannot tell, with what they are confused."""
+    model = TouchModel(setup)
+    _, jacobian = model.core.linearise(model.moves(plan), model.values())
+    fit = linear_fit(jacobian, np.zeros(len(jacobian)))
+    blind = [name for name in model.error_names if np.isinf(fit.std[model.names.index(name)])]
+    if not blind:
+        return []
+    combinations = [named_combination(model.names, row) for row in fit.combinations]
+    why = [in_words(c) for c in combinations if set(c) & set(blind)]
+    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}"]

@@ -1,0 +1,204 @@
+"""Every move of a probing program, swept by plain numpy: what ball and stem come near to.
+
+Nothing here is the planner's: poses are the twin's, distances those of points to boxes, spheres and
+cylinders, and the artefact stands where a draw within its tolerance puts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+import trunnion as tn
+from trunnion.base.units import Floats
+from trunnion.nc import follow
+from trunnion.probing.program import ProbingProgram
+from twin import forward
+
+STEP_MM = 0.7
+"""Between two samples of a move."""
+STEM_STEP_MM = 2.0
+
+
+@dataclass(frozen=True)
+class Draw:
+    """How the artefact really stands: shift (mm, table's frame) and turn (rad) from nominal."""
+
+    shift_mm: Floats
+    turn_rad: float
+
+    @classmethod
+    def within(cls, artefact: tn.Artefact, rng: np.random.Generator) -> Draw:
+        """Half of the draws are at the end of the tolerance."""
+        size = artefact.tolerance_mm * rng.choice([1.0, rng.uniform()])
+        direction = rng.normal(size=3)
+        turn = np.radians(artefact.tolerance_deg) * rng.choice([-1.0, 1.0, rng.uniform(-1, 1)])
+        return cls(size * direction / np.linalg.norm(direction), float(turn))
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands in the way, in the table's frame, with the artefact where it really is."""
+
+    setup: tn.Setup
+    draw: Draw
+
+    @property
+    def _turned(self) -> Floats:
+        angle = np.radians(self.setup.artefact.turn_deg) + self.draw.turn_rad
+        cos, sin = np.cos(angle), np.sin(angle)
+        return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+    def on_table(self, points: Floats) -> Floats:
+        """Points (..., 3) of the artefact's frame in the table's."""
+        place = np.array(self.setup.artefact.place_mm) + self.draw.shift_mm
+        return np.asarray(points @ self._turned.T + place)
+
+    def _in_artefact(self, points: Floats) -> Floats:
+        place = np.array(self.setup.artefact.place_mm) + self.draw.shift_mm
+        return np.asarray((points - place) @ self._turned)
+
+    def artefact(self, points: Floats) -> Floats:
+        """Distance of points (..., 3) to what is touched; negative inside a sphere."""
+        a, local = self.setup.artefact, self._in_artefact(points)
+        if a.kind == "sphere":
+            assert a.diameter_mm is not None
+            return np.asarray(
+                np.linalg.norm(local - np.array(a.centre_mm), axis=-1) - a.diameter_mm / 2
+            )
+        sizes = [(a.length_mm, a.width_mm)]
+        if a.kind == "cross":
+            sizes.append((a.width_mm, a.length_mm))
+        found = []
+        for x, y in sizes:
+            low, high = np.array([-x / 2, -y / 2, 0.0]), np.array([x / 2, y / 2, a.height_mm])
+            found.append(np.linalg.norm(local - np.clip(local, low, high), axis=-1))
+        return np.asarray(np.min(found, axis=0))
+
+    def others(self, points: Floats) -> Floats:
+        """Distance of points to the table and to the stem of a sphere."""
+        t, a = self.setup.table, self.setup.artefact
+        x, y, z = np.moveaxis(points, -1, 0)
+        found = cylinder(np.hypot(x, y) - t.radius_mm, z, -t.thickness_mm, 0.0)
+        stem = a.effective_stem_diameter_mm / 2
+        if stem > 0 and a.centre_mm is not None:
+            centre = self.on_table(np.array(a.centre_mm))
+            out = np.hypot(x - centre[0], y - centre[1]) - stem
+            found = np.minimum(found, cylinder(out, z, 0.0, centre[2]))
+        return found
+
+
+def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
+    """Distance to an upright cylinder, from the distance to its mantle and the height."""
+    axial = np.maximum(np.maximum(low - z, z - high), 0.0)
+    return np.asarray(np.hypot(np.maximum(out, 0.0), axial))
+
+
+@dataclass(frozen=True)
+class Move:
+    """A straight move of the ball's centre in the machine frame, the rotary axes at rest (deg)."""
+
+    start: Floats
+    end: Floats
+    rotary: Floats
+    is_approach: bool
+
+
+def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
+    """The moves of a program at rest of its rotary axes, but for the ways back from a contact.
+
+    Raises
+    ------
+    AssertionError
+        An axis turns below the level of swinging; an approach is not there.
+    """
+    starts = plan.start_mm
+    assert starts is not None
+    moves = follow(program.moves)
+    letters = [3 + "abc".index(letter) for letter in plan.rotary_deg]
+    row, is_back = 0, False
+    for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
+        if np.any(start[3:] != end[3:]):
+            assert min(start[2], end[2]) >= program.cycle.swing - 1e-9
+            continue
+        is_approach = (
+            row < len(plan) and code == 38 and np.abs(start[:3] - starts[row]).max() < 1e-4
+        )
+        if not is_back:
+            yield Move(start[:3], end[:3], end[letters], bool(is_approach))
+        is_back = bool(is_approach)
+        row += is_back
+    assert row == len(plan)
+
+
+def twin_of(setup: tn.Setup) -> forward.Setup:
+    """The twin's machine."""
+    points = list(setup.axis_points().values())
+    return forward.Setup(
+        preset=setup.machine.preset,
+        sense={letter: axis.sense for letter, axis in setup.axes.items()},
+        probe_length_mm=setup.probe.length_mm,
+        tilt_point_mm=points[0] if points else None,
+    )
+
+
+def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Scene) -> None:
+    """Sweep every move.
+
+    Raises
+    ------
+    AssertionError
+        Ball or stem touch something, but for the ball on the artefact in an approach; an approach
+        that does not touch.
+    """
+    probe = setup.probe
+    truth = forward.Truth(errors=setup.machine.errors)
+    moves = list(moves_of(program, plan))
+    first, second = np.array([move.rotary for move in moves]).T
+    poses = forward.table_pose(first, second, twin_of(setup), truth)
+    along = np.arange(0.0, probe.length_mm, STEM_STEP_MM)
+    for move, pose in zip(moves, poses, strict=True):
+        where = f"{move.start.round(2)} to {move.end.round(2)} at {move.rotary.round(2)}"
+        count = max(2, int(np.ceil(np.linalg.norm(move.end - move.start) / STEP_MM)) + 1)
+        ball = move.start + np.linspace(0.0, 1.0, count)[:, None] * (move.end - move.start)
+        stem = ball[:, None] + along[:, None] * [0.0, 0.0, 1.0]
+        stem_table = (stem - pose[:3, 3]) @ pose[:3, :3]
+        ball_table = stem_table[:, 0]
+        gap = scene.artefact(ball_table) - probe.ball_radius_mm
+        if move.is_approach:
+            assert gap.min() < 0.0, f"touches nothing: {where}"
+            until = int(np.argmax(gap < 0.0))  # the last sample in front of the contact
+            assert until > 0, f"starts in the artefact: {where}"
+            stem_table, ball_table, gap = stem_table[:until], ball_table[:until], gap[:until]
+        assert gap.min() > 0.0, f"ball in the artefact: {where}"
+        assert scene.others(ball_table).min() > probe.ball_radius_mm, f"ball: {where}"
+        near = np.minimum(scene.artefact(stem_table), scene.others(stem_table))
+        assert near.min() > probe.effective_stem_radius_mm, f"stem: {where}"
+
+
+def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator) -> float:
+    """Highest point of artefact, its stem and table over many positions of the axes, mm."""
+    a, t = setup.artefact, setup.table
+    angle = rng.uniform(0, 2 * np.pi, 200)
+    rim = t.radius_mm * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    points = [rim, rim - [0.0, 0.0, t.thickness_mm]]
+    if a.kind == "sphere":
+        assert a.diameter_mm is not None
+        out = rng.normal(size=(300, 3))
+        out *= a.diameter_mm / 2 / np.linalg.norm(out, axis=1, keepdims=True)
+        points.append(out + np.array(a.centre_mm))
+    else:
+        half = np.array([a.length_mm, a.width_mm]) / 2
+        for x, y in (half, half[::-1]) if a.kind == "cross" else (half,):
+            corners = np.array(
+                [[i * x, j * y, k] for i in (-1, 1) for j in (-1, 1) for k in (0, 1)]
+            )
+            points.append(corners * [1.0, 1.0, a.height_mm])
+    everything = np.concatenate([*points[:2], scene.on_table(np.concatenate(points[2:]))])
+    positions = rng.uniform(-180, 180, (500, 2))
+    positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, 2))
+    truth = forward.Truth(errors=setup.machine.errors)
+    poses = forward.table_pose(positions[:, 0], positions[:, 1], twin_of(setup), truth)
+    return float((everything @ poses[:, 2, :3].T + poses[:, 2, 3]).max())
