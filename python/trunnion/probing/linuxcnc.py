@@ -32,9 +32,6 @@ def _header(cycle: Cycle) -> Iterator[str]:
         f" {_n(setup.probe.ball_radius_mm)} mm, clearance {_n(setup.plan.clearance_mm)} mm)"
     )
     yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"
-    table = setup.table
-    assumed = ", ASSUMED: the set-up has no [table]" if table.is_assumed else ""
-    yield f"(table: radius {_n(table.radius_mm)}, thickness {_n(table.thickness_mm)} mm{assumed})"
     if control.centre_mm is not None:
         x, y, z = (_n(v) for v in control.centre_mm)
         yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"
