@@ -9,7 +9,7 @@ import pytest
 import trunnion as tn
 
 FIRST = "37.500012 0.000000 26.003100 0.000000 0.000000 90.000000 0.000000 0.000000 0.000000\n"
-SECOND = "50.998700 1.000000 12.500000 -90.000000 0.000000 180.000100 0.000000 0.000000 0.000000\n"
+SECOND = "50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100 0.000000 0.000000 0.000000\n"
 
 BAD_LOGS = {
     "empty": ("", ":1:1: got no touches, expected those of the plan"),
@@ -17,7 +17,7 @@ BAD_LOGS = {
     "another order": (SECOND + FIRST, ":1:30: A (touch 1): got -90.000000, expected 0.000000 (to 0.001), as planned"),
     "rotary": (FIRST + SECOND.replace("180.0001", "180.0011"), ":2:50: C (touch 2): got 180.001100, expected 180.000000 (to 0.001), as planned"),
     "axis not planned": (FIRST.replace("0.000000 90", "5.000000 90") + SECOND, ":1:39: B (touch 1): got 5.000000, expected 0.000000 (to 0.001), as the plan has no B axis"),
-    "far": (FIRST + SECOND.replace("50.9987", "56.0013"), ":2:1: X (touch 2): got a touch 5.001 mm from the planned one, expected at most 5 mm from (51.000, 1.000, 12.500)"),
+    "far": (FIRST + SECOND.replace("50.9987", "56.0013"), ":2:1: X (touch 2): got a touch 5.001 mm from the planned one, expected at most 5 mm from (51.000, 12.500, 1.000)"),
     "six columns": ("1 2 3 4 5 6\n" + SECOND, ":1:11: got 6 fields, expected nine numbers: X Y Z A B C U V W"),
     "not a number": (FIRST.replace("26.003100", "26,003100") + SECOND, ":1:20: Z: got '26,003100', expected a finite number"),
     "nan": (FIRST.replace("26.003100", "-nan") + SECOND, ":1:20: Z: got '-nan', expected a finite number"),
@@ -27,7 +27,7 @@ BAD_LOGS = {
 @pytest.fixture
 def plan() -> tn.Touches:
     return tn.Touches(
-        a_deg=[0, -90], c_deg=[90, 180], x_mm=[37.5, 51.0], y_mm=[0, 1], z_mm=[26, 12.5],
+        a_deg=[0, -90], c_deg=[90, 180], x_mm=[37.5, 51.0], y_mm=[0, 12.5], z_mm=[26, 1],
         dir_x=[0, -1], dir_y=[0, 0], dir_z=[-1, 0],
         point=[1, 3], feed_mm_min=[600, 600], c_dir=[1, 1], face=["top", "end"],
     )  # fmt: skip
@@ -38,7 +38,7 @@ def test_a_log_gives_the_plan_with_the_recorded_positions(plan: tn.Touches, tmp_
     path.write_text(FIRST + SECOND)
     touches = tn.read_probe_log(path, plan)
     np.testing.assert_array_equal(
-        touches.position_mm, [[37.500012, 0.0, 26.0031], [50.9987, 1.0, 12.5]]
+        touches.position_mm, [[37.500012, 0.0, 26.0031], [50.9987, 12.5, 1.0]]
     )
     x, y, z = plan.position_mm.T
     assert touches.with_columns(x_mm=x, y_mm=y, z_mm=z) == plan
@@ -64,7 +64,7 @@ def test_a_log_of_a_stopped_run_gives_the_touches_before(plan: tn.Touches, tmp_p
 
 
 ONE = "1 600.000000 37.500012 0.000000 26.003100 0.000000 0.000000 90.000000\n"
-TWO = "2 60.000000 50.998700 1.000000 12.500000 -90.000000 0.000000 180.000100\n"
+TWO = "2 60.000000 50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100\n"
 
 
 def run(plan: tn.Touches, first: int = 1) -> str:
@@ -80,7 +80,7 @@ def test_a_numbered_log_gives_the_touches_that_it_names(plan: tn.Touches, tmp_pa
     path = tmp_path / "touches.log"
     path.write_text(run(plan) + TWO)
     touches = tn.read_probe_log(path, plan)
-    assert touches.position_mm.tolist() == [[50.9987, 1.0, 12.5]]
+    assert touches.position_mm.tolist() == [[50.9987, 12.5, 1.0]]
     assert touches.feed_mm_min is not None
     assert touches.feed_mm_min.tolist() == [60.0]
     assert touches.point is not None

@@ -130,6 +130,22 @@ def test_a_small_clearance_will_do_for_an_artefact_that_is_placed_well() -> None
     assert len(tn.plan(setup)) == 72
 
 
+def test_a_program_of_a_plan_that_does_not_fit_the_set_up_is_refused() -> None:
+    """Another tolerance, place or stem than the plan was made for; a touch of the user's own."""
+    plan = tn.plan(CROSS)
+    loose = replace(CROSS, artefact=replace(CROSS.artefact, tolerance_mm=4.9))
+    with pytest.raises(tn.DataError, match=r"within 4\.9 mm and 1 deg .* number 1, 2, .* more;"):
+        tn.probing_program(plan, loose)
+    moved = replace(CROSS, artefact=replace(CROSS.artefact, place_mm=(0.0, 12.0, 0.0)))
+    with pytest.raises(tn.DataError, match="run into something or find nothing"):
+        tn.probing_program(plan, moved)
+    bare = tn.Setup(artefact=replace(SPHERE, stem_diameter_mm=0.0))
+    through_the_stem = tn.plan(bare, c_deg=(), a_deg=(90,))
+    tn.probing_program(through_the_stem, bare)
+    with pytest.raises(tn.DataError, match=r"number \d;"):
+        tn.probing_program(through_the_stem, replace(bare, artefact=SPHERE))
+
+
 def test_a_sweep_beyond_the_tolerance_finds_the_collision() -> None:
     """The sweep of these tests is not blind."""
     rng = np.random.default_rng(1)

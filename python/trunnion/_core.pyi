@@ -20,6 +20,7 @@ __all__ += [
     "Moves",
     "TouchModel",
     "artefact_kinds",
+    "blocked_moves",
     "catalogue",
     "closed_form_slips",
     "plan",
@@ -150,6 +151,21 @@ def safe_levels(
     table_thickness_mm: float,
 ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
     """Z above all that swings, and above everything at each row's posture, mm."""
+
+def blocked_moves(
+    machine: Machine,
+    artefact: Artefact,
+    moves: Moves,
+    reach_mm: Sequence[float],
+    *,
+    ball_radius_mm: float,
+    stem_radius_mm: float,
+    stem_length_mm: float,
+    clearance_mm: float,
+    table_radius_mm: float,
+    table_thickness_mm: float,
+) -> list[int]:
+    """Rows of moves from their starts that ball and stem cannot make."""
 
 @final
 class Moves:

@@ -24,9 +24,12 @@ from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
 from trunnion.probing.cycle import Cycle, Step
 from trunnion.probing.linuxcnc import program_text
+from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
 DECIMALS = 4
+MAX_NAMED = 10
+"""Touches that a message names."""
 FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
 
 
@@ -113,7 +116,8 @@ def probing_program(
     Raises
     ------
     DataError
-        A plan without feeds, and none given.
+        A plan without feeds, and none given; a touch that ball and stem cannot make, or that finds
+        nothing, with the artefact anywhere within its tolerance.
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
         a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
@@ -134,6 +138,7 @@ def probing_program(
     if start_at > len(plan):
         raise InputError(f"start_at: got {start_at}, expected a touch of the plan's {len(plan)}")
     ready = _with_starts(plan, setup, feed_mm_min)
+    _check_clear(ready, setup)
     swing, levels = safe_levels(ready, setup)
     cycle = Cycle(
         setup=setup,
@@ -160,6 +165,34 @@ def _with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
         starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
         added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}
     return plan.with_columns(**added) if added else plan
+
+
+def _check_clear(plan: Touches, setup: Setup) -> None:
+    """Refuse a plan of another set-up, or of no planner, that runs into something."""
+    chain, starts = Chain(setup), plan.start_mm
+    assert starts is not None
+    found = _core.blocked_moves(
+        chain.machine(),
+        standing_artefact(setup),
+        TouchModel(setup).moves(plan, from_start=True),
+        np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm,
+        ball_radius_mm=setup.probe.ball_radius_mm,
+        stem_radius_mm=setup.probe.effective_stem_radius_mm,
+        stem_length_mm=setup.probe.length_mm,
+        clearance_mm=setup.plan.clearance_mm,
+        table_radius_mm=setup.table.radius_mm,
+        table_thickness_mm=setup.table.thickness_mm,
+    )
+    if found:
+        which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
+        more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
+        artefact = setup.artefact
+        raise DataError(
+            f"plan: got touches that run into something or find nothing with the artefact within "
+            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: number "
+            f"{which}{more}; expected a plan of this set-up (artefact, place, tolerance, table, "
+            "probe, clearance)"
+        )
 
 
 def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:

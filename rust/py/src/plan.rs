@@ -15,6 +15,7 @@ use crate::arrays::{array, matrix, rows};
 use crate::artefact::Artefact;
 use crate::errors::IntoPy;
 use crate::machine::Machine;
+use crate::touch::Moves;
 
 /// How a plan is made, mm, degrees, µm, arcsec, mm/min as in the set-up file.
 #[pyfunction]
@@ -137,4 +138,34 @@ pub fn safe_levels<'py>(
         arrangement.safe_level(&angles, above)
     });
     Ok((arrangement.swing_level(above), array(py, levels.collect())))
+}
+
+/// Rows of moves from their starts that ball and stem cannot make with the artefact anywhere within
+/// its tolerance.
+#[pyfunction]
+#[pyo3(signature = (
+    machine, artefact, moves, reach_mm, *, ball_radius_mm, stem_radius_mm, stem_length_mm, clearance_mm,
+    table_radius_mm, table_thickness_mm
+))]
+pub fn blocked_moves(
+    py: Python<'_>,
+    machine: &Machine,
+    artefact: &Artefact,
+    moves: &Moves,
+    reach_mm: Vec<f64>,
+    ball_radius_mm: f64,
+    stem_radius_mm: f64,
+    stem_length_mm: f64,
+    clearance_mm: f64,
+    table_radius_mm: f64,
+    table_thickness_mm: f64,
+) -> PyResult<Vec<usize>> {
+    let arrangement =
+        arrangement(machine, artefact, table_radius_mm, table_thickness_mm).into_py()?;
+    let stylus =
+        Stylus { ball_radius: ball_radius_mm, stem_radius: stem_radius_mm, length: stem_length_mm };
+    let moves = moves.inner.view();
+    moves.check(machine.inner.rotary().len()).into_py()?;
+    let above = ball_radius_mm + clearance_mm;
+    Ok(py.detach(|| planning::blocked(&arrangement, &moves, &reach_mm, stylus, above)))
 }

@@ -2,6 +2,7 @@
 //!
 //! - [`targets`]: the places on the artefact that are worth a touch, with the paper's labels;
 //! - [`collision`]: whether ball and stem get there and back without touching anything else;
+//! - `approach`: one touch after the other with the artefact anywhere within its tolerance;
 //! - `clock`: when each touch happens, and from which sense its axes come;
 //! - here: positions of the axes, senses of turning, feeds and times; commands rounded to the
 //!   resolution of the axes.
@@ -9,18 +10,22 @@
 //! Between touches the probe retracts to the start of its approach, moves along the stem to a
 //! level above everything at this position of the axes, across, and down to the next start.
 
+mod approach;
 mod clock;
 pub mod collision;
 
 use nalgebra::Vector3;
 
-use crate::artefact::{Artefact, Fixture, Layout, Line, Search, Target, View};
+use crate::artefact::{Artefact, Fixture, Layout, Target, View};
 use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::pose::Direction;
 use crate::{Error, Result};
 
+use approach::{Approach, Approaches};
 use clock::Clock;
-use collision::{Stand, Stylus, Surroundings, Way};
+use collision::{Stylus, Surroundings};
+
+pub use approach::blocked;
 
 /// How a plan is made; mm, rad, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -226,7 +231,8 @@ pub fn plan(
         return Err(Error::input("tilting angles", "some", "none: this machine has no such axis"));
     }
     let positions = positions(request);
-    let planner = Planner { arrangement, options, stands: arrangement.around.stands() };
+    let approaches = Approaches::new(arrangement, options.stylus, options.above());
+    let planner = Planner { arrangement, options, approaches };
     let mut reached: Vec<Vec<PlannedTouch>> = Vec::with_capacity(positions.len());
     for position in &positions {
         reached.push(planner.touches(position, axes.rotary(position, options.rotary_resolution)));
@@ -316,7 +322,7 @@ fn positions(request: &PlanRequest) -> Vec<Position> {
 struct Planner<'a> {
     arrangement: &'a Arrangement,
     options: &'a PlanOptions,
-    stands: Vec<Stand>,
+    approaches: Approaches<'a>,
 }
 
 impl Planner<'_> {
@@ -358,14 +364,17 @@ impl Planner<'_> {
         let end = command(contact - normal * options.overtravel);
         let direction = clean((end - start).normalize());
         // The first contact on the way is the one that is meant.
-        let approach = Approach { posture, start, direction, target };
-        let travel = self.travel(&approach, None)?;
+        let reach = options.clearance + options.overtravel;
+        let face = matches!(self.arrangement.artefact, Artefact::Cross(_) | Artefact::Cuboid(_))
+            .then_some(target.normal);
+        let approach = Approach { posture, start, direction, reach, face };
+        let travel = self.approaches.travel(&approach, None)?;
         let slack = 2.0 * options.linear_resolution + 1e-9;
         if (travel - (contact - start).norm()).abs() > slack {
             return None;
         }
         let contact = start + direction * travel;
-        self.is_free(&approach, stem, &contact).then_some(PlannedTouch {
+        self.approaches.is_free(&approach, &contact).then_some(PlannedTouch {
             rotary: [0.0; MAX_ROTARY],
             sense: [0.0; MAX_ROTARY],
             cycle: 0,
@@ -377,78 +386,11 @@ impl Planner<'_> {
             time: 0.0,
         })
     }
-
-    /// Travel to the first contact with the artefact standing like this (or where it should), if it
-    /// is on the face that is meant.
-    fn travel(&self, approach: &Approach, stand: Option<&Stand>) -> Option<f64> {
-        let Approach { posture, start, direction, target } = approach;
-        let (mut origin, mut direction) = (*start, *direction);
-        if let Some(stand) = stand {
-            let table = &posture.table;
-            origin = table.apply(&stand.point(&table.undo(start)));
-            direction =
-                table.rotation * stand.direction(&table.rotation.tr_mul(&approach.direction));
-        }
-        let line = Line {
-            origin: posture.artefact.undo(&origin),
-            direction: posture.artefact.rotation.tr_mul(&direction),
-        };
-        let artefact = &self.arrangement.artefact;
-        let solid = artefact.solid(&Places::default());
-        let met = solid.first_contact(&line, self.options.stylus.ball_radius, Search::Ahead)?;
-        let is_flat = !matches!(artefact, Artefact::Sphere(_));
-        let other_face = is_flat && met.normal.dot(&target.normal) < 1.0 - 1e-6;
-        (!other_face).then_some(met.travel)
-    }
-
-    /// Whether the probe gets to the start and to the contact, wherever within its tolerance the
-    /// artefact stands, and then touches the face that is meant.
-    fn is_free(&self, approach: &Approach, stem: &Vector3<f64>, contact: &Vector3<f64>) -> bool {
-        let Self { options, arrangement, .. } = self;
-        let Approach { posture, start, direction, .. } = approach;
-        let around = &arrangement.around;
-        let stem_on_table = posture.table.rotation.tr_mul(stem);
-        let way = |from: &Vector3<f64>, to: &Vector3<f64>| Way {
-            from: posture.table.undo(from),
-            to: posture.table.undo(to),
-            stem: stem_on_table,
-        };
-        let level = around.highest(&posture.table, stem) + options.above();
-        let up = start + stem * (level - start.dot(stem)).max(0.0);
-        if !around.is_free(&way(&up, start), &options.stylus) {
-            return false;
-        }
-        let mut ends = Vec::new();
-        let mut deepest: f64 = 0.0;
-        for stand in &self.stands {
-            let Some(travel) = self.travel(approach, Some(stand)) else { return false };
-            if travel > options.clearance + options.overtravel {
-                return false;
-            }
-            deepest = deepest.max(travel);
-            let short = start + direction * (travel - NEARLY_MM);
-            ends.push((*stand, posture.table.undo(&short)));
-        }
-        let way = way(start, &(start + direction * (deepest - NEARLY_MM)));
-        let contact = posture.table.undo(contact);
-        around.is_approach_free(&way, &contact, &ends, &options.stylus)
-    }
-}
-
-/// A move towards a face of the artefact.
-struct Approach<'a> {
-    posture: &'a Posture,
-    start: Vector3<f64>,
-    direction: Vector3<f64>,
-    target: &'a Target,
 }
 
 /// A stem leans by less than this (rad) over a face that is nominally upright: known errors of the
 /// machine tilt faces.
 const UPRIGHT: f64 = 5e-3;
-
-/// The way in is checked up to this distance from the contact.
-const NEARLY_MM: f64 = 0.01;
 
 /// Removes rounding from a direction that is square to an axis.
 fn clean(direction: Vector3<f64>) -> Vector3<f64> {
