@@ -86,7 +86,8 @@ def _said(made: ProbingProgram) -> str:
 def read_log(log: Path, plan: Touches, setup: Setup | None) -> Touches:
     """Read the log of a plan's program; with a set-up, at the times of that program."""
     if setup is not None and plan.feed_mm_min is not None:
-        with contextlib.suppress(tn.InputError):  # no program for this machine: times of the plan
+        # No program for this machine, or the set-up has changed since: the plan's own times.
+        with contextlib.suppress(tn.InputError, tn.DataError):
             plan = plan.with_columns(time_s=tn.probing_program(plan, setup).time_s)
     return tn.read_probe_log(log, plan)
 
