@@ -18,6 +18,7 @@ SAMPLES = {
     "sweep": ("axis/sweep.csv", None),
     "diameters": ("turning/diameters.csv", "turning/setup.toml"),
     "ballbar": ("ballbar/circle.csv", None),
+    "positioning": ("positioning/axis.csv", None),
     "axislog": ("contour/axislog.csv", "contour/setup.toml"),
 }
 
@@ -50,6 +51,18 @@ def field_motion() -> FieldMotion:
     places = np.array([[-1.0, -1.0], [0.0, 1.0], [1.0, 0.0], [0.5, 0.5]])
     travel = Travel((50.0, 50.0), (100.0, 100.0))
     return FieldMotion(places, np.array([[1.0], [2.0], [0.5], [-1.0]]), 0.1, 2.0, travel)
+
+
+def turning_table() -> tn.Iso2302Rotary:
+    turned = np.tile(np.arange(0.0, 360.0, 60.0), 4)
+    data = tn.Positioning(
+        target_deg=turned,
+        measured_deg=turned + 1e-4 * np.sin(7.0 * np.arange(24)),
+        direction=np.tile(np.repeat([1, -1], 6), 2),
+        cycle=np.repeat([1, 2], 12),
+    )
+    results: tn.Iso2302Rotary = data.iso230_2()
+    return results
 
 
 @cache
@@ -174,6 +187,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "RepeatablePart": lambda: tn.repeatable_part(
         diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
     ),
+    "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
+    "Iso2302Rotary": turning_table,
     "Residuals": lambda: with_outliers().residuals,
     "Comparison": methods,
     "VolumetricError": volumetric,

@@ -39,9 +39,13 @@ from .data.ballbar import Ballbar as Ballbar
 from .data.ballbar import read_ballbar as read_ballbar
 from .data.diameters import Diameters as Diameters
 from .data.diameters import read_diameters as read_diameters
+from .data.iso230_2 import Iso2302 as Iso2302
+from .data.iso230_2 import Iso2302Rotary as Iso2302Rotary
 from .data.linuxcnc_log import read_probe_log as read_probe_log
 from .data.points import Points as Points
 from .data.points import read_points as read_points
+from .data.positioning import Positioning as Positioning
+from .data.positioning import read_positioning as read_positioning
 from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches

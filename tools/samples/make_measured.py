@@ -14,6 +14,10 @@ Small measurements of the project's own making, with what is in them written her
 ``ballbar/circle.csv``
     A ball-bar of 100 mm on an XY circle at 1000 mm/min, both senses, twice: Y loses 3 µm when it
     turns back, X and Y are 6 arcsec off square; 0.3 µm noise, the fixed ball off by 20 µm.
+``positioning/axis.csv``
+    X of a machine by ISO 230-2: 11 targets over 500 mm, both directions, 5 cycles. Scale 18 ppm, a
+    reversal of 6 µm, a wave of the screw (pitch 10 mm seen at stops of 52.1 mm), 1.2 µm of drift a
+    cycle, 0.7 µm noise.
 """
 
 from pathlib import Path
@@ -22,7 +26,7 @@ import numpy as np
 
 import trunnion as tn
 
-__all__ = ["make_axis", "make_ballbar", "make_plate"]
+__all__ = ["make_axis", "make_ballbar", "make_plate", "make_positioning"]
 
 SEED = 2003
 ARCSEC = np.pi / 648000
@@ -46,6 +50,25 @@ def make_plate(folder: Path) -> None:
             x_mm=np.round(m[:, 0], 5),
             y_mm=np.round(m[:, 1], 5),
         ).to_csv(folder / f"{name}.csv")
+
+
+def make_positioning(folder: Path) -> None:
+    """Write the stops of one axis."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(SEED + 5)
+    up = 5.0 + np.round(np.linspace(0.0, 490.0, 11) + rng.uniform(-4, 4, 11), 1)
+    target = np.tile(np.concatenate([up, up[::-1]]), 5)
+    direction = np.tile(np.repeat([1, -1], 11), 5)
+    cycle = np.repeat(np.arange(1, 6), 22)
+    error = 18e-3 * target + 3.0 * direction - 1.2 * (cycle - 1)
+    error += 2.0 * np.sin(2 * np.pi * target / 10.0) + 0.7 * rng.normal(size=len(target))
+    tn.Positioning(
+        target_mm=target,
+        measured_mm=np.round(target + 1e-3 * error, 5),
+        direction=direction,
+        cycle=cycle,
+        time_s=np.arange(len(target)) * 15.0,
+    ).to_csv(folder / "axis.csv")
 
 
 def make_axis(folder: Path) -> None:
@@ -124,3 +147,4 @@ if __name__ == "__main__":
     make_plate(SAMPLES / "plate")
     make_axis(SAMPLES / "axis")
     make_ballbar(SAMPLES / "ballbar")
+    make_positioning(SAMPLES / "positioning")

@@ -32,6 +32,7 @@ SAME_PHASE_STEPS = 0.02
 SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
 MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
+MIN_STEP = 1e-8  # µm, arcsec: what computers make of coordinates of metres
 MAX_PARTS = 5  # steps between the nearest readings
 SAME_STEP = 0.02
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
@@ -186,7 +187,7 @@ def recognised(values: Floats) -> float:
     """
     distinct = np.unique(values)
     gaps = np.diff(distinct)
-    rounding = MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0))
+    rounding = max(MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0)), MIN_STEP)
     gaps = gaps[gaps > rounding]
     if not len(gaps):
         return 0.0

@@ -17,6 +17,7 @@ from trunnion.cli import (
     demo,
     diagnose,
     hybrid,
+    positioning,
     program,
     sweep,
     turning,
@@ -51,7 +52,7 @@ def _main(
     del version
 
 
-for part in (
+GROUPS = (
     calibration,
     program,
     diagnose,
@@ -59,8 +60,10 @@ for part in (
     turning,
     contour,
     ballbar,
+    positioning,
     hybrid,
     sweep,
     demo,
-):
+)
+for part in GROUPS:
     part.register(app)

@@ -6,7 +6,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, growth, inflation
+from trunnion.base.resolution import MIN_STEP, NO_FLOOR, Floor, Grid, Repeats, growth, inflation
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
@@ -152,7 +152,7 @@ class Case:
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""
         size = float(np.max(np.abs(self.model.readings.values), initial=1.0))
-        return rms(f.residuals[self.rows]) < EXACT * size
+        return rms(f.residuals[self.rows]) < max(EXACT * size, MIN_STEP)
 
 
 class Linearised:

@@ -109,7 +109,8 @@ def _steps(model: Model) -> Floats:
     if readings.step is not None:
         return np.asarray(readings.step, dtype=np.float64)
     _, index = units_of(readings)
-    steps = [recognised(readings.values[index == i]) for i in range(index.max() + 1)]
+    recorded = readings.values if readings.recorded is None else readings.recorded
+    steps = [recognised(recorded[index == i]) for i in range(index.max() + 1)]
     return np.asarray(steps)[index]
 
 

@@ -63,6 +63,9 @@ class Readings:
     step:
         Step in which each reading is recorded, 0 where there is none; None: not known. The noise
         of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
+    recorded:
+        The numbers that were recorded, in the unit of the readings, where these are something else:
+        in them a step is recognised. Shape (n,).
     hint:
         What to do about a step that is recognised in the readings.
     """
@@ -72,6 +75,7 @@ class Readings:
     unit: str | tuple[str, ...] = "µm"
     sigma: Floats | None = None
     step: Floats | None = None
+    recorded: Floats | None = None
     hint: str = ""
 
     def __len__(self) -> int:
@@ -207,6 +211,11 @@ class Model:
     def bind(self, data: Any) -> Model:
         """Return the same model on other data."""
         raise NotImplementedError
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of any diagnosis of these data should know, in sentences."""
+        return ()
 
     @property
     def start(self) -> Floats:

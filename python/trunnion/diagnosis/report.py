@@ -47,9 +47,9 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     if verdict == "consistent":
         f = plain
     variance = float(case.floor.noise(f.rss, f.dof))
+    gain = _gain(kept, rows, plain, f)
     growth = kept.growth(f, variance)
     f = replace(f, covariance=f.covariance * np.outer(growth, growth))
-    gain = _gain(case, rows, plain, f)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
         # Where units are mixed the fit is in units of the noise of each reading.
@@ -84,7 +84,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
-        notes=_notes(case, variance),
+        notes=(*model.remarks, *_notes(case, variance)),
     )
 
 
@@ -111,11 +111,12 @@ def _notes(case: Case, variance: float) -> tuple[str, ...]:
 def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:
     """Residuals fitted and cross-validated, on the readings that are no outliers."""
     units, index = units_of(case.model.readings)
+    before = cross_validated(case.model, rows, plain, case.whiten)
     return Gain.of(
         plain.residuals[rows],
         f.residuals[rows],
-        cross_validated(case.model, rows, plain, case.whiten),
-        cross_validated(case.model, rows, f, case.whiten),
+        before,
+        before if f is plain else cross_validated(case.model, rows, f, case.whiten),
         units,
         index[rows],
     )

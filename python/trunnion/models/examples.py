@@ -18,6 +18,7 @@ from trunnion.data.axis_log import AxisLog
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.diameters import Diameters
 from trunnion.data.points import Points
+from trunnion.data.positioning import Positioning
 from trunnion.data.sweep import Sweep
 from trunnion.data.touches import Touches
 from trunnion.hybrid import Mechanism, ballbar_plan
@@ -56,6 +57,23 @@ def points() -> tuple[Points, None]:
     columns = {f"nominal_{a}_mm": nominal[:, i] for i, a in enumerate("xyz")}
     columns |= {f"{a}_mm": measured[:, i] for i, a in enumerate("xyz")}
     return Points(columns, time_s=30.0 * rows, group=rows * 2 // len(rows)), None
+
+
+def positioning() -> tuple[Positioning, None]:
+    """Eleven targets, both directions, five cycles."""
+    targets = np.linspace(0.0, 300.0, 11)
+    run = np.concatenate([targets, targets[::-1]])
+    target = np.tile(run, 5)
+    n = len(target)
+    data = Positioning(
+        target_mm=target,
+        measured_mm=target + 1e-3 * (2.0 + NOISE_UM * _normal((n,))),
+        direction=np.tile(np.repeat([1, -1], len(targets)), 5),
+        cycle=np.repeat(np.arange(1, 6), len(run)),
+        time_s=20.0 * np.arange(n),
+        temperature_c=20.0 + 0.02 * np.arange(n) ** 0.5,
+    )
+    return data, None
 
 
 def sweep() -> tuple[Sweep, None]:

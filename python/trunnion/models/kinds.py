@@ -77,6 +77,7 @@ _KINDS = [
     _kind("sweep", "Sweep", "sweep", "rotary", "angle_deg", "target"),
     _kind("diameters", "Diameters", "diameters", "diameters", "z_mm", "error_um"),
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
+    _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
     _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s"),
 ]
 

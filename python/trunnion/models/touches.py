@@ -116,7 +116,7 @@ class TouchDiagnosisModel(Model):
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
             ticks if np.any(ticks := ticks_um(setup, data)) else None,
-            UNKNOWN_TICK,
+            hint=UNKNOWN_TICK,
         )
         self._start = self._full.values()[: self._plain]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}

@@ -16,6 +16,7 @@ from .hybrid import plot_cube as plot_cube
 from .hybrid import plot_cubes as plot_cubes
 from .hybrid import plot_identifiability as plot_identifiability
 from .hybrid import plot_sensitivity as plot_sensitivity
+from .positioning import plot_positioning as plot_positioning
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates
 from .touches import plot_observability as plot_observability

@@ -22,6 +22,8 @@ PICTURES = {
     "CubeStudy": "plot_cubes",
     "Diagnosis": "plot_diagnosis",
     "Identifiability": "plot_identifiability",
+    "Iso2302": "plot_positioning",
+    "Iso2302Rotary": "plot_positioning",
     "IdentificationResult": "plot_estimates",
     "Margins": "plot_margins",
     "Observability": "plot_observability",

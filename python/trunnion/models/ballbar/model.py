@@ -92,6 +92,7 @@ class BallbarModel(Model):
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
+            recorded=data.length_mm * 1e3,
         )
         self.nuisance = self._nuisance()
         self._at: tuple[bytes, Floats, Floats] | None = None

@@ -88,7 +88,11 @@ class PointsModel(Model):
         deviation = (back - nominal) * 1e3
         self._check_near(deviation)
         n, d = nominal.shape
-        self.readings = Readings(deviation.reshape(-1), np.repeat(np.arange(n), d), "µm")
+        self.readings = Readings(
+            deviation.reshape(-1),
+            np.repeat(np.arange(n), d),
+            recorded=1e3 * data.measured_mm.reshape(-1),
+        )
         names = [f"d{a}_um" for a in AXES[:d]]
         names += ["rz_arcsec"] if d == 2 else ["rx_arcsec", "ry_arcsec", "rz_arcsec"]
         several = len(self._labels) > 1

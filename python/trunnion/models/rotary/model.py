@@ -107,7 +107,11 @@ class SweepModel(Model):
         away = np.einsum("nij,nj->ni", self._local, measured - self._reference)
         self._check_near(away)
         n = len(data)
-        self.readings = Readings(1e3 * away.reshape(-1), np.repeat(np.arange(n), 3), "µm")
+        self.readings = Readings(
+            1e3 * away.reshape(-1),
+            np.repeat(np.arange(n), 3),
+            recorded=1e3 * data.position_mm.reshape(-1),
+        )
         given = effects if source is None else source._given
         self._given: tuple[EffectLike | str, ...] = tuple(given)
         self._motions: dict[str, Motion] = (

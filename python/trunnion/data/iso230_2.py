@@ -1,0 +1,204 @@
+"""Accuracy and repeatability of positioning by ISO 230-2:2014, clauses 3 and 8.
+
+With deviations x_ij of target i in run j, from the positive (↑) and the negative direction (↓),
+their means x̄_i and estimators of the standard uncertainty s_i of each direction:
+
+- reversal B_i = x̄_i↑ - x̄_i↓; of the axis B = max |B_i|, mean B̄ = Σ B_i / m;
+- repeatability R_i↑ = 4 s_i↑, R_i = max(2 s_i↑ + 2 s_i↓ + |B_i|, R_i↑, R_i↓), of the axis the
+  largest;
+- systematic deviation E↑ = max x̄_i↑ - min x̄_i↑, E over both directions, M of their mean;
+- accuracy A↑ = max(x̄_i↑ + 2 s_i↑) - min(x̄_i↑ - 2 s_i↑), A over both directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from trunnion.base.report import Cell, Result, Table, measured
+from trunnion.base.units import Floats
+
+FIGURES: Mapping[str, str] = {
+    "reversal": "reversal B",
+    "mean_reversal": "mean reversal B̄",
+    "repeatability_forward": "repeatability R↑",
+    "repeatability_backward": "repeatability R↓",
+    "repeatability": "repeatability R",
+    "systematic_forward": "systematic deviation E↑",
+    "systematic_backward": "systematic deviation E↓",
+    "systematic": "systematic deviation E",
+    "mean_systematic": "mean bi-directional deviation M",
+    "accuracy_forward": "accuracy A↑",
+    "accuracy_backward": "accuracy A↓",
+    "accuracy": "accuracy A",
+}
+"""Figure of the standard → what people call it."""
+
+DRAWS = 400
+SEED = 1
+
+
+@dataclass(frozen=True)
+class _Stops:
+    """Means and standard deviations by target from each direction, shape (m,) or (m, s)."""
+
+    up: Floats
+    down: Floats
+    s_up: Floats
+    s_down: Floats
+
+    def figures(self) -> dict[str, Floats]:
+        """Every figure of the standard."""
+        up, down, s_up, s_down = self.up, self.down, self.s_up, self.s_down
+        b = up - down
+        both = np.concatenate([up, down])
+        high = np.concatenate([up + 2 * s_up, down + 2 * s_down])
+        low = np.concatenate([up - 2 * s_up, down - 2 * s_down])
+        r = np.maximum(2 * s_up + 2 * s_down + np.abs(b), 4 * np.maximum(s_up, s_down))
+        return {
+            "reversal": np.abs(b).max(axis=0),
+            "mean_reversal": b.mean(axis=0),
+            "repeatability_forward": 4 * s_up.max(axis=0),
+            "repeatability_backward": 4 * s_down.max(axis=0),
+            "repeatability": r.max(axis=0),
+            "systematic_forward": np.ptp(up, axis=0),
+            "systematic_backward": np.ptp(down, axis=0),
+            "systematic": np.ptp(both, axis=0),
+            "mean_systematic": np.ptp((up + down) / 2, axis=0),
+            "accuracy_forward": (up + 2 * s_up).max(axis=0) - (up - 2 * s_up).min(axis=0),
+            "accuracy_backward": (down + 2 * s_down).max(axis=0) - (down - 2 * s_down).min(axis=0),
+            "accuracy": high.max(axis=0) - low.min(axis=0),
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Results:
+    """What both kinds of axis have.
+
+    Attributes
+    ----------
+    targets
+        Target positions, mm or degrees, (m,).
+    mean_forward, mean_backward, spread_forward, spread_backward
+        Mean deviation and its standard deviation at each target, (m,).
+    std_errors
+        Standard uncertainty of each figure by the scatter of the stops (not of the instrument,
+        the alignment or the temperature), by simulation with one spread for each direction.
+    """
+
+    targets: Floats
+    mean_forward: Floats
+    mean_backward: Floats
+    spread_forward: Floats
+    spread_backward: Floats
+    std_errors: Mapping[str, float]
+
+    @classmethod
+    def of(cls, targets: Floats, up: Sequence[Floats], down: Sequence[Floats]) -> Self:
+        """Results of deviations at targets, from the positive and the negative direction."""
+        mean = [np.array([x.mean() for x in some]) for some in (up, down)]
+        size = [np.array([x.std(ddof=1) for x in some]) for some in (up, down)]
+        count = [np.array([len(x) for x in some])[:, None] for some in (up, down)]
+        # one spread for all targets of a direction: each target's own would be drawn twice
+        pooled = [np.sqrt(np.mean(s**2)) for s in size]
+        rng = np.random.default_rng(SEED)
+        shape = (len(targets), DRAWS)
+        drawn = _Stops(
+            *(
+                m[:, None] + s / np.sqrt(n) * rng.standard_normal(shape)
+                for m, s, n in zip(mean, pooled, count, strict=True)
+            ),
+            *(
+                s * np.sqrt(rng.chisquare(n - 1, shape) / (n - 1))
+                for s, n in zip(pooled, count, strict=True)
+            ),
+        ).figures()
+        unit = cls.unit_name()
+        figures = _Stops(*mean, *size).figures()
+        return cls(
+            targets=targets,
+            mean_forward=mean[0],
+            mean_backward=mean[1],
+            spread_forward=size[0],
+            spread_backward=size[1],
+            std_errors={f"{k}_{unit}": float(np.std(v)) for k, v in drawn.items()},
+            **{f"{name}_{unit}": float(value) for name, value in figures.items()},
+        )
+
+    @classmethod
+    def unit_name(cls) -> str:
+        """Unit at the end of names."""
+        return "um"
+
+    def headline(self) -> str:
+        """Accuracy, repeatability and reversal."""
+        unit = self.unit_name()
+        a, r, b = (getattr(self, f"{n}_{unit}") for n in ("accuracy", "repeatability", "reversal"))
+        return f"A {a:.3g}, R {r:.3g}, B {b:.3g} {unit.replace('um', 'µm')}"
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return the figures of the standard, and the targets."""
+        unit = self.unit_name()
+        shown = unit.replace("um", "µm")
+        rows: list[tuple[Cell, ...]] = [
+            (
+                text,
+                *measured(getattr(self, f"{name}_{unit}"), self.std_errors[f"{name}_{unit}"]),
+                shown,
+            )
+            for name, text in FIGURES.items()
+        ]
+        columns = ("", "value", "standard uncertainty", "unit")
+        stops: list[tuple[Cell, ...]] = [
+            (float(t), round(float(u), 3), round(float(d), 3), round(float(u - d), 3))
+            for t, u, d in zip(self.targets, self.mean_forward, self.mean_backward, strict=True)
+        ]
+        heads = ("target", f"mean ↑, {shown}", f"mean ↓, {shown}", f"reversal, {shown}")
+        return (
+            Table.of("Positioning, ISO 230-2", columns, rows),
+            Table.of("Targets", heads, stops),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Iso2302(_Results, Result):
+    """Results of a linear axis, µm; `targets` in mm."""
+
+    reversal_um: float
+    mean_reversal_um: float
+    repeatability_forward_um: float
+    repeatability_backward_um: float
+    repeatability_um: float
+    systematic_forward_um: float
+    systematic_backward_um: float
+    systematic_um: float
+    mean_systematic_um: float
+    accuracy_forward_um: float
+    accuracy_backward_um: float
+    accuracy_um: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Iso2302Rotary(_Results, Result):
+    """Results of a rotary axis, arcsec; `targets` in degrees."""
+
+    reversal_arcsec: float
+    mean_reversal_arcsec: float
+    repeatability_forward_arcsec: float
+    repeatability_backward_arcsec: float
+    repeatability_arcsec: float
+    systematic_forward_arcsec: float
+    systematic_backward_arcsec: float
+    systematic_arcsec: float
+    mean_systematic_arcsec: float
+    accuracy_forward_arcsec: float
+    accuracy_backward_arcsec: float
+    accuracy_arcsec: float
+
+    @classmethod
+    def unit_name(cls) -> str:
+        """Unit at the end of names."""
+        return "arcsec"

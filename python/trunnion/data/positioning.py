@@ -1,0 +1,141 @@
+"""Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.checks import choose
+from trunnion.base.errors import DataError
+from trunnion.base.units import Floats, Integers
+from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
+from trunnion.files.columns import (
+    ColumnError,
+    Integer,
+    OptionalLabel,
+    OptionalNumber,
+)
+from trunnion.files.csv_file import read_table
+from trunnion.files.table import Table
+
+OWN = ("target", "measured")
+
+
+class Positioning(Table):
+    """Measured positions of one axis at its targets, from both directions, in cycles.
+
+    Of a linear axis in mm, of a rotary one in degrees. Further columns ``NAME_mm`` (``NAME_deg``)
+    are other instruments on the same stop (`instrument`).
+    """
+
+    choice = "target_mm, measured_mm, or target_deg, measured_deg"
+
+    target_mm = OptionalNumber("target position of a linear axis")
+    measured_mm = OptionalNumber("measured position of a linear axis")
+    target_deg = OptionalNumber("target position of a rotary axis")
+    measured_deg = OptionalNumber("measured position of a rotary axis")
+    direction = Integer("sense of approach", among=(-1, 1))
+    cycle = Integer("number of the cycle, from 1", minimum=1)
+    axis = OptionalLabel("letter of the axis; one axis a table")
+    time_s = OptionalNumber("time since the start")
+    temperature_c = OptionalNumber("temperature of the axis or its scale")
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the axis turns."""
+        return self.target_deg is not None
+
+    @property
+    def unit(self) -> str:
+        """Unit of deviations: µm or arcsec."""
+        return "arcsec" if self.rotary else "µm"
+
+    @property
+    def target(self) -> Floats:
+        """Target positions, mm or degrees, (n,)."""
+        return np.asarray(self.columns[f"target_{self._suffix}"], dtype=np.float64)
+
+    @property
+    def measured(self) -> Floats:
+        """Measured positions, mm or degrees, (n,)."""
+        return np.asarray(self.columns[f"measured_{self._suffix}"], dtype=np.float64)
+
+    @property
+    def deviation(self) -> Floats:
+        """Measured less target position, µm or arcsec, (n,)."""
+        return (self.measured - self.target) * (3600.0 if self.rotary else 1e3)
+
+    @property
+    def instruments(self) -> tuple[str, ...]:
+        """Names of further instruments on the same stops."""
+        end = f"_{self._suffix}"
+        names = (name.removesuffix(end) for name in self.columns if name.endswith(end))
+        return tuple(
+            name
+            for name in names
+            if name not in OWN and self.columns[name + end].dtype.kind in "fiu"
+        )
+
+    @property
+    def stops(self) -> tuple[Floats, Integers]:
+        """Distinct targets in ascending order, (m,), and the number of each row's, (n,)."""
+        distinct, index = np.unique(self.target, return_inverse=True)
+        return distinct, index.reshape(-1).astype(np.intp)
+
+    def instrument(self, name: str) -> "Positioning":
+        """Return the same stops as another instrument measured them."""
+        choose("instrument", name, self.instruments)
+        values = self.columns[f"{name}_{self._suffix}"]
+        return self.with_columns(**{f"measured_{self._suffix}": values})
+
+    def iso230_2(self) -> Any:
+        """Return the results of ISO 230-2:2014: `Iso2302`, of a rotary axis `Iso2302Rotary`.
+
+        Raises
+        ------
+        DataError
+            One direction only, or fewer than two stops at a target from one direction.
+        """
+        targets, index = self.stops
+        found: dict[int, list[Floats]] = {}
+        for sense in (1, -1):
+            found[sense] = [
+                self.deviation[(index == i) & (self.direction == sense)]
+                for i in range(len(targets))
+            ]
+            few = [i for i, stops in enumerate(found[sense]) if len(stops) < 2]
+            if few:
+                raise DataError(
+                    f"target {targets[few[0]]:g} {self._suffix} from direction {sense:+d}: got "
+                    f"{len(found[sense][few[0]])} stops, expected at least 2 (ISO 230-2: 5)"
+                )
+        kind = Iso2302Rotary if self.rotary else Iso2302
+        return kind.of(targets, found[1], found[-1])
+
+    @property
+    def _suffix(self) -> str:
+        return "deg" if self.rotary else "mm"
+
+    def _check(self) -> None:
+        self.all_or_none("target_mm", "measured_mm")
+        self.all_or_none("target_deg", "measured_deg")
+        if (self.target_mm is None) == (self.target_deg is None):
+            got = "neither" if self.target_mm is None else "both"
+            raise ColumnError(
+                "target_mm", None, f"{got} of target_mm and target_deg", "one of them"
+            )
+        if self.axis is not None and len(np.unique(self.axis)) > 1:
+            row = int(np.argmax(self.axis != self.axis[0]))
+            text = f"{self.axis[row]!s} after {self.axis[0]!s}"
+            raise ColumnError("axis", row, text, "one axis a table")
+
+
+def read_positioning(path: str | PathLike[str]) -> Positioning:
+    """Read ``positioning.csv``: columns as in `Positioning`, any order.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is not as it should be; the message has file, line and column.
+    """
+    return read_table(path, Positioning)

@@ -1,0 +1,240 @@
+"""Positioning of an axis (ISO 230-2) on the diagnosis engine.
+
+The plain model is an offset of the instrument. A deviation is measured less target position, in µm
+or arcsec; u runs from -1 to 1 over the targets, t in hours, k numbers the cycles from 0, d is the
+direction of approach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import Floats
+from trunnion.data.positioning import Positioning
+from trunnion.diagnosis.effect import (
+    Effect,
+    EffectLike,
+    EffectValues,
+    Parameter,
+    drift,
+    for_compensation,
+    gridded,
+    linear,
+    periodic,
+    with_own,
+)
+from trunnion.diagnosis.model import (
+    Covariate,
+    LinearModel,
+    Model,
+    Nuisance,
+    Readings,
+    Uncertainty,
+)
+from trunnion.machine.effects import Owner
+from trunnion.machine.estimate import Estimate
+
+MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
+MIN_PERIODS = 3
+PITCHES_PER_OCTAVE = 24
+DURATIONS = 10
+SAME_COUNTER_UM = 0.5
+ONE_AXIS = "positioning of one axis: write a compensation table of it"
+
+
+class PositioningModel(LinearModel):
+    """Deviations of one axis, as the diagnosis engine asks for them.
+
+    Parameters
+    ----------
+    data
+        Measured stops.
+    effects
+        Further candidates: a user's own effects, or ids.
+
+    Raises
+    ------
+    DataError
+        Fewer than three targets.
+    """
+
+    def __init__(self, data: Positioning, effects: Sequence[EffectLike | str] = ()) -> None:
+        targets, index = data.stops
+        if len(targets) < 3:
+            raise DataError(f"targets: got {len(targets)}, expected at least 3")
+        n = len(data)
+        self._given = tuple(effects)
+        unit = "arcsec" if data.rotary else "um"
+        stops = data.direction * 1e6 + index
+        super().__init__(
+            data=data,
+            readings=Readings(
+                data.deviation,
+                np.arange(n),
+                data.unit,
+                recorded=data.measured * (3600.0 if data.rotary else 1e3),
+            ),
+            nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],
+            design=np.ones((n, 1)),
+            effects=with_own(_catalogue(data, unit), effects, data, known=IDS),
+            covariates=_covariates(data),
+            groups=np.unique(np.asarray(data.cycle), return_inverse=True)[1],
+            replicates=np.unique(stops, return_inverse=True)[1],
+        )
+
+    def bind(self, data: Any) -> Model:
+        """Return the same model on other stops."""
+        if not isinstance(data, Positioning):
+            raise InputError(f"other data: got {type(data).__name__}, expected Positioning")
+        return PositioningModel(data, self._given)
+
+    def extended(
+        self,
+        nuisance: Floats,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedPositioning:
+        """Return offset and effects."""
+        return ExtendedPositioning(
+            offset=float(nuisance[0]),
+            effects={k: dict(v) for k, v in effects.items()},
+            **for_compensation(self.effects, effects, (), ONE_AXIS),
+            **({} if uncertainty is None else uncertainty.fields()),
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say it where the instrument looks like the axis' own counter."""
+        largest = float(np.ptp(self.readings.values))
+        if self.data.rotary or largest > SAME_COUNTER_UM:
+            return ()
+        return (
+            f"The deviations stay within {largest:.2g} µm over {np.ptp(self.data.target):.4g} mm: "
+            "reference and axis look like the same counter, and say nothing of the machine.",
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedPositioning(Estimate):
+    """What a diagnosis of stops says of the axis.
+
+    Attributes
+    ----------
+    offset
+        Of the instrument, µm or arcsec.
+    """
+
+    offset: float
+
+
+IDS = (
+    "scale",
+    "reversal",
+    "reversal_of_position",
+    "periodic",
+    "cycle_drift",
+    "drift",
+    "warmup",
+    "expansion",
+    "curve",
+)
+
+
+def _covariates(data: Positioning) -> tuple[Covariate, ...]:
+    where = Covariate("target position", data.target, "deg" if data.rotary else "mm")
+    sense = Covariate("direction of approach", np.asarray(data.direction), classes=True)
+    order = Covariate("order of measurement", np.arange(len(data)), sequence=True)
+    out = [where, sense, order]
+    if data.time_s is not None:
+        out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
+    if data.temperature_c is not None:
+        out.append(Covariate("temperature", np.asarray(data.temperature_c), "°C"))
+    return tuple(out)
+
+
+def _catalogue(data: Positioning, unit: str) -> list[Effect]:
+    """Effects for which the stops have what it takes."""
+    d = np.asarray(data.direction, dtype=np.float64)
+    targets, index = data.stops
+    large = data.target * (3600.0 if data.rotary else 1e3)  # in the unit of deviations
+    size = large - large.mean()
+    out = [linear("scale", ["ppm"], 1e-6 * size, "scale error of the axis")]
+    both = len(np.unique(d)) == 2
+    if both:
+        out.append(linear("reversal", [f"b_{unit}"], d / 2, "reversal (backlash) of the axis"))
+    each = (index[:, None] == np.arange(len(targets))).astype(float)
+    if both and len(targets) > 2:
+        beside = _beside(each, np.ones((len(targets), 1)))
+        names = [f"b{i}_{unit}" for i in range(1, beside.shape[1] + 1)]
+        label = "reversal that depends on position"
+        out.append(linear("reversal_of_position", names, d[:, None] / 2 * beside, label))
+    if len(targets) >= MIN_WAVE_TARGETS:
+        out.append(_periodic(data, targets, unit))
+    if len(np.unique(data.cycle)) > 1:
+        cycles = np.asarray(data.cycle, dtype=np.float64) - float(np.min(data.cycle))
+        out.append(linear("cycle_drift", [f"rate_{unit}"], cycles, "drift from cycle to cycle"))
+    out += _of_time(data, unit)
+    if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
+        warmer = np.asarray(data.temperature_c) - float(data.temperature_c[0])
+        label = "thermal expansion of the axis"
+        out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
+    if len(targets) > 3:
+        line = np.stack([np.ones(len(targets)), targets - targets.mean()], axis=1)
+        beside = _beside(each, line)
+        names = [f"c{i}_{unit}" for i in range(1, beside.shape[1] + 1)]
+        label = "repeatable curve of deviations without a name"
+        out.append(linear("curve", names, beside, label))
+    return out
+
+
+def _beside(each: Floats, taken: Floats) -> Floats:
+    """Columns by target (n, m - k) that are orthogonal to k columns of the targets (m, k)."""
+    q = np.linalg.qr(np.concatenate([taken, np.eye(len(taken))], axis=1))[0]
+    return np.asarray(each @ q[:, taken.shape[1] : len(taken)])
+
+
+def _periodic(data: Positioning, targets: Floats, unit: str) -> Effect:
+    """A wave over the targets; a longer one than a third of their range is a curve."""
+    low = 2.0 * float(np.median(np.diff(targets)))
+    high = max(float(np.ptp(targets)) / MIN_PERIODS, 1.01 * low)
+    count = max(2, int(PITCHES_PER_OCTAVE * np.log2(high / low)) + 1)
+    name = "pitch_deg" if data.rotary else "pitch_mm"
+    pitch = Parameter(name, "deg" if data.rotary else "mm", tuple(np.geomspace(low, high, count)))
+    parts = [(data.target, np.ones(len(data)))]
+    return periodic("periodic", pitch, parts, "periodic error of the axis", unit=unit)
+
+
+def _of_time(data: Positioning, unit: str) -> list[Effect]:
+    if data.time_s is None or np.ptp(data.time_s) <= 0:
+        return []
+    seconds = np.asarray(data.time_s) - float(np.min(data.time_s))
+    ones = np.ones(len(data))
+    length = float(seconds.max()) / 60.0
+    tau = Parameter("tau_min", "min", tuple(np.geomspace(length / 20, 1.5 * length, DURATIONS)))
+    parameters = [Parameter(f"amplitude_{unit}"), tau]
+    return [
+        drift("drift", f"rate_{unit}_h", seconds / 3600.0, ones, "drift with time"),
+        gridded("warmup", parameters, _Warming(seconds / 60.0), "warm-up of the axis"),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Warming:
+    """1 - exp(-t/τ) at times in minutes."""
+
+    minutes: Floats
+
+    def __call__(self, values: Mapping[str, float]) -> Floats:
+        return np.asarray(1 - np.exp(-self.minutes / values["tau_min"]))[:, None]
+
+
+def build(
+    data: Positioning, _: Any = None, effects: Sequence[EffectLike | str] = ()
+) -> PositioningModel:
+    """Build the model of stops; it needs no set-up."""
+    return PositioningModel(data, effects)

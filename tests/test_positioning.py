@@ -1,0 +1,175 @@
+"""Positioning by ISO 230-2: results by the standard's formulas, and what is behind them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from promise import kept, needed_runs
+from trunnion.cli import app
+
+MEASURED = Path(__file__).parents[2] / "shared" / "measured" / "positioning"
+
+
+def axis(
+    rng: np.random.Generator,
+    *,
+    targets: int = 11,
+    cycles: int = 5,
+    noise: float = 0.7,
+    change: np.ndarray | float = 0.0,
+) -> tn.Positioning:
+    """Stops of an axis in 1 µm steps of nothing: only noise, and ``change`` in µm."""
+    up = np.round(np.linspace(0.0, 500.0, targets) + rng.uniform(-8, 8, targets), 1)
+    target = np.tile(np.concatenate([up, up[::-1]]), cycles)
+    error = 2.0 + change + noise * rng.standard_normal(len(target))
+    return tn.Positioning(
+        target_mm=target,
+        measured_mm=target + 1e-3 * error,
+        direction=np.tile(np.repeat([1, -1], targets), cycles),
+        cycle=np.repeat(np.arange(1, cycles + 1), 2 * targets),
+        time_s=15.0 * np.arange(len(target)),
+    )
+
+
+def test_results_are_those_of_the_standard() -> None:
+    """Against the formulas of the standard, written as its clauses print them."""
+    rng = np.random.default_rng(3)
+    data = axis(rng, change=3.0 * rng.standard_normal(110))
+    got = data.iso230_2()
+    dev = data.deviation
+    rows: dict[tuple[float, int], list[float]] = {}
+    for t, d, x in zip(data.target, data.direction, dev, strict=True):
+        rows.setdefault((float(t), int(d)), []).append(float(x))
+    places = sorted({t for t, _ in rows})
+    mean = {k: sum(v) / len(v) for k, v in rows.items()}
+    s = {k: (sum((x - mean[k]) ** 2 for x in v) / (len(v) - 1)) ** 0.5 for k, v in rows.items()}
+    b = [mean[t, 1] - mean[t, -1] for t in places]
+    assert got.reversal_um == pytest.approx(max(map(abs, b)))
+    assert got.mean_reversal_um == pytest.approx(sum(b) / len(b))
+    assert got.repeatability_forward_um == pytest.approx(max(4 * s[t, 1] for t in places))
+    assert got.repeatability_um == pytest.approx(
+        max(
+            max(2 * s[t, 1] + 2 * s[t, -1] + abs(x), 4 * s[t, 1], 4 * s[t, -1])
+            for t, x in zip(places, b, strict=True)
+        )
+    )
+    assert got.systematic_um == pytest.approx(max(mean.values()) - min(mean.values()))
+    both = [(mean[t, 1] + mean[t, -1]) / 2 for t in places]
+    assert got.mean_systematic_um == pytest.approx(max(both) - min(both))
+    assert got.accuracy_um == pytest.approx(
+        max(mean[k] + 2 * s[k] for k in mean) - min(mean[k] - 2 * s[k] for k in mean)
+    )
+    assert got.accuracy_backward_um == pytest.approx(
+        max(mean[t, -1] + 2 * s[t, -1] for t in places)
+        - min(mean[t, -1] - 2 * s[t, -1] for t in places)
+    )
+
+
+@pytest.mark.skipif(not MEASURED.exists(), reason="the measured files are not part of the project")
+def test_a_printed_report_comes_out() -> None:
+    """ESS target drive, X: the figures that its owner's report prints."""
+    data = tn.read_positioning(MEASURED / "ess_b02_x.csv")
+    got = data.iso230_2()
+    assert got.reversal_um == pytest.approx(33.58, abs=0.005)
+    assert abs(got.mean_reversal_um) == pytest.approx(25.37, abs=0.005)
+    assert got.mean_systematic_um == pytest.approx(93.65, abs=0.005)
+    assert got.accuracy_um == pytest.approx(135.27, abs=0.01)
+    causes = {c.id: c.parameters for c in tn.diagnose(data).causes}
+    assert abs(causes["reversal"]["b_um"]) == pytest.approx(25.0, abs=1.5)
+    assert causes["cycle_drift"]["rate_um"] == pytest.approx(-1.4, abs=0.3)
+    assert "curve" in causes
+
+
+@pytest.mark.skipif(not MEASURED.exists(), reason="the measured files are not part of the project")
+def test_an_axis_measured_against_itself_is_called_so() -> None:
+    found = tn.diagnose(tn.read_positioning(MEASURED / "psi_fat_sat.csv"))
+    assert "look like the same counter" in found.summary()
+
+
+def test_rotary_axes_are_in_arcsec() -> None:
+    rng = np.random.default_rng(1)
+    target = np.tile(np.concatenate([np.arange(0, 360, 30.0), np.arange(330, -1, -30.0)]), 5)
+    sense = np.tile(np.repeat([1, -1], 12), 5)
+    error = 4.0 * sense + 0.5 * rng.standard_normal(120)
+    data = tn.Positioning(
+        target_deg=target,
+        measured_deg=target + error / 3600,
+        direction=sense,
+        cycle=np.repeat(np.arange(1, 6), 24),
+    )
+    got = data.iso230_2()
+    assert got.mean_reversal_arcsec == pytest.approx(8.0, abs=0.3)
+    found = tn.diagnose(data)
+    assert found.named == {"reversal"}
+    assert found.causes[0].parameters["b_arcsec"] == pytest.approx(8.0, abs=0.4)
+
+
+def test_uncertainties_are_true() -> None:
+    """Of the mean reversal, the accuracy and the repeatability, over many measurements."""
+    rng = np.random.default_rng(7)
+    change = 3.0 * np.tile(np.repeat([1, -1], 11), 5)
+    several = [axis(rng, change=change).iso230_2() for _ in range(150)]
+    for name in ("mean_reversal_um", "accuracy_um", "systematic_um"):
+        spread = np.std([getattr(r, name) for r in several])
+        stated = np.median([r.std_errors[name] for r in several])
+        assert 0.75 < stated / spread < 1.6, name
+
+
+HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
+    "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
+    "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
+    "cycle_drift": lambda d, rng: rng.uniform(0.5, 2) * (d.cycle - 1),
+    # a screw whose pitch wanders, seen by stops: not a wave of the catalogue, but one in places
+    "curve": lambda d, _: 6.0 * np.sin(d.target / 71.0 + 2e-3 * (d.target / 71.0) ** 3),
+}
+
+
+@pytest.mark.parametrize("cause", sorted(HIDDEN))
+def test_what_is_hidden_is_named(cause: str) -> None:
+    runs, good = needed_runs(0.95), 0
+    for seed in range(runs):
+        rng = np.random.default_rng([seed, len(cause)])
+        plain = axis(rng)
+        change = HIDDEN[cause](plain, rng)
+        data = plain.with_columns(measured_mm=plain.measured + 1e-3 * change)
+        good += any(cause in a for a in tn.diagnose(data).alternatives)
+    assert kept(good, runs, 0.95)
+
+
+def test_nothing_is_named_where_nothing_is() -> None:
+    runs = needed_runs(0.95)
+    calm = [tn.diagnose(axis(np.random.default_rng(5000 + s))).verdict for s in range(runs)]
+    assert kept(calm.count("consistent"), runs, 0.95)
+
+
+def test_another_instrument_on_the_same_stops() -> None:
+    data = axis(np.random.default_rng(4))
+    both = data.with_columns(laser_mm=data.measured + 0.002)
+    assert both.instruments == ("laser",)
+    off = both.instrument("laser").deviation - data.deviation
+    assert off == pytest.approx(2.0)
+    with pytest.raises(tn.UnknownNameError, match="laser"):
+        both.instrument("lasr")
+
+
+def test_useless_stops_are_refused() -> None:
+    data = axis(np.random.default_rng(4))
+    with pytest.raises(tn.DataError, match="direction -1"):
+        data[data.direction == 1].iso230_2()
+    with pytest.raises(tn.InputError, match="one of them"):
+        tn.Positioning(direction=[1], cycle=[1])
+    with pytest.raises(tn.InputError, match="one axis a table"):
+        data.with_columns(axis=["X"] * 109 + ["Y"])
+
+
+def test_the_command_prints_them() -> None:
+    path = str(tn.sample_path("positioning/axis.csv"))
+    said = CliRunner().invoke(app, ["positioning", "results", path])
+    assert said.exit_code == 0, said.output
+    assert "accuracy A" in said.output
+    named = CliRunner().invoke(app, ["diagnose", path])
+    assert "reversal" in named.output
