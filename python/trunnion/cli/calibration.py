@@ -10,7 +10,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, one_set_up, save
-from trunnion.cli.program import LogFile, ProbeLog, save_program
+from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.values import named_values, names, numbers
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def estimate(
     setup = tn.read_setup(file)
     data = tn.read_touches(measured[0])
     if probe_log is not None:
-        data = tn.read_probe_log(probe_log, data)
+        data = read_log(probe_log, data, setup)
     results = _estimates(data, setup, method, names(effects))
     shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
     if per_position:
