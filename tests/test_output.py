@@ -97,7 +97,7 @@ def commands(folder: Path) -> dict[str, tuple[list[str], str]]:
             ["compensate", str(folder / "errors.json"), setup, "-o", "DIR"],
             "parameters.json",
         ),
-        "turning path": (["turning", "path", part, "-o", "OUT"], "out.ngc"),
+        "turning path": (["turning", "path", part, "--no-chuck", "-o", "OUT"], "out.ngc"),
         "contour simulate": (["contour", "simulate", contour, "-o", "OUT"], "out.csv"),
     }
 
