@@ -61,12 +61,14 @@ def plan(
         **{letter: numbers("--tilt", tilt)},  # type: ignore[arg-type]
     )
     shown = []
+    minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
         shown.append(save(output, planned.to_csv))
     if program is not None:
         name = (output or setup).name
-        shown.append(save_program(program, tn.probing_program(planned, made, log, name=name)))
-    minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
+        cycle = tn.probing_program(planned, made, log, name=name)
+        shown.append(save_program(program, cycle))
+        minutes = cycle.seconds / 60
     notes = plan_notes(planned, made)
     values = {
         "touches": len(planned),
