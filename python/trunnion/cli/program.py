@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import trunnion as tn
+from trunnion.base.output import write_text
 from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
-from trunnion.files.output import write_text
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
