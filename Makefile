@@ -30,6 +30,10 @@ test: build  ## everything: cargo tests, then pytest with the notebooks
 	cargo test --workspace --quiet
 	$(BIN)/python -m pytest
 
+.PHONY: fuzz
+fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000000 for more
+	cd tests && ../$(BIN)/python -W error fuzz.py --files $(or $(FILES),300000)
+
 .PHONY: bench
 bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py

@@ -200,15 +200,19 @@ def one_run(seed: int, folder: Path) -> dict[str, Any]:
     """Probe one machine: what was hit, and how far the estimates are off in standard errors."""
     case = hidden(seed)
     report = run_program(case, folder)
+    said = [line for line in report["messages"] if "contact" in line or "Probe" in line]
     touches = tn.read_probe_log(folder / "touches.log", case.plan)
-    expected = len(case.plan)
-    fit = tn.identify(touches, case.setup)
-    seen = [name for name in ERRORS if np.isfinite(fit.std_errors[name])]
-    off = [(fit.errors[name] - case.errors[name]) / fit.std_errors[name] for name in seen]
+    off: list[float] = []
+    if len(touches) == len(case.plan):
+        fit = tn.identify(touches, case.setup)
+        seen = [name for name in ERRORS if np.isfinite(fit.std_errors[name])]
+        off = [(fit.errors[name] - case.errors[name]) / fit.std_errors[name] for name in seen]
     return {
         "kind": case.setup.artefact.kind,
+        "clearance": case.setup.plan.clearance_mm,
+        "said": said,
         "touches": len(touches),
-        "planned": expected,
+        "planned": len(case.plan),
         "strikes": report["strikes"],
         "stem_strikes": report["stem-strikes"],
         "resumed": report["resumed"],
@@ -221,8 +225,14 @@ def main(count: int, out: Path | None) -> None:
     runs: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         Path(name).chmod(0o755)
-        for seed in range(10_000, 10_000 + count):
-            runs.append(one_run(seed, Path(name) / "run"))
+        seed = 10_000
+        while len(runs) < count:
+            seed += 1
+            try:
+                runs.append(one_run(seed, Path(name) / "run"))
+            except tn.DataError as error:  # nothing can be reached
+                print(seed, error, flush=True)
+                continue
             print(seed, {k: v for k, v in runs[-1].items() if k != "off"}, flush=True)
     rows = []
     for kind in ("cross", "cuboid", "sphere", "all"):

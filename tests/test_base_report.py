@@ -41,7 +41,7 @@ class Outer(Result):
 
 def outer() -> Outer:
     return Outer(
-        np.array([[1.0, np.inf], [np.nan, -0.5]]),
+        np.array([[1.0, np.inf], [-np.inf, -0.5]]),
         np.array([3, 1]),
         {"a": 1.0, "b": float("inf")},
         (Inner("first", float("inf")), Inner("second", 0.25)),

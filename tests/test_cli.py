@@ -1,8 +1,10 @@
 """The command line on files: what a user types is what happens."""
 
 import json
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click import Command
 from typer.main import get_command
@@ -144,3 +146,34 @@ def test_mistakes_get_one_clear_line_and_exit_code_2(
     assert result.exit_code == 2
     assert message in result.output.replace("\n", " ")
     assert "Traceback" not in result.output
+
+
+def test_a_plan_becomes_a_program_and_its_log_touches(tmp_path: Path) -> None:
+    """The log is written line by line as the program's own (LOG, ...) does."""
+    plan, program, log = (tmp_path / name for name in ("plan.csv", "probe.ngc", "touches.log"))
+    run("plan", SETUP, "-o", str(plan))
+    said = run("program", str(plan), SETUP, "-o", str(program), "--from", "3", "--log", str(log))
+    assert "70 touches" in said
+    assert "Ranges: Z" in said
+    text = program.read_text()
+    assert "#<_from> = 3" in text
+    assert f"(LOGAPPEND,{log})" in text
+    planned, setup = tn.read_touches(plan), tn.read_setup(SETUP)
+    measured = tn.simulate(planned, setup, {"EX0C": 15.0}, noise_um=0.3, seed=1)
+    first = re.search(r"LOG,%d (trunnion-touches .*)#<_from>\)", text)
+    assert first is not None
+    rows = zip(measured.position_mm.tolist(), planned.a_deg, planned.c_deg, strict=True)  # type: ignore[arg-type]
+    lines = [f" {n} 600 {x} {y} {z} {a} 0 {c}" for n, ((x, y, z), a, c) in enumerate(rows, 1)]
+    log.write_text("\n".join([f" {first[1]}1", *lines[:60]]) + "\n")
+    out = tmp_path / "measured.csv"
+    assert "60 of 72 planned touches" in run("touches", str(plan), str(log), SETUP, "-o", str(out))
+    touches = tn.read_touches(out)
+    np.testing.assert_allclose(touches.position_mm, measured.position_mm[:60])
+    assert touches.time_s is not None
+    times = tn.probing_program(planned, setup).time_s
+    np.testing.assert_allclose(touches.time_s, times[:60])
+    for command in ("estimate", "diagnose"):
+        found = json.loads(run(command, str(plan), SETUP, "--probe-log", str(log), "--json"))
+        assert found
+    log.write_text(log.read_text().replace("hash=", "hash=x"))
+    assert "first line of a run" in run("touches", str(plan), str(log), code=2)

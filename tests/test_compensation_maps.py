@@ -119,11 +119,11 @@ BAD_FILES = {
     ),
     "no multiple": (
         HEAD + ROWS + "0,0,20,0,0,1.15,2,3\n",
-        ":5:12: dx_um (row 2): got 1.15, expected a multiple of 0.1 µm",
+        ":5:12: dx_um: got 1.15, expected a multiple of 0.1 µm",
     ),
-    "twice": (HEAD + ROWS + "0,0,0,0,0,1,2,3\n", ":5:1: a_deg (row 2): got the node a_deg = 0"),
+    "twice": (HEAD + ROWS + "0,0,0,0,0,1,2,3\n", ":5:1: a_deg: got the node a_deg = 0"),
     "hole": (HEAD + ROWS + "0,0,20,5,0,1,2,3\n", "no row for the node a_deg = 0, c_deg = 0"),
-    "no number": (HEAD + ROWS + "0,0,20,0,0,1,x,3\n", ":5:14: dy_um (row 2): got 'x', expected"),
+    "no number": (HEAD + ROWS + "0,0,20,0,0,1,x,3\n", ":5:14: dy_um: got 'x', expected"),
     "no column": (HEAD.replace(",dz_um", "") + "0,0,0,0,0,1,2\n", ":2:1: dz_um: no such column"),
     "no rotary": (HEAD.replace("a_deg,c_deg,", "") + "0,0,0,1,2,3\n", "no position of a rotary"),
 }  # fmt: skip

@@ -198,7 +198,7 @@ def test_singular_poses_get_an_answer_that_says_so() -> None:
         ({"points_mm": [[0.0, 0.0]]}, "points_mm: got shape (1, 2)"),
         ({"rotary_deg": {"A": 0.0}}, "c_deg: got none, expected the position of rotary axis C"),
         ({"rotary_deg": {"A": [0.0, 1.0], "C": 0.0}}, "a_deg: got shape (2,)"),
-        ({"rotary_deg": {"A": np.nan, "C": 0.0}}, "a_deg: got nan"),
+        ({"rotary_deg": {"A": np.nan, "C": 0.0}}, "rotary_deg.A: got nan"),
         ({"axes": "some"}, "axes: got 'some'"),
         ({"largest_turn_deg": 0.0}, "largest_turn_deg: got 0.0"),
     ],

@@ -166,7 +166,10 @@ def test_a_users_own_motion_enters() -> None:
     [
         ({"errors": {"EX0A": 1.0}}, "EX0A"),
         ({"errors": {"EX0C": np.nan}}, "EX0C: got nan, expected a finite number"),
-        ({"errors": 3}, "errors: got 3, expected names with values"),
+        (
+            {"errors": 3},
+            "errors: got 3, expected a MachineErrors or an Estimate",
+        ),
         ({"effects": {"nonsense": {}}}, "effect: got 'nonsense'"),
         ({"effects": {"scale_x": {"um": 1.0}}}, "parameter of effect 'scale_x': got 'um'"),
         ({"x_mm": (10, -10)}, "x_mm: got"),

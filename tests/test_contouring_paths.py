@@ -114,5 +114,5 @@ def test_cli_simulates_and_diagnoses(tmp_path: object) -> None:
 def test_parameters_that_are_no_finite_numbers_are_refused(u: Any) -> None:
     path = ct.Path.paper()
     for question in (path.points_mm, path.tools, path.curvature_per_mm, path.at_length):
-        with pytest.raises(InputError, match=r"^(u|s_mm): got"):
+        with pytest.raises(InputError, match=r"^(u|s_mm)(\[\d\])?: got"):
             question(u)

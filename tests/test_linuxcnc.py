@@ -12,7 +12,7 @@ import pytest
 
 import trunnion as tn
 from controller import needs_linuxcnc, run
-from probing_bench import ERRORS, Hidden, hidden, run_program, work_offset
+from probing_bench import ERRORS, SPEED, Hidden, hidden, run_program, work_offset
 
 pytestmark = needs_linuxcnc
 
@@ -37,12 +37,27 @@ def test_nothing_is_hit_and_the_errors_are_found(seed: int, tmp_path: Path) -> N
     assert report["joints"][3:] == [0, 0]
 
 
+def test_two_passes_read_on_the_grid_of_the_slow_feed(tmp_path: Path) -> None:
+    case = hidden(21, clearance=3.0, kind="cross", slow_feed_mm_min=30 * SPEED)
+    touches, report = measured(case, tmp_path)
+    assert report["strikes"] == report["stem-strikes"] == 0
+    assert len(touches) == len(case.plan)
+    assert touches.feed_mm_min is not None
+    assert np.all(touches.feed_mm_min == 30 * SPEED)
+    residuals = np.asarray(tn.identify(touches, case.setup).residuals_um)
+    # The bench's probe has no scatter: ticks of 0.5 µm are all there is, 10 µm at the first feed.
+    assert 0.05 < np.std(residuals) < 0.25
+
+
 def dirty(case: Hidden, folder: Path, *states: list[str]) -> list[dict[str, Any]]:
     """Start the program from each state, one after the other; reports of the program."""
     (folder / "probe.ngc").write_text(
         tn.probing_program(case.plan, case.setup, dry_run=True).text()
     )
-    steps = work_offset(case)
+    control = replace(case.setup.control, tool_number=0)
+    bare = tn.probing_program(case.plan, replace(case.setup, control=control), dry_run=True)
+    (folder / "bare.ngc").write_text(bare.text())
+    steps = [*work_offset(case), {"mdi": "G49"}, {"program": "bare.ngc"}]
     for lines in states:
         steps += [{"mdi": line} for line in lines] + [{"program": "probe.ngc"}]
     reports = run(case.bench, steps, folder)
@@ -66,7 +81,9 @@ def test_dirty_states_are_refused_before_the_first_move(tmp_path: Path) -> None:
     for lines, _ in REFUSED.values():
         states.append([*right, *lines])
     leftovers = [*right, "G20 G91 G64 G18", "M3 S100", "M7", "G55"]
-    reports = dirty(case, tmp_path, *states, leftovers)
+    bare, *reports = dirty(case, tmp_path, *states, leftovers)
+    assert any("none is in force by G43" in said for said in bare["messages"])
+    assert bare["travel"] == 0
     for (name, (_, message)), report in zip(REFUSED.items(), reports, strict=False):
         assert any(re.search(message, said) for said in report["messages"]), (name, report)
         assert report["travel"] == 0, name

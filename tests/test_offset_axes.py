@@ -78,3 +78,13 @@ def test_volumetric_error_and_compensation_follow_the_axis() -> None:
     axes = np.column_stack([command.linear_mm, command.rotary_deg["A"], command.rotary_deg["C"]])
     reached, _ = tn.forward_kinematics(SUNK, axes, ERRORS)
     assert np.abs(reached - points).max() < 1e-9
+
+
+def test_a_picture_shows_the_touches_on_the_artefact_wherever_it_stands() -> None:
+    """Contacts on the surface of the drawn box, in its frame."""
+    box = tn.Artefact("cuboid", 60.0, 40.0, 30.0, place_mm=(25.0, -10.0, 8.0), turn_deg=40.0)
+    setup = replace(SUNK, artefact=box)
+    ax = tn.plot.plot_artefact(tn.plan(setup, dither=False), setup)
+    shown = next(item for item in ax.collections if hasattr(item, "_offsets3d"))
+    points = np.abs(np.array(shown._offsets3d).T - [0.0, 0.0, 15.0]) - [30.0, 20.0, 15.0]
+    assert np.abs(points.max(axis=1)).max() < 1e-3

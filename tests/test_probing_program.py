@@ -111,7 +111,7 @@ def test_lines_of_the_set_up_are_where_they_belong() -> None:
     assert plain.index("M0") < plain.index("M64 P1")
     assert plain.count("M65 P1") == 1
     assert plain.count("M64 P2") == plain.count("M65 P2") == 3
-    assert "o111 if [ABS[#5262 - [-2.5]] GT 1]" in plain
+    assert "o111 if [ABS[#<at> - [-2.5]] GT 1]" in plain
     again = tn.Setup(artefact=setup.artefact, control=tn.ControlSetup(**control.to_dict()))
     assert again == setup
 

@@ -24,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program
+from trunnion.base.arguments import checked
 from trunnion.base.units import Floats
 
 __all__ = ["DIALECTS", "Moves", "Program", "follow"]
@@ -79,11 +80,12 @@ class Moves:
         return len(self.code)
 
 
+@checked
 def follow(
     program: Program,
     *,
     blocks: tuple[int, int] | None = None,
-    start: Sequence[float] | None = None,
+    start: tuple[float, float, float, float, float, float] | None = None,
     feed: float | None = None,
     machine_codes: Sequence[tuple[str, float]] = (),
 ) -> Moves:

@@ -143,9 +143,38 @@ def floats(what: str, value: object) -> Floats:
         found = None
     if found is None:
         raise InputError(f"{what}: got {shown(value)}, expected numbers")
-    if not np.isfinite(found).all():
-        raise InputError(f"{what}: got {shown(value)}, expected finite numbers")
+    bad = ~np.isfinite(found)
+    if bad.any() and found.ndim == 2:
+        row = int(np.argmax(bad.any(axis=1)))
+        raise InputError(f"{what}, row {row}: got {found[row]}, expected finite numbers")
+    if bad.any():
+        at = f"[{int(np.argmax(bad))}]" if found.ndim == 1 and found.size > 1 else ""
+        raise InputError(f"{what}{at}: got {shown(value)}, expected finite numbers")
     return found
+
+
+def line(what: str, value: object) -> Floats:
+    """Return finite numbers as an array of shape (n,); a number is one of them."""
+    found = np.atleast_1d(floats(what, value))
+    if found.ndim != 1:
+        raise InputError(f"{what}: got shape {found.shape}, expected (n,)")
+    return found
+
+
+def count_of(what: str, length: float, step: float, most: int = 5_000_000) -> int:
+    """Return how many steps of a size go into a length, whole ones.
+
+    Raises
+    ------
+    InputError
+        More than `most`, or none that is a number.
+    """
+    count = length / positive(what, step)
+    if not 0 <= count <= most:
+        raise InputError(
+            f"{what}: got {shown(step)}, {count:.3g} steps in {length:g}, expected at most {most:,}"
+        )
+    return int(count + 1e-9)
 
 
 def choose(what: str, name: object, known: Iterable[str]) -> str:

@@ -23,7 +23,9 @@ from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args
 
 import numpy as np
 
-from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.errors import FileFormatError, InputError, TrunnionError
+from trunnion.base.output import write_text
+from trunnion.base.stored import fitting, read_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -176,7 +178,7 @@ def _converter() -> Converter:
     converter.register_unstructure_hook_func(
         lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
     )
-    converter.register_structure_hook(float, lambda value, _: float(value))
+    converter.register_structure_hook(float, lambda value, _: _stored_number(value))
     converter.register_structure_hook_func(
         lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
     )
@@ -207,7 +209,21 @@ def _array(value: Any, kind: Any) -> Any:
     """Return nested lists as an array of the annotated type of number."""
     scalar = next(iter(get_args(get_args(kind)[-1])), None) if get_args(kind) else None
     dtype = scalar if isinstance(scalar, type) and issubclass(scalar, np.generic) else None
-    return np.asarray(value, dtype=None if dtype is np.generic else dtype)
+    found = np.asarray(value, dtype=None if dtype is np.generic else dtype)
+    if found.dtype.kind == "f" and np.isnan(found).any():
+        raise InputError("got nan, expected numbers")
+    return found
+
+
+def _stored_number(value: Any) -> float:
+    """Return a number as `plain` stores it."""
+    infinite = isinstance(value, str) and value in ("inf", "-inf")
+    if not infinite and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise InputError(f"got {value!r:.60}, expected a number")
+    number = float(value)
+    if number != number:
+        raise InputError("got nan, expected a number")
+    return number
 
 
 def plain(value: Any) -> Any:
@@ -231,27 +247,6 @@ def plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     return str(value)
-
-
-def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
-    """Return what JSON text, or a file of it, holds, and what messages call its place.
-
-    Raises
-    ------
-    FileFormatError
-        It is not JSON; the message names line and column.
-    """
-    text, where = str(source), "JSON"
-    if isinstance(source, PathLike) or not str(source).lstrip().startswith("{"):
-        text, where = Path(source).read_text(encoding="utf-8"), str(source)
-    try:
-        return json.loads(text), where
-    except json.JSONDecodeError as error:
-        raise FileFormatError(
-            f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
-        ) from error
-    except RecursionError as error:
-        raise FileFormatError(f"{where}: {error}") from error
 
 
 def same(first: Any, second: Any) -> bool:
@@ -362,7 +357,7 @@ class Result:
         """Return `to_dict` as JSON text, and write it to `path` where one is given."""
         text = json.dumps(self.to_dict(), indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
-            Path(path).write_text(text + "\n", encoding="utf-8")
+            write_text(path, text + "\n")
         return text
 
     @classmethod
@@ -390,8 +385,11 @@ class Result:
         """
         values, where = read_json(source)
         try:
-            return cls.from_dict(values)
-        except (InputError, RecursionError) as error:
+            with fitting(cls.__name__):
+                found = cls.from_dict(values)
+                found.summary()  # arrays that do not fit each other are found here
+                return found
+        except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -410,7 +408,7 @@ class Result:
         """Write one self-contained page with sentences, pictures and tables; return its path."""
         pictures = importlib.import_module("trunnion.plot").pictures(self)
         target = Path(path)
-        target.write_text(page(self, pictures), encoding="utf-8")
+        write_text(target, page(self, pictures))
         return target
 
     def __eq__(self, other: object) -> bool:

@@ -10,7 +10,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, one_set_up, save
-from trunnion.cli.program import LogFile, ProbeLog, save_program
+from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.values import named_values, names, numbers
 
 if TYPE_CHECKING:
@@ -61,12 +61,14 @@ def plan(
         **{letter: numbers("--tilt", tilt)},  # type: ignore[arg-type]
     )
     shown = []
+    minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
         shown.append(save(output, planned.to_csv))
     if program is not None:
         name = (output or setup).name
-        shown.append(save_program(program, tn.probing_program(planned, made, log, name=name)))
-    minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
+        cycle = tn.probing_program(planned, made, log, name=name)
+        shown.append(save_program(program, cycle))
+        minutes = cycle.seconds / 60
     notes = plan_notes(planned, made)
     values = {
         "touches": len(planned),
@@ -161,7 +163,7 @@ def estimate(
     setup = tn.read_setup(file)
     data = tn.read_touches(measured[0])
     if probe_log is not None:
-        data = tn.read_probe_log(probe_log, data)
+        data = read_log(probe_log, data, setup)
     results = _estimates(data, setup, method, names(effects))
     shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
     if per_position:

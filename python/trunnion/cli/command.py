@@ -20,8 +20,8 @@ from typing import Annotated, Any, ParamSpec
 import typer
 
 from trunnion.base.errors import InputError, TrunnionError
+from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import Table, plain
-from trunnion.files.output import check_new, whole_file
 
 P = ParamSpec("P")
 

@@ -10,7 +10,7 @@ import typer
 import trunnion as tn
 from trunnion.base.checks import choose
 from trunnion.cli.command import Answer, Output, command, save, sort_files
-from trunnion.cli.program import ProbeLog
+from trunnion.cli.program import ProbeLog, read_log
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -83,13 +83,13 @@ def diagnose_as(kind: str) -> Any:
 def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = _kind(data[0], kind).read(data[0])
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
     if probe_log is not None:
         if not isinstance(read, tn.Touches):
             raise tn.InputError(
                 f"{data[0]}: got data that are no touches, expected the plan of --probe-log"
             )
-        read = tn.read_probe_log(probe_log, read)
-    setup = tn.read_setup(set_ups[0]) if set_ups else None
+        read = read_log(probe_log, read, setup)
     if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
         raise tn.InputError(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import trunnion as tn
+from trunnion.base.output import write_text
 from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
-from trunnion.files.output import write_text
 
 if TYPE_CHECKING:
+    from trunnion.data.touches import Touches
     from trunnion.probing.program import ProbingProgram
+    from trunnion.setup import Setup
 
 LogFile = Annotated[str, typer.Option(help="file the control appends the touches to")]
 ProbeLog = Annotated[
@@ -80,17 +83,30 @@ def _said(made: ProbingProgram) -> str:
     return f"{many} touches, about {made.seconds / 60:.1f} min without pauses. Ranges: {spans}."
 
 
+def read_log(log: Path, plan: Touches, setup: Setup | None) -> Touches:
+    """Read the log of a plan's program; with a set-up, at the times of that program."""
+    if setup is not None and plan.feed_mm_min is not None:
+        # No program for this machine, or the set-up has changed since: the plan's own times.
+        with contextlib.suppress(tn.InputError, tn.DataError):
+            plan = plan.with_columns(time_s=tn.probing_program(plan, setup).time_s)
+    return tn.read_probe_log(log, plan)
+
+
 def touches(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="PLAN LOG", help="plan (CSV) and the log of its probing program"),
+        typer.Argument(
+            metavar="PLAN LOG [SETUP]",
+            help="plan (CSV), the log of its probing program, and the set-up (TOML), by which the "
+            "times of the touches are those of the program, not of the plan",
+        ),
     ],
     output: Output = None,
 ) -> Answer:
     """Write the touches that a probing program logged, as data for every other command."""
-    (plan, log), _ = sort_files(files, (2, 2), (0, 0), "plan and log")
+    (plan, log), set_ups = sort_files(files, (2, 2), (0, 1), "plan and log")
     planned = tn.read_touches(plan)
-    measured = tn.read_probe_log(log, planned)
+    measured = read_log(log, planned, tn.read_setup(set_ups[0]) if set_ups else None)
     values = {"touches": len(measured), "planned": len(planned), "columns": list(measured.columns)}
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))

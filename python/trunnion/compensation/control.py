@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import array, positive, shown
 from trunnion.base.errors import InputError
 from trunnion.base.units import Flags, Floats
@@ -59,6 +60,7 @@ class ModelCompensation:
     known: MachineErrors
 
     @classmethod
+    @checked
     def of(cls, setup: Setup, errors: Known, effects: Effects = None) -> ModelCompensation:
         """Make it from errors and effects, or from a result that has them."""
         return cls(MachineErrors.of(setup, errors, effects))
@@ -67,6 +69,7 @@ class ModelCompensation:
         """Return the identified machine; no zeros are changed."""
         return self.known.core(setup), [0.0] * Chain(setup).count
 
+    @checked
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z of the identified machine, rotary axes as commanded."""
         linear = self.known.core(setup).linear_commands(points_mm, rotary_deg, None)
@@ -89,6 +92,7 @@ class InverseCompensation:
     largest_turn_deg: float = 1.0
 
     @classmethod
+    @checked
     def of(
         cls, setup: Setup, errors: Known, effects: Effects = None, *, largest_turn_deg: float = 1.0
     ) -> InverseCompensation:
@@ -103,6 +107,7 @@ class InverseCompensation:
             )
         return cls(known, largest_turn_deg)
 
+    @checked
     def solve(
         self, setup: Setup, points_mm: Floats, rotary_deg: Floats, threads: int | None = None
     ) -> tuple[Floats, Floats, Flags]:
@@ -110,6 +115,7 @@ class InverseCompensation:
         core = self.known.core(setup)
         return core.commands(points_mm, rotary_deg, self.largest_turn_deg, threads)
 
+    @checked
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """Return the positions of all axes on the identified machine."""
         return self.solve(setup, points_mm, rotary_deg)[0]
@@ -170,6 +176,7 @@ def is_compensation(compensation: object) -> TypeGuard[Compensation]:
     return compensation is not None
 
 
+@checked
 def control_commands(
     setup: Setup,
     compensation: Compensation | None,
@@ -190,6 +197,7 @@ def control_commands(
     return rounded_commands(setup, commands) if rounded else commands
 
 
+@checked
 def inverse_compensation(
     setup: Setup,
     errors: Known,

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, finite, named, numbers
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
@@ -26,8 +27,6 @@ from trunnion.machine.effects import (
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-Known: TypeAlias = "MachineErrors | Estimate | Mapping[str, float] | None"
-"""What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""
 Effects: TypeAlias = Estimate | Mapping[Any, Mapping[str, float]] | None
 """Effects as id (or a user's own) → parameter → value, or the estimate that has them."""
 
@@ -68,6 +67,7 @@ class MachineErrors:
     ignored: tuple[str, ...] = ()
 
     @classmethod
+    @checked
     def of(
         cls,
         setup: Setup,
@@ -145,6 +145,10 @@ class MachineErrors:
                 )
             moved += 1e-3 * change
         return moved
+
+
+Known: TypeAlias = MachineErrors | Estimate | Mapping[str, float] | None
+"""What is wrong with a machine: an estimate, or location errors by name, µm and arcsec."""
 
 
 def _refuse_not_identifiable(std_errors: Mapping[str, float], used: set[str]) -> None:

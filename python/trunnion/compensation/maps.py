@@ -26,8 +26,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from trunnion.base import report
-from trunnion.base.checks import array, floats, positive, within
+from trunnion.base.arguments import checked
+from trunnion.base.checks import array, count_of, floats, positive, within
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.output import write_text
 from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
@@ -90,6 +92,7 @@ class ErrorMap(report.Result):
         rotary = {f"{letter.lower()}_deg": nodes for letter, nodes in self.rotary_deg.items()}
         return {**rotary, "x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
 
+    @checked
     def correction_um(self, position_mm: ArrayLike, rotary_deg: Mapping[str, ArrayLike]) -> Floats:
         """Correction at axis positions: linear (n, 3) in mm, rotary by letter, control's sign.
 
@@ -132,6 +135,7 @@ class ErrorMap(report.Result):
         found: Floats = RegularGridInterpolator(tuple(grid), table)(queries[:, used])
         return found
 
+    @checked
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """Nominal commands plus the correction at them, rounded to the map's resolution."""
         chain = Chain(setup)
@@ -168,7 +172,7 @@ class ErrorMap(report.Result):
         text = head + MapRows(columns).to_csv()
         if path is None:
             return text
-        Path(path).write_text(text, encoding="utf-8", newline="\n")
+        write_text(path, text)
         return None
 
     def __eq__(self, other: object) -> bool:
@@ -219,6 +223,7 @@ def _decimals(step: float) -> int | None:
     return None
 
 
+@checked
 def error_map(
     setup: Setup,
     errors: Known,
@@ -295,8 +300,7 @@ def _nodes(
     rotary, _ = where.rotary(setup)
     low, high = _reach(setup, rotary, list(where.ends()))
     linear = [
-        np.linspace(lo, hi, max(2, int(np.ceil((hi - lo) / linear_step_mm)) + 1))
-        for lo, hi in zip(low, high, strict=True)
+        _spaced("linear_step_mm", lo, hi, linear_step_mm) for lo, hi in zip(low, high, strict=True)
     ]
     count = int(np.prod([len(nodes) for nodes in (*rotary.values(), *linear)]))
     if count > LARGEST_MAP:
@@ -312,14 +316,20 @@ def _stepped(name: str, given: ArrayLike, step: float) -> Floats:
         raise InputError(f"{name}: got {given!r}, expected (low, high), rising nodes or a number")
     if len(nodes) != 2:
         return nodes
-    return np.linspace(nodes[0], nodes[1], max(2, int(np.ceil((nodes[1] - nodes[0]) / step)) + 1))
+    return _spaced(name, nodes[0], nodes[1], step)
+
+
+def _spaced(what: str, low: float, high: float, step: float) -> Floats:
+    """Return evenly spaced nodes, at most `step` apart."""
+    count_of(what, high - low, step, LARGEST_MAP)
+    return np.linspace(low, high, max(2, int(np.ceil((high - low) / step)) + 1))
 
 
 def _reach(setup: Setup, rotary: Mapping[str, Floats], box: list[Floats]) -> tuple[Floats, Floats]:
     """Lowest and highest X, Y, Z that reach the box of the work; rounded outward on a range."""
     # Every degree: an arc of radius 300 mm rises 0.012 mm between two of them.
     dense = {
-        letter: np.linspace(nodes[0], nodes[-1], int(np.ceil(nodes[-1] - nodes[0])) + 1)
+        letter: _spaced(f"{letter.lower()}_deg", nodes[0], nodes[-1], 1.0)
         for letter, nodes in rotary.items()
     }
     poses = pose_grid(setup, dense)
@@ -432,6 +442,7 @@ class MapRows(Table):
                 )
 
 
+@checked
 def read_error_map(path: str | PathLike[str]) -> ErrorMap:
     """Read an error map; see the module for the file.
 

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import instance
 from trunnion.base.units import Floats
 from trunnion.compensation.control import Compensation, InverseCompensation, control_commands
@@ -66,6 +67,7 @@ class _Axes:
         return shown
 
 
+@checked
 def remeasure(
     plan: Touches,
     setup: Setup,

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Shown, Table
@@ -132,12 +133,14 @@ class CncParameters(Result):
         zeros = chain.to_machine({k: self.zeros_arcsec.get(k, 0.0) for k in chain.letters})[0]
         return core, zeros.tolist()
 
+    @checked
     def commands(self, setup: Setup, points_mm: Floats, rotary_deg: Floats) -> Floats:
         """X, Y, Z by the control's transformation, rotary axes with their zeros added."""
         core, zeros = self.control_model(setup)
         linear = core.linear_commands(points_mm, rotary_deg, None)
         return np.hstack([linear, rotary_deg + np.array(zeros) / 3600.0])
 
+    @checked
     def rounded(self, setup: Setup) -> CncParameters:
         """Return the parameters at the resolution of the set-up, as they are keyed in."""
         linear, rotary = setup.resolution.linear_um, setup.resolution.rotary_arcsec
@@ -181,6 +184,7 @@ class CncParameters(Result):
         return (to_set, _removable_table(self.removable)) if self.removable else (to_set,)
 
 
+@checked
 def cnc_parameters(
     setup: Setup,
     errors: Known,
@@ -389,6 +393,7 @@ class PrintedZeros(Result):
         title = "Rotary positions by equations (22) to (24) as printed, degrees"
         return (Table.of(title, ("sign of (23)", "A", "C"), rows, digits=6),)
 
+    @checked
     def parameters(self, branch: int = 0, *, turn_work: bool = True) -> CncParameters:
         """As zeros of A and C, subtracted from the commanded positions.
 
@@ -400,6 +405,7 @@ class PrintedZeros(Result):
         return CncParameters(zeros, work={"rc_arcsec": c} if turn_work else {})
 
 
+@checked
 def printed_zeros(errors: Mapping[str, float], setup_yaw_arcsec: float = 0.0) -> PrintedZeros:
     """Zeros of A and C by eqs. (22) to (24) as printed.
 

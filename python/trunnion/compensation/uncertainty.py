@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, whole
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -74,6 +75,7 @@ class ResidualInterval(Result):
         return (Table.of(title, ("", "from", "to", "below"), rows),)
 
 
+@checked
 def residual_interval(
     setup: Setup,
     estimate: Known,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import array
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
@@ -169,6 +170,7 @@ class VolumetricError(Result):
         """Lengths of the error vectors, shape (poses ..., nx, ny, nz)."""
         return cast(Floats, np.linalg.norm(self.field_um, axis=-1))
 
+    @checked
     def at(self, points_mm: ArrayLike, *, threads: int | None = 1) -> Floats:
         """Error vectors at points of the work (n, 3), shape (poses ..., n, 3), µm.
 
@@ -235,6 +237,7 @@ class VolumetricError(Result):
         return self.x_mm, self.y_mm, self.z_mm
 
 
+@checked
 def volumetric_error(
     setup: Setup,
     errors: Known = None,
@@ -306,6 +309,7 @@ def volumetric_error(
     return task.result()
 
 
+@checked
 def error_fields(
     setup: Setup,
     errors: Known = None,

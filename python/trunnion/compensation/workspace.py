@@ -105,7 +105,7 @@ def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     if nodes.ndim == 0:
         nodes = nodes[None]
     if len(nodes) == 2 and nodes[0] < nodes[1]:
-        return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2))
+        return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2, 100_000))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
         raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
     return nodes

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
-from trunnion.base.checks import floats
+from trunnion.base.arguments import checked
+from trunnion.base.checks import line
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.contouring.paths import Path
@@ -75,6 +76,7 @@ class Margins(Result):
         return tuple(tables)
 
 
+@checked
 def margins(
     servo: Servo | None = None,
     *,
@@ -98,7 +100,7 @@ def margins(
     along = np.zeros((0, 2))
     if path is not None and gains is not None:
         span = np.linspace(path.breaks[0], path.breaks[-1], 11)
-        points = span if u is None else np.atleast_1d(floats("u", u))
+        points = span if u is None else line("u", u)
         along = _core.contour_path_margins(
             path.core,
             points,

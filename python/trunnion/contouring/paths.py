@@ -20,6 +20,7 @@ from scipy.interpolate import make_interp_spline
 
 import trunnion.nc as nc
 from trunnion._core import ContourPath
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import array, floats, positive
 from trunnion.base.errors import InputError, ProgramError
 from trunnion.base.units import Floats
@@ -52,6 +53,7 @@ class Path:
 
     def __post_init__(self) -> None:
         """Check by building the core's path."""
+        check_fields(self)
         for name in ("breaks", "coefficients", "omega", "cosine", "sine"):
             value = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
             value.setflags(write=False)
@@ -76,6 +78,7 @@ class Path:
     # --- makers
 
     @classmethod
+    @checked
     def polynomial(cls, coefficients: ArrayLike, *, end: float = 1.0) -> "Path":
         """One polynomial of u from 0 to ``end``; coefficients of shape (degree + 1, 6)."""
         c = np.asarray(coefficients, dtype=np.float64)
@@ -87,6 +90,7 @@ class Path:
         return cls(breaks, coefficients, np.zeros(n), np.zeros((n, 6)), np.zeros((n, 6)))
 
     @classmethod
+    @checked
     def paper(cls, *, offset_mm: Sequence[float] = (0.0, 0.0, 0.0)) -> "Path":
         """Eq. (8) of Byun and Jee 2010, with the tool normal to the surface it lies on.
 
@@ -104,6 +108,7 @@ class Path:
         return cls.polynomial(c).shifted(offset_mm)
 
     @classmethod
+    @checked
     def spline(cls, points_mm: ArrayLike, tools: ArrayLike, *, degree: int = 3) -> "Path":
         """Interpolating B-spline through points, shape (n, 3), with tool directions, shape (n, 3).
 
@@ -124,6 +129,7 @@ class Path:
         return cls._of(breaks, np.stack(terms, axis=1))
 
     @classmethod
+    @checked
     def lines(cls, points_mm: ArrayLike, tools: ArrayLike) -> "Path":
         """Straight lines between points, shape (n, 3), the tool turning in a plane between them.
 
@@ -134,6 +140,7 @@ class Path:
         return cls._of(np.arange(len(p), dtype=np.float64), np.stack([start, step], axis=1))
 
     @classmethod
+    @checked
     def circle(
         cls,
         radius_mm: float,
@@ -156,6 +163,7 @@ class Path:
         return cls(breaks, constant[None, None], np.ones(1), cosine[None], sine[None])
 
     @classmethod
+    @checked
     def from_program(cls, program: "nc.Program | str", *, dialect: str = "linuxcnc") -> "Path":
         """Feed moves of a part program: straight lines and arcs in work coordinates.
 
@@ -189,10 +197,11 @@ class Path:
 
     # --- questions
 
+    @checked
     def shifted(self, offset_mm: Sequence[float]) -> "Path":
         """Return the same path elsewhere on the table."""
         moved = self.coefficients.copy()
-        moved[:, 0, :3] += np.asarray(offset_mm, dtype=np.float64)
+        moved[:, 0, :3] += array("offset_mm", np.asarray(offset_mm), 3, rows=1)
         return replace(self, coefficients=moved)
 
     @property
@@ -200,18 +209,22 @@ class Path:
         """Arc length."""
         return self.core.length_mm
 
+    @checked
     def points_mm(self, u: ArrayLike) -> Floats:
         """Tool tip at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[0]
 
+    @checked
     def tools(self, u: ArrayLike) -> Floats:
         """Unit tool axis at u, shape (n, 3)."""
         return self.core.frames(_row("u", u))[1]
 
+    @checked
     def curvature_per_mm(self, u: ArrayLike) -> Floats:
         """Curvature at u, shape (n,)."""
         return self.core.frames(_row("u", u))[2]
 
+    @checked
     def at_length(self, s_mm: ArrayLike) -> Floats:
         """Parameter u at arc lengths from the start, shape (n,)."""
         return self.core.at_length(_row("s_mm", s_mm))

@@ -17,6 +17,7 @@ Jacobian and the unpublished place change.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from trunnion.base.arguments import checked
 from trunnion.base.report import Cell, Result, Table
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo
@@ -59,6 +60,7 @@ class ContourComparison(Result):
     def __getitem__(self, key: tuple[float, str]) -> ContourRun:
         return self.runs[key]
 
+    @checked
     def ratio(self, figure: str, feed_mm_min: float, over: str, under: str) -> float:
         """Ratio of a figure of `ContourRun.figures` between two controllers."""
         above = self.runs[feed_mm_min, over].figures[figure]
@@ -84,6 +86,7 @@ class ContourComparison(Result):
         return Table.of(title, ("controller", "feed mm/min", *columns.values()), rows, digits=3)
 
 
+@checked
 def compare(
     *,
     path: Path | None = None,
@@ -102,6 +105,7 @@ def compare(
     return ContourComparison(tuple(feed for feed, _ in runs), tuple(runs.values()))
 
 
+@checked
 def order_of_controller(
     *, path: Path | None = None, feed_mm_min: float = 3000.0
 ) -> ContourComparison:
@@ -110,6 +114,7 @@ def order_of_controller(
     return compare(path=path, feeds_mm_min=(feed_mm_min,), controllers=orders)
 
 
+@checked
 def offsets(
     places_mm: Iterable[Sequence[float]] = ((0, 0, 0), (0, 0, 50), (0, 0, 100), (50, 0, 50)),
     *,

@@ -19,17 +19,18 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from math import inf
 from os import PathLike
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import choose, entry, floats, instance
 from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import Floats
 from trunnion.setup import Setup, read_setup
-from trunnion.setup.fields import Choice, Key, Number, Section, key
+from trunnion.setup.fields import Choice, Key, Number, Part, Section, key
 
 Feedback: TypeAlias = Literal["motor", "load"]
 Position: TypeAlias = Literal["circle", "tangent"]
@@ -45,7 +46,7 @@ ANY = Number(infinite=True)
 
 
 @dataclass(frozen=True)
-class LinearAxis:
+class LinearAxis(Part):
     """A servo of first order with gain, and what real axes add; zero switches a part off.
 
     Attributes
@@ -67,6 +68,7 @@ class LinearAxis:
         Largest velocity command.
     """
 
+    table: ClassVar[str] = "LinearAxis"
     gain_per_s: float = key(..., POSITIVE, "loop gain")
     time_constant_ms: float = key(..., NOT_NEGATIVE, "time constant of the drive")
     coulomb_um: float = key(0.0, NOT_NEGATIVE, "friction at speed, as position error")
@@ -83,9 +85,10 @@ class LinearAxis:
 
 
 @dataclass(frozen=True)
-class RotaryAxis:
+class RotaryAxis(Part):
     """As `LinearAxis`, in arcsec, deg and deg/min."""
 
+    table: ClassVar[str] = "RotaryAxis"
     gain_per_s: float = key(..., POSITIVE, "loop gain")
     time_constant_ms: float = key(..., NOT_NEGATIVE, "time constant of the drive")
     coulomb_arcsec: float = key(0.0, NOT_NEGATIVE, "friction at speed, as position error")
@@ -124,6 +127,7 @@ class Servo:
 
     def __post_init__(self) -> None:
         """Check letters and kinds."""
+        check_fields(self)
         for letter, axis in self.axes.items():
             choose("servo axis", letter, (*LINEAR, *ROTARY))
             kind = LinearAxis if letter in LINEAR else RotaryAxis
@@ -150,6 +154,7 @@ class Servo:
         )
 
     @classmethod
+    @checked
     def from_table(cls, table: Mapping[str, Any]) -> "Servo":
         """From the ``[servo]`` table of a set-up (``setup.servo``), or a mapping like it.
 
@@ -174,6 +179,7 @@ class Servo:
         return cls(axes, own.get("period_ms"), own.get("feedback", "motor"))
 
     @classmethod
+    @checked
     def from_setup(cls, setup: Setup) -> "Servo":
         """From the ``[servo]`` table of a set-up, which has to be there.
 
@@ -199,6 +205,7 @@ class Servo:
             out[letter] = {k: v for k, v in asdict(axis).items() if v != default[k]}
         return out
 
+    @checked
     def row(self, letter: str) -> Floats:
         """Return the numbers of an axis in the order of its fields, shape (13,)."""
         if letter not in self.axes:
@@ -212,6 +219,7 @@ class Servo:
         return np.stack([self.row(letter) for letter in "XYZAC"])
 
 
+@checked
 def read_servo(path: str | PathLike[str]) -> Servo:
     """Read the ``[servo]`` table of a set-up file.
 
@@ -271,12 +279,14 @@ class Coupling:
 
     def __post_init__(self) -> None:
         """Check the gains."""
+        check_fields(self)
         gains = floats("coupling gains", self.gains).copy()
         if gains.shape != (5, 3):
             raise InputError(f"coupling gains: got shape {gains.shape}, expected (5, 3)")
         gains.setflags(write=False)
         object.__setattr__(self, "gains", gains)
 
+    @checked
     def scaled(self, factor: ArrayLike) -> "Coupling":
         """Return the same controllers with all gains times a factor."""
         gains = self.gains * np.asarray(factor, dtype=np.float64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import trunnion._core as _core
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import instance, numbers, positive, whole, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -76,6 +77,7 @@ class Feed:
 
     def __post_init__(self) -> None:
         """Check the feed, in its own unit, and that a dwell follows a stop."""
+        check_fields(self)
         if self.dwell_s and not self.decelerate:
             raise InputError(f"dwell_s: got {self.dwell_s:g} without decelerate, expected it too")
         positive("feed_mm_min", self.feed_mm_min)
@@ -177,6 +179,7 @@ class ContourRun(Result):
             "tangent_max_arcsec": top(self.tangent_arcsec),
         }
 
+    @checked
     def axis_log(
         self,
         *,
@@ -295,6 +298,7 @@ def _name(controller: Controller) -> str:
     return controller
 
 
+@checked
 def simulate(
     path: Path,
     feed: Feed | float,
@@ -411,6 +415,7 @@ class ContourSweep(Result):
         return Table.of(title, ("controller", "path", "feed mm/min", *columns.values()), rows)
 
 
+@checked
 def sweep(
     paths: Sequence[Path],
     feeds_mm_min: Sequence[float] | Floats,
@@ -426,6 +431,8 @@ def sweep(
     ``feed`` gives what is the same for all feeds (acceleration, deceleration, limit); other
     parameters as in `simulate`. The interpreter lock is released.
     """
+    if np.ndim(feeds_mm_min) != 1:
+        raise InputError(f"feeds_mm_min: got {feeds_mm_min!r}, expected a list of feeds")
     if isinstance(paths, Path):
         raise InputError("paths: got one Path, expected a sequence of them")
     servo = Servo.paper() if servo is None else servo

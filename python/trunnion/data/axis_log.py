@@ -7,6 +7,7 @@ from os import PathLike
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.units import Floats
 from trunnion.files.columns import ColumnError, Number, OptionalLabel, OptionalNumber
 from trunnion.files.csv_file import read_table
@@ -43,10 +44,12 @@ class AxisLog(Table):
         """Letters of the axes that the log has, in the order x y z a b c."""
         return tuple(axis for axis in UNIT_OF_AXIS if _name(axis, "cmd") in self.columns)
 
+    @checked
     def commanded(self, axis: str) -> Floats:
         """Return the commanded positions of an axis, mm or deg."""
         return self.columns[_name(axis, "cmd")]
 
+    @checked
     def actual(self, axis: str) -> Floats:
         """Return the actual positions of an axis, mm or deg."""
         return self.columns[_name(axis, "act")]

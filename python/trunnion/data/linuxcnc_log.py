@@ -22,6 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
@@ -54,6 +55,7 @@ DISTANCE_MM = 5.0
 """How far a touch may be from the planned one; the contract's limit for touches off the surface."""
 
 
+@checked
 def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     """Read the log of a plan's probing program: the plan with the recorded positions in it.
 

@@ -107,7 +107,8 @@ class Touches(Table):
                     f"{axis}_dir", None, f"no column {axis}_deg", "the axis's position too"
                 )
         self.all_or_none("start_x_mm", "start_y_mm", "start_z_mm")
-        length = np.sqrt(np.sum(self.direction**2, axis=1))
+        with np.errstate(over="ignore"):  # infinite is no unit length either
+            length = np.sqrt(np.sum(self.direction**2, axis=1))
         bad = ~(np.abs(length - 1.0) <= UNIT_TOLERANCE)
         if bad.any():
             row = int(np.argmax(bad))

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import (
     Cell,
@@ -22,6 +23,7 @@ from trunnion.base.report import (
     significant,
     structured,
 )
+from trunnion.base.stored import fitting
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
@@ -152,6 +154,7 @@ class Diagnosis(Result):
         model: Model = kinds.model_of(self.data, self.setup, self.candidates)
         return model
 
+    @checked
     def score(self, other: Any) -> Gain:
         """Gain on data that the diagnosis has not seen.
 
@@ -203,7 +206,8 @@ class Diagnosis(Result):
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
         made = super().from_dict(given)
-        return replace(made, model=made._model(values.get("model")))
+        with fitting(cls.__name__):
+            return replace(made, model=made._model(values.get("model")))
 
     def _model(self, stored: Any) -> Any:
         """Return `model` from what JSON holds of it; what it does is code, made anew of the data.

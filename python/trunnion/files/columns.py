@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import shown
-from trunnion.base.units import Flags, Floats
+from trunnion.base.units import Flags, Floats, unit_of
 
 Int = NDArray[np.int64]
 Labels = NDArray[np.int64] | NDArray[np.str_]
@@ -37,6 +37,10 @@ _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _BREAK = re.compile(r"[\n\r\0]")
 
 
+LARGEST = {"mm": 1e6, "µm": 1e9, "deg": 1e6, "s": 1e12, "mm/min": 1e9}
+"""Beyond these no machine is meant, and an angle would lose its arcseconds to rounding."""
+
+
 class ColumnError(Exception):
     """A value that its column does not take, with its row (from 0; None: the whole column).
 
@@ -47,6 +51,7 @@ class ColumnError(Exception):
     def __init__(self, column: str, row: int | None, got: str, expected: str) -> None:
         where = column if row is None else f"{column} (row {row})"
         super().__init__(f"{where}: got {got}, expected {expected}")
+        self.said = f"{column}: got {got}, expected {expected}"
         self.column, self.row = column, row
 
 
@@ -119,6 +124,8 @@ class _Numeric(Column[T]):
             self.refuse(values, bad, self.expected)
             numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
         bad = ~np.isfinite(numbers)
+        most = LARGEST.get(unit_of(self.name), np.inf)
+        self.refuse(values, ~bad & (np.abs(numbers) > most), f"a number within ±{most:g}")
         if self.positive:
             bad |= ~(numbers > 0.0)
         if self.minimum is not None:

@@ -1,7 +1,7 @@
 """The one reader and the one writer of CSV files.
 
-A message about a file says ``file:line:column: column (row n): got ..., expected ...``, line and
-column from 1, rows of data from 0. Fields are split and converted all at once; what stands where
+A message about a file says ``file:line:column: column: got ..., expected ...``, line and column
+from 1. Fields are split and converted all at once; what stands where
 is worked out only for a line that has an error.
 """
 
@@ -168,7 +168,7 @@ class _CsvFile:
         return self.error(
             line,
             at,
-            f"{column} (row {row}): got {got} fields, expected {count}: {', '.join(self.header)}",
+            f"{column}: got {got} fields, expected {count}: {', '.join(self.header)}",
         )
 
     def located(self, fault: ColumnError) -> FileFormatError:
@@ -177,7 +177,7 @@ class _CsvFile:
         at = 0
         if fault.column in self.header:
             at = self.starts(line)[self.header.index(fault.column)]
-        return self.error(line, at, str(fault))
+        return self.error(line, at, fault.said)
 
     def fields(self, line: int) -> list[str]:
         """Return the fields of one line, without spaces and quotes around them."""

@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAli
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
-from trunnion.base.report import plain, read_json
+from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.output import whole_file, write_text
+from trunnion.base.report import plain
+from trunnion.base.stored import fitting, read_json
 from trunnion.base.units import Integers
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
@@ -345,13 +347,16 @@ class Table:
     @overload
     def to_csv(self, path: str | PathLike[str] | TextIO) -> None: ...
     def to_csv(self, path: str | PathLike[str] | TextIO | None = None) -> str | None:
-        """Write the table to a file, or return it as text; it reads back as an equal table."""
+        """Write the table to a file, or return it as text; it reads back as an equal table.
+
+        A file that is there already is replaced once the new one is whole.
+        """
         if path is None:
             buffer = io.StringIO()
             write_columns(self._columns, buffer)
             return buffer.getvalue()
         if isinstance(path, str | PathLike):
-            with Path(path).open("w", encoding="utf-8", newline="\n") as file:
+            with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
                 write_columns(self._columns, file)
         else:
             write_columns(self._columns, path)
@@ -375,7 +380,7 @@ class Table:
         """Return kind, columns and origin as JSON text, and write it to `path` if one is given."""
         text = json.dumps(self.described(), indent=indent, ensure_ascii=False, allow_nan=False)
         if path is not None:
-            Path(path).write_text(text + "\n", encoding="utf-8")
+            write_text(path, text + "\n")
         return text
 
     def described(self) -> dict[str, Any]:
@@ -391,11 +396,16 @@ class Table:
         if not isinstance(values, Mapping) or values.get("data") != cls.__name__:
             got = values.get("data") if isinstance(values, Mapping) else type(values).__name__
             raise InputError(f"data: got {got!r}, expected {cls.__name__!r}")
-        made = cls(values.get("columns", {}))
-        if (origin := values.get("origin")) is None:
-            return made
-        file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
-        return cls._of(made._columns, Origin(tuple(origin["files"]), file, line))
+        with fitting(cls.__name__):
+            made = cls(values.get("columns", {}))
+            if (origin := values.get("origin")) is None:
+                return made
+            file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
+            files = tuple(map(str, origin["files"]))
+            named = len(files) > file.max(initial=-1) and file.min(initial=0) >= -1
+            if not named or not file.shape == line.shape == (len(made),):
+                raise InputError(f"origin: got {plain(origin)!r:.60}, expected file and line a row")
+            return cls._of(made._columns, Origin(files, file, line))
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:
@@ -409,7 +419,7 @@ class Table:
         values, where = read_json(source)
         try:
             return cls.from_description(values)
-        except (InputError, KeyError, TypeError, ValueError) as error:
+        except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
     def __repr__(self) -> str:

@@ -7,15 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.identifiability import design
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 
 
+@checked
 def choose_poses(
     candidates: Ballbar,
     mechanism: Mechanism,
@@ -51,7 +53,7 @@ def choose_poses(
     ndarray of int
         Rows of `candidates`, in order: ``candidates[rows]`` is the plan.
     """
-    names = tuple(error_name(p) for p in parameters)
+    names = error_names(parameters)
     label = np.arange(len(candidates)) if blocks is None else np.asarray(blocks)
     if label.shape != (len(candidates),):
         raise InputError(f"blocks: got shape {label.shape}, expected ({len(candidates)},)")

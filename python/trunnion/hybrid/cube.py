@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, finite, point, positive
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -124,6 +125,7 @@ class CubeStudy(Result):
         changes = {change.error: change for change in self.changes}
         return changes[choose("error", error_name(error), changes)]
 
+    @checked
     def below(self, ratio: float = 0.2) -> int:
         """Count the errors whose edges change by less than this fraction of the rigid motion."""
         return sum(change.ratio < ratio for change in self.changes)
@@ -167,6 +169,7 @@ def _circles(radius_mm: float) -> tuple[Floats, Floats]:
     return units * radius_mm, units
 
 
+@checked
 def cube_study(
     mechanism: Mechanism,
     errors: Sequence[str] | Mapping[str, float] = PAPER_ERRORS,
@@ -214,6 +217,7 @@ def cube_study(
     return CubeStudy(side_mm, centre, way, tuple(changes))
 
 
+@checked
 def transformed_cube(
     mechanism: Mechanism, error: str, amount: float = 10.0, **cube: Any
 ) -> CubeChange:

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 from trunnion.hybrid.readings import (
     gradient_with_centres,
     joints_of,
@@ -63,6 +64,7 @@ class Identifiability(Result):
     std_errors: dict[str, float]
     direction_errors: Floats
 
+    @checked
     def well_determined(self, within: float = MAX_WELL_DETERMINED_UM) -> int:
         """Count the combinations with a standard error below this, µm or arcsec."""
         return int(np.sum(self.direction_errors < within))
@@ -99,6 +101,7 @@ class Identifiability(Result):
         return {"not_identifiable": self.not_identifiable}
 
 
+@checked
 def identifiability(
     plan: Ballbar,
     mechanism: Mechanism,
@@ -127,7 +130,7 @@ def identifiability(
     InputError
         `sigma_um` not above 0.
     """
-    names = tuple(error_name(p) for p in parameters)
+    names = error_names(parameters)
     positive("sigma_um", sigma_um)
     matrix, labels = design(plan, mechanism, names, threads)
     spectrum = Spectrum.of(matrix, len(names))

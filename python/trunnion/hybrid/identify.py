@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import positive
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
-from trunnion.hybrid.parameters import PAPER_ERRORS, error_name
+from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
 from trunnion.hybrid.readings import (
     MIN_READINGS,
     check_near,
@@ -87,6 +88,7 @@ class BallbarIdentification(Estimate):
         )
 
 
+@checked
 def identify_ballbar(
     data: Ballbar,
     mechanism: Mechanism,
@@ -167,7 +169,7 @@ class _Problem:
         threads: int | None,
     ) -> _Problem:
         """Check the readings, and place the ball centres for the start."""
-        names = tuple(error_name(p) for p in parameters)
+        names = error_names(parameters)
         joints = joints_of(data)
         index, labels = setup_index(data)
         unknowns = len(names) + 3 * len(labels)

@@ -45,6 +45,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion._core import Hybrid, hybrid_example
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import array, choose
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
@@ -121,6 +122,7 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         """Check by building the core's object."""
+        check_fields(self)
         keys = _dimension_keys()
         for name in self.dimensions:
             choose("dimension", name, keys)
@@ -146,6 +148,7 @@ class Mechanism:
         return Hybrid(values, list(self.home_mm), list(self.errors.items()), list(self.closure_mm))
 
     @classmethod
+    @checked
     def from_setup(cls, setup: Setup) -> Mechanism:
         """Read the table ``[hybrid]`` of a set-up.
 
@@ -162,6 +165,7 @@ class Mechanism:
         with section.placed():
             return cls(dimensions=given, **values)
 
+    @checked
     def with_errors(self, errors: Mapping[str, float]) -> Mechanism:
         """Return the same machine with these errors (µm, arcsec) instead of its own."""
         return replace(self, errors=dict(errors))
@@ -177,6 +181,7 @@ class Mechanism:
         first, second, third = self._core.home_legs_mm
         return (first, second, third)
 
+    @checked
     def forward(self, joints: ArrayLike, *, threads: int | None = 1) -> Forward:
         """Solve the loops: G(Y, E) = 0, then the way to the tool through leg 2.
 
@@ -197,6 +202,7 @@ class Mechanism:
         poses = joints_array(joints)
         return Forward.of_rows(poses, self._core.forward(poses, threads))
 
+    @checked
     def sensitivity(
         self,
         joints: ArrayLike,
@@ -232,6 +238,7 @@ class Mechanism:
             passive=rates[:, 12:20],
         )
 
+    @checked
     def inverse(
         self,
         tip_mm: ArrayLike,
@@ -275,6 +282,7 @@ class Mechanism:
         )
         return rows[:, :5]
 
+    @checked
     def constraint(self, joints: ArrayLike) -> Constraint:
         """Rank, mobility and self-stress of the loops at one pose, (5,)."""
         pose = joints_array(joints, rows=1)[0]
@@ -287,6 +295,7 @@ class Mechanism:
             jacobian=jacobian,
         )
 
+    @checked
     def strain(
         self, joints: ArrayLike, parameters: Sequence[str], *, threads: int | None = 1
     ) -> Floats:
@@ -300,6 +309,7 @@ class Mechanism:
         rows = self._core.strain(poses, names, threads)
         return rows.reshape(len(poses), 2, 5, len(names))
 
+    @checked
     def closure_dependence(
         self,
         joints: ArrayLike,
@@ -340,6 +350,7 @@ class Mechanism:
             spread_um=spread,
         )
 
+    @checked
     def ballbar(
         self,
         joints: ArrayLike,

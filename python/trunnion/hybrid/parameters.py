@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 
@@ -11,6 +13,14 @@ PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
 #: Names of every component at every place, with units.
 OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)
 JOINTS = ("L1_mm", "L2_mm", "L3_mm", "q4_deg", "q5_deg")
+
+
+def error_names(given: Iterable[str]) -> tuple[str, ...]:
+    """Return the names with units of parameters, at least one."""
+    names = tuple(error_name(name) for name in given)
+    if not names:
+        raise InputError("parameters: got none, expected at least one")
+    return names
 
 
 def error_name(name: str) -> str:

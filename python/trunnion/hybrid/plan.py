@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import choose, point, positive
+from trunnion.base.arguments import checked
+from trunnion.base.checks import choose, count_of, point, positive
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -18,6 +19,7 @@ from trunnion.hybrid.mechanism import Mechanism
 PLANES: Mapping[str, tuple[int, int]] = {"XY": (0, 1), "YZ": (1, 2), "ZX": (2, 0), "XZ": (0, 2)}
 
 
+@checked
 def ballbar_plan(
     mechanism: Mechanism,
     centre_mm: ArrayLike,
@@ -114,6 +116,7 @@ def _runs(
     runs = []
     for plane, first, last in circles:
         choose("plane of a circle", plane, PLANES)
+        count_of("step_deg", abs(last - first), step_deg)
         angles = np.linspace(first, last, round(abs(last - first) / step_deg) + 1)
         runs.append(_Run(plane, angles, 1))
         if both_senses:

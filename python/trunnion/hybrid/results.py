@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS
@@ -122,6 +123,7 @@ class Sensitivity(Result):
     serial_turn: Floats
     passive: Floats
 
+    @checked
     def table(self, pose: int = 0) -> Table:
         """Columns of dr/dE and of the tool's turn at one pose."""
         rows = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike
@@ -11,9 +10,11 @@ from typing import Any, Self
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.report import Result, Table, plain
+from trunnion.base.stored import fitting, read_json
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import Moving, Owner, effect_id
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
@@ -210,12 +211,8 @@ class Estimate(Result):
         if not isinstance(values, Mapping) or not isinstance(values.get("motions", {}), Mapping):
             return super().from_dict(values)
         found = super().from_dict({**values, "motions": {}})
-        try:
+        with fitting("motions"):
             motions = {k: motion_from_dict(v) for k, v in values.get("motions", {}).items()}
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"motions: got values that are not those of a motion: {error}"
-            ) from error
         return replace(found, motions=motions)
 
 
@@ -241,6 +238,7 @@ def in_words(combination: Mapping[str, float]) -> str:
     return f"Not identifiable: {' together with '.join(parts)}."
 
 
+@checked
 def read_estimate(path: str | PathLike[str]) -> Estimate:
     """Read an estimate: the dictionary of a result, or names and values alone.
 
@@ -249,14 +247,7 @@ def read_estimate(path: str | PathLike[str]) -> Estimate:
     FileFormatError
         If the file is not JSON, or holds neither.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: got bytes that are not UTF-8 at {error.start}") from None
-    except json.JSONDecodeError as error:
-        raise FileFormatError(
-            f"{path}:{error.lineno}:{error.colno}: got no JSON ({error.msg}), expected an estimate"
-        ) from None
+    content, _ = read_json(Path(path))
     expected = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'
     if not isinstance(content, dict):
         raise FileFormatError(f"{path}:1:1: got {type(content).__name__}, expected {expected}")

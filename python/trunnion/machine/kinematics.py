@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import array, choose
 from trunnion.base.errors import InputError
 from trunnion.base.units import Flags, Floats
@@ -37,6 +38,7 @@ class AxisSolution(NamedTuple):
     singular: Flags
 
 
+@checked
 def forward_kinematics(
     setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
 ) -> tuple[Floats, Floats]:
@@ -59,6 +61,7 @@ def forward_kinematics(
     return tools[:, :3], tools[:, 3:]
 
 
+@checked
 def kinematic_jacobian(
     setup: Setup, axes: ArrayLike, errors: Mapping[str, float] | None = None
 ) -> Floats:
@@ -75,6 +78,7 @@ def kinematic_jacobian(
     return machine.jacobian(array("axes", axes, width)).reshape(-1, 6, width)
 
 
+@checked
 def inverse_kinematics(
     setup: Setup,
     point_mm: ArrayLike,

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import turning_cause
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Flags, Floats
@@ -295,6 +296,7 @@ class DiameterLaw(Estimate):
     offset_um: Mapping[str, float]
     source: DiameterModel = field(compare=False, repr=False)
 
+    @checked
     def error_um(self, planned: Diameters, *, offset_of: object = None) -> Floats:
         """Predict the error of the diameter along a planned pass.
 
@@ -420,6 +422,7 @@ def _check(data: Diameters, conditions: Conditions) -> None:
             raise DataError(f"pass {label}: got {count} readings, expected at least {MIN_READINGS}")
 
 
+@checked
 def build(
     data: Diameters,
     setup: Setup | Conditions | None,

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
 from trunnion.diagnosis.effect import EffectLike
@@ -113,6 +114,7 @@ def kind_of_columns(names: set[str]) -> Kind | None:
     return max(fitting, key=lambda kind: len(kind.columns), default=None)
 
 
+@checked
 def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] = ()) -> Model:
     """Return the model of a measurement, with its whole catalogue of candidates."""
     for base in type(data).__mro__:
@@ -125,6 +127,7 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
 
 
+@checked
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
 
@@ -157,6 +160,7 @@ def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     return tuple({e.id: e.info() for model in models for e in model.effects}.values())
 
 
+@checked
 def diagnose(
     data: Any, setup: Any = None, *, effects: Sequence[EffectLike | str] = ()
 ) -> Diagnosis:

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table, plain
+from trunnion.base.stored import fitting
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import Effect, Values
@@ -79,13 +81,12 @@ class NextPass(Result):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> NextPass:
         """Return the pass that `to_dict` described."""
-        try:
+        with fitting(cls.__name__):
             apart = {frozenset(a["causes"]): float(a["distance"]) for a in values["apart"]}
             return cls(str(values["label"]), apart)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"NextPass: got values that do not fit its fields: {error}") from error
 
 
+@checked
 def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     """Say which further pass distinguishes the alternatives of a diagnosis of diameters.
 

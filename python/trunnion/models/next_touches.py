@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from trunnion.base.checks import instance
+from trunnion.base.arguments import checked
+from trunnion.base.checks import instance, whole
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting
 from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
@@ -97,7 +99,7 @@ class ExpectedDiscrimination(Result):
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> ExpectedDiscrimination:
         """Return the expected_discrimination that `to_dict` described."""
-        try:
+        with fitting(cls.__name__):
             return cls(
                 Touches.from_description(values["plan"]),
                 int(values["sets"]),
@@ -107,12 +109,13 @@ class ExpectedDiscrimination(Result):
                 {name: float(std) for name, std in values["std_before"].items()},
                 {name: float(std) for name, std in values["std_after"].items()},
             )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{cls.__name__}: got values that do not fit its fields: {error}"
-            ) from error
 
 
+MAX_TOUCHES = 1000
+"""Most touches to be chosen at once."""
+
+
+@checked
 def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     """Plan the n touches that best distinguish a diagnosis' alternatives, or sharpen its cause.
 
@@ -128,6 +131,7 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     return expected_discrimination(d, n).plan
 
 
+@checked
 def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     """Plan as :func:`next_touches`, and say what the touches are expected to show.
 
@@ -140,8 +144,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     if not isinstance(d.data, Touches):
         raise InputError("diagnosis: got one of other data, expected a diagnosis of touches")
     model = cast(TouchDiagnosisModel, d.rebuilt_model())
-    if not isinstance(n, int) or isinstance(n, bool) or n < 1:
-        raise InputError(f"n: got {n!r}, expected a whole number from 1")
+    n = whole("n", n, 1, MAX_TOUCHES)
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
@@ -329,6 +330,7 @@ class TouchDiagnosisModel(Model):
             )
 
 
+@checked
 def build(
     data: Touches, setup: Setup | None, effects: Sequence[EffectLike | str] = ()
 ) -> TouchDiagnosisModel:

@@ -33,7 +33,7 @@ def plot_artefact(
     magnification: float | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the artefact in its true shape with its touches, in the table's frame.
+    """Draw the artefact in its true shape with its touches, in its own frame.
 
     Parameters
     ----------
@@ -56,6 +56,10 @@ def plot_artefact(
     rotation, shift = chain.table_pose(chain.to_machine(touches.rotary_deg, len(touches)))
     centre = np.einsum("nji,nj->ni", rotation, touches.position_mm - shift)
     direction = np.einsum("nji,nj->ni", rotation, touches.direction)
+    angle = np.radians(setup.artefact.turn_deg)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    centre, direction = (centre - setup.artefact.place_mm) @ turned, direction @ turned
     contact = centre + direction * setup.probe.ball_radius_mm
     if residuals_um is None:
         tails, arrows, colour = contact - 12.0 * direction, 12.0 * direction, INK
@@ -78,7 +82,7 @@ def plot_artefact(
     axes.zaxis.set_major_locator(MaxNLocator(3))
     axes.view_init(elev=32, azim=-58)
     axes.legend(loc="upper left", frameon=False)
-    axes.set_title(f"{len(touches)} touches on the {setup.artefact.kind}, table's frame")
+    axes.set_title(f"{len(touches)} touches on the {setup.artefact.kind}, in its frame")
     return axes  # type: ignore[no-any-return]
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
@@ -33,6 +34,7 @@ SEES_SEPARATING = (
 )
 
 
+@checked
 def closed_form(
     data: Touches,
     setup: Setup,

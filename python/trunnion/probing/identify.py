@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion._core import Moves
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.data.touches import Touches
@@ -26,6 +27,7 @@ HUBER_KNEE = 1.345
 """Knee of Huber's loss in standard deviations: 95 % efficient on Gaussian noise."""
 
 
+@checked
 def identify(
     data: Touches,
     setup: Setup,
@@ -194,6 +196,7 @@ def _by_the_core(model: TouchModel, moves: Moves, loss: Loss, max_steps: int) ->
     )
 
 
+@checked
 def identify_many(
     plan: Touches,
     setup: Setup,

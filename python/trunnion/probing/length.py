@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import positive
 from trunnion.base.errors import InputError
 from trunnion.base.units import ARCSEC
 
 
+@checked
 def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> float:
     """Smallest length of the artefact, L > λ_LR csc λ_RR (Kang, Kim and Jee 2022, equation (21)).
 

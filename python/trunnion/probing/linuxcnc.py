@@ -80,9 +80,6 @@ def _state(cycle: Cycle) -> Iterator[str]:
     yield ""
     yield "(state of the control)"
     yield "o100 if [#<_task> EQ 1]"
-    if control.tool_check:
-        why = "no tool length is in force, expected that of the probe to the centre of its ball"
-        yield from _stop_if(101, "#5403 LE 0", f"tool length #5403: {why}")
     if control.tool_number:
         number = control.tool_number
         why = f"expected tool {number}, the probe"
@@ -98,12 +95,22 @@ def _state(cycle: Cycle) -> Iterator[str]:
             label, f"ABS[#{number}] GT {_n(ROTARY_OFFSET_DEG)}",
             f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
         )  # fmt: skip
+    yield "#<_unit> = 1 (mm of a unit of the machine)"
+    yield "o120 if [#<_metric_machine> EQ 0]"
+    yield "  #<_unit> = 25.4"
+    yield "o120 endif"
+    # #5403 is the length of the tool in the spindle, whether it is in force (G43) or not.
+    yield f"#<length> = [#<_abs_z> - #5422 - #{base + 2} * #<_unit>]"
+    if control.tool_check:
+        why = "none is in force by G43, expected that to the centre of the ball"
+        yield from _stop_if(101, "#<length> LE 0.001", f"tool length #<length>: {why}")
     if control.centre_mm is not None:
         for i, (axis, value) in enumerate(zip("XYZ", control.centre_mm, strict=True)):
+            yield f"#<at> = [#{base + i} * #<_unit>]"
             yield from _stop_if(
                 110 + i,
-                f"ABS[#{base + i} - [{_n(value)}]] GT {_n(control.centre_tolerance_mm)}",
-                f"{control.wcs} {axis} is #{base + i}, expected {_n(value)} as in the set-up",
+                f"ABS[#<at> - [{_n(value)}]] GT {_n(control.centre_tolerance_mm)}",
+                f"{control.wcs} {axis} is #<at> mm, expected {_n(value)} as in the set-up",
             )
     if control.tcp_check:
         yield from _identity()
@@ -113,10 +120,6 @@ def _state(cycle: Cycle) -> Iterator[str]:
 def _identity() -> Iterator[str]:
     """Compare joints with machine coordinates where they stand."""
     yield "  M66 E0 L0 (waits for all that was commanded)"
-    yield "  #<_unit> = 1 (mm of a unit of the machine)"
-    yield "  o120 if [#<_metric_machine> EQ 0]"
-    yield "    #<_unit> = 25.4"
-    yield "  o120 endif"
     yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
     for joint, axis in enumerate("xyz"):
         far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
@@ -277,7 +280,7 @@ def _begin(cycle: Cycle) -> Iterator[str]:
         f"  (LOG,%d trunnion-touches 1 plan={cycle.name} hash={cycle.plan_hash}"
         f" touches={len(cycle.steps)} from=#<_from>)"
     )
-    yield f"  (LOG,; {control.wcs} #{base} #{base + 1} #{base + 2} tool length #5403)"
+    yield f"  (LOG,; {control.wcs} #{base} #{base + 1} #{base + 2} tool length #<length>)"
     yield "o410 endif"
 
 

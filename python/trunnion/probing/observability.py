@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import instance, positive
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -126,6 +127,7 @@ class Observability(Result):
         return {"not_identifiable": list(self.not_identifiable)}
 
 
+@checked
 def observability(
     plan: Touches,
     setup: Setup,

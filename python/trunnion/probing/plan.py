@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -22,6 +23,7 @@ MAX_STOPS = 10_000
 """Positions of the rotary axes in a plan; each has up to twenty touches."""
 
 
+@checked
 def plan(
     setup: Setup,
     c_deg: Sequence[float] = (0, 90, 180, 270),

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from trunnion.base.arguments import checked
+from trunnion.base.checks import choose, within
 from trunnion.base.report import Cell, Result, Table
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.estimate import Estimate
@@ -124,8 +126,11 @@ class IdentificationResult(Estimate):
         correlations: Floats = self.covariance * np.outer(scale, scale)
         return correlations
 
+    @checked
     def interval(self, name: str, coverage: float = 0.95) -> tuple[float, float]:
         """Confidence interval of a parameter, by Student's t."""
+        choose("name", name, self.std_errors)
+        within("coverage", coverage, 1e-9, 1 - 1e-9)
         half = self.std_errors[name] * float(
             special.stdtrit(max(self.degrees_of_freedom, 1), 0.5 + coverage / 2)
         )

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
@@ -18,6 +19,7 @@ from trunnion.setup import Setup
 OFF_SURFACE_MM = 5.0
 
 
+@checked
 def simulate(
     plan: Touches,
     setup: Setup,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
@@ -46,6 +47,7 @@ MAX_ITERATIONS = 60
 TIME_CONSTANT = "warmup_z.tau_min"
 
 
+@checked
 def identify(
     data: Touches,
     setup: Setup,
@@ -96,6 +98,7 @@ def identify(
     return _result(model, rows, min(found, key=lambda solution: solution.cost))
 
 
+@checked
 def linearise(
     data: Touches,
     setup: Setup,

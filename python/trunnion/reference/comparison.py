@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.data.touches import Touches
 from trunnion.probing.closed_form import closed_form
@@ -81,6 +82,7 @@ class Comparison(Result):
         )
 
 
+@checked
 def compare_methods(
     data: Touches, setup: Setup, truth: Mapping[str, float] | None = None
 ) -> Comparison:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, optional_module
 from trunnion.base.units import ARCSEC, unit_of
 from trunnion.setup.names import canonical_error_name
@@ -42,6 +43,7 @@ def _placed(pin: Any, tilts: tuple[float, float, float], offset: tuple[float, fl
     return pin.SE3(alpha @ beta @ gamma, np.array(offset))
 
 
+@checked
 def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> Any:
     """Build a `pin.Model` of the machine, in mm and rad, with its errors as joint placements.
 

@@ -15,23 +15,23 @@ finishing program and what its part came out as, made by ``samples/make_turning.
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from trunnion.base.arguments import checked
+from trunnion.base.checks import choose
+
 __all__ = ["sample_path"]
 
 
+@checked
 def sample_path(name: str) -> Path:
-    """Path of a sample, for instance ``cross/setup.toml``.
+    """Path of a sample, for instance ``cross/setup.toml``, or of the folder of one, ``cross``.
 
     Raises
     ------
-    FileNotFoundError
+    UnknownNameError
         No sample of this name.
     """
-    with as_file(files(__name__).joinpath(name)) as path:
-        if not path.exists():
-            known = sorted(
-                str(found.relative_to(path.parents[name.count("/")]))
-                for found in path.parents[name.count("/")].glob("*/*")
-                if found.suffix in {".toml", ".csv", ".ngc"}
-            )
-            raise FileNotFoundError(f"sample: got {name!r}, expected one of {', '.join(known)}")
-        return path
+    with as_file(files(__name__)) as folder:
+        found = [path for path in folder.glob("*/*") if path.suffix in {".toml", ".csv", ".ngc"}]
+        known = sorted(str(path.relative_to(folder)) for path in found)
+        groups = {path.parent.name for path in found}
+        return folder / (name if name in groups else choose("sample", name, known))

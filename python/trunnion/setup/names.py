@@ -3,12 +3,14 @@
 import re
 from collections.abc import Sequence
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import UnknownNameError
 
 # EA0C: an error E in direction A..C (tilt) or X..Z (offset), zero for location, of an axis.
 _SPELLING = re.compile(r"(?:E_?|E_\{)([XYZABC])[0O]([A-Z][0-9]?)\}?", re.IGNORECASE)
 
 
+@checked
 def canonical_error_name(text: str) -> str:
     """Spell the name of a location error as ISO 230-1 does, with a digit zero: ``EA0A``.
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import trunnion._core as _core
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, entry, instance, named, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.frozen import FrozenMapping
@@ -326,6 +327,7 @@ class Setup:
         for name in PROCESS_TABLES:
             object.__setattr__(self, name, Section.of(name, getattr(self, name)))
 
+    @checked
     def sense(self, axis: str) -> int:
         """Return 1 or -1: the sense of an axis (1 unless the set-up says otherwise)."""
         return self.axes[axis].sense if axis in self.axes else 1

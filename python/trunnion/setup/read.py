@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 from typing import Any
 
+from trunnion.base.arguments import checked
 from trunnion.files.toml import TomlText
 from trunnion.setup.fields import Section, keys_of
 from trunnion.setup.parts import (
@@ -20,6 +21,7 @@ from trunnion.setup.parts import (
 )
 
 
+@checked
 def read_setup(path: str | PathLike[str]) -> Setup:
     """Read ``setup.toml``; ``print(setup)`` lists its keys.
 

@@ -7,8 +7,10 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import optional_module
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.output import whole_file
 from trunnion.studies.description import Description
 from trunnion.studies.store import Blocks, Journal
 from trunnion.studies.study import Value
@@ -46,6 +48,7 @@ def journal_of(target: Path) -> Journal:
     return Journal(target.with_name(target.name + ".part"))
 
 
+@checked
 def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     """Read a sweep from its file, finished or still running; samples not done yet are missing.
 
@@ -79,11 +82,8 @@ def read_same(target: Path, description: Description) -> xr.Dataset:
 
 def write(result: xr.Dataset, target: Path) -> None:
     """The whole file or none, on the disk before what it was made from goes."""
-    new = target.with_name(target.name + ".new")
-    result.to_netcdf(new, engine="scipy")
-    with new.open("rb+") as written:
-        os.fsync(written.fileno())
-    new.replace(target)
+    with whole_file(target) as draft:
+        result.to_netcdf(draft, engine="scipy")
 
 
 def dataset(description: Description, blocks: Blocks) -> xr.Dataset:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from trunnion._core import MAX_THREADS
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, entry, whole, within
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.studies.dataset import (
@@ -55,6 +56,7 @@ class Submits(Protocol):
         ...
 
 
+@checked
 def sweep(
     study: str | Study | Callable[..., Any],
     grid: Mapping[str, Any] | None = None,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
+from trunnion.base.arguments import checked
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
@@ -100,6 +101,7 @@ def _extent(name: str, values: Floats) -> tuple[str, float, float, float]:
     return name, float(values.min()), float(values.max()), rms
 
 
+@checked
 def correct(
     program: Program,
     readings: Diameters | tuple[npt.ArrayLike, npt.ArrayLike],
@@ -193,6 +195,7 @@ def correct(
     )
 
 
+@checked
 def change_um(
     before: Program,
     after: Program,

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from trunnion.base.checks import floats, positive, within
+from trunnion.base.arguments import check_fields, checked
+from trunnion.base.checks import count_of, line, positive, whole, within
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 
@@ -38,11 +39,13 @@ class Gauge:
     response_s: float = 0.02
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("range_um", "rate_hz"):
             positive(name, getattr(self, name))
         for name in ("resolution_um", "response_s"):
             within(name, getattr(self, name), 0.0)
 
+    @checked
     def feed_limit_mm_min(
         self, pitch_mm: float, *, slope_um_mm: float = 0.0, lag_um: float = 1.0
     ) -> float:
@@ -63,6 +66,7 @@ class Gauge:
             limit = min(limit, lag / growth)
         return 60.0 * limit
 
+    @checked
     def read(
         self,
         z_mm: npt.ArrayLike,
@@ -96,17 +100,19 @@ class Gauge:
         trunnion.DataError
             If the stylus leaves its range; the message has the place.
         """
-        z, error = (np.atleast_1d(floats("z_mm, error_um", a)) for a in (z_mm, error_um))
-        way = np.abs(z - z[0])
-        if z.size != error.size or (np.diff(way) <= 0).any():
+        z, error = line("z_mm", z_mm), line("error_um", error_um)
+        way = np.abs(z - z[:1])
+        if not 0 < z.size == error.size or (np.diff(way) <= 0).any():
             raise InputError(
                 f"z_mm, error_um: got {z.size} and {error.size}, expected equally many places in "
                 "the order of travel"
             )
         pitch = positive("feed_mm_min", feed_mm_min) / 60.0 / self.rate_hz
-        at: Floats = np.float64(pitch) * np.arange(int(way[-1] / pitch + 1e-9) + 1)
+        count = count_of("feed_mm_min / rate_hz", way[-1], pitch) + 1
+        at: Floats = np.float64(pitch) * np.arange(count)
         read = np.interp(at, way, error) - self._lag(at, way, error, feed_mm_min / 60.0)
         if noise_um > 0:
+            seed = None if seed is None else whole("seed", seed, 0)
             read = read + np.random.default_rng(seed).normal(0.0, noise_um, read.size)
         stylus = read / 2
         beyond = np.abs(stylus) > self.range_um / 2

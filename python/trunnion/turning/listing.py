@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion._core import Program
+from trunnion.base.arguments import checked
+from trunnion.base.checks import finite, positive
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.nc import follow
@@ -39,6 +41,7 @@ class Crossing(Result):
         return (Table.of("Crossing", columns, [("1", *self.z_mm, self.level_um)], digits=3),)
 
 
+@checked
 def crossings(
     listing: Program,
     *,
@@ -70,6 +73,7 @@ def crossings(
     trunnion.DataError
         If a block changes by other than one unit.
     """
+    positive("unit_um", unit_um)
     moves = follow(listing, machine_codes=machine_codes)
     found: list[Crossing] = []
     before = 0
@@ -77,7 +81,7 @@ def crossings(
     places = np.flatnonzero(runs)
     for place in places[:-1]:
         diameter = 2 * moves.end[place, 0]
-        k = round((nominal_mm - diameter) * 1e3 / unit_um)
+        k = round(finite("units of unit_um", (nominal_mm - diameter) * 1e3 / unit_um))
         if abs(k - before) > 1:
             raise DataError(
                 f"line {moves.line[place]}: got a change of {k - before} units, expected one: the "

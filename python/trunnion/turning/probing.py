@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trunnion._core import Program, TurnedProbePath, TurnedProfile
-from trunnion.base.checks import finite, floats, positive
+from trunnion.base.arguments import check_fields, checked
+from trunnion.base.checks import count_of, finite, line, positive
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
 from trunnion.turning.profile import Blocks, Profile
@@ -38,6 +39,9 @@ class TurningProbe:
     ball_diameter_mm: float = 3.175
     contact_angle_deg: float = 89.0
     body_diameter_mm: float = 4.9
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -112,25 +116,28 @@ class ProbePath(Result):
     def _core(self) -> TurnedProbePath:
         return self.profile.core.probe_path(**self.options)
 
+    @checked
     def contact_z_mm(self, interval: int, z_mm: npt.ArrayLike) -> Floats:
         """Z of the point of contact for centres at `z_mm` (equation of 2.3(5)).
 
         Z1 = Z0 + R sin(arctan a): on a cone the ball touches beside its centre. R is the radius of
         the ball.
         """
-        z = np.atleast_1d(floats("z_mm", z_mm))
+        z = line("z_mm", z_mm)
         return self._core().contact_z(interval, z, self.probe.ball_diameter_mm / 2)
 
+    @checked
     def stations_mm(self, pitch_mm: float) -> Floats:
         """Place readings at a pitch along Z: shape (n, 3), interval, centre z, contact z."""
         positive("pitch_mm", pitch_mm)
         rows = []
         for index, interval in enumerate(self.intervals):
-            count = int((interval.start_mm[0] - interval.end_mm[0]) / pitch_mm + 1e-9) + 1
+            count = count_of("pitch_mm", interval.start_mm[0] - interval.end_mm[0], pitch_mm) + 1
             z = interval.start_mm[0] - pitch_mm * np.arange(count)
             rows.append(np.c_[np.full(count, index), z, self.contact_z_mm(index, z)])
         return np.concatenate(rows) if rows else np.empty((0, 3))
 
+    @checked
     def program(
         self,
         dialect: str,
@@ -208,6 +215,7 @@ def interval_table(intervals: Sequence[Interval]) -> Table:
     return Table.of("Ball centre (Z, diameter), mm", columns, rows, digits=3)
 
 
+@checked
 def probe_path(
     profile: Profile,
     probe: TurningProbe | None = None,

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from trunnion._core import Program, TurnedProfile
+from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import whole
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
@@ -41,6 +42,9 @@ class Corner:
     x_mm: float
     kind: Kind = "sharp"
     radius_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,6 +89,7 @@ class Profile:
     core: TurnedProfile
 
     @classmethod
+    @checked
     def from_points(cls, points: Iterable[Corner | tuple[float, float]]) -> Profile:
         """From input points.
 
@@ -107,6 +112,7 @@ class Profile:
         )
 
     @classmethod
+    @checked
     def from_program(
         cls,
         program: Program,
@@ -154,6 +160,7 @@ class Profile:
         """
         return self.core.elements()
 
+    @checked
     def path(
         self,
         follows: Follows,
@@ -163,14 +170,17 @@ class Profile:
         """Give what a program that cuts this profile holds; same columns as `elements`."""
         return self.core.path(follows, nose_mm, convex)
 
+    @checked
     def radius_mm(self, z_mm: float) -> float | None:
         """Radius at z; the larger one at a wall; None beside the part."""
         return self.core.radius_at(z_mm)
 
+    @checked
     def outline_mm(self, step_mm: float = 0.2) -> Floats:
         """Points (z, x) along the contour, arcs divided to `step_mm`, for drawing; shape (m, 2)."""
         return outline(self.elements, step_mm)
 
+    @checked
     def finishing(
         self,
         dialect: str,

@@ -47,7 +47,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// An [`Error::Input`] from anything printable.
     pub fn input(what: impl Into<String>, got: impl ToString, expected: impl Into<String>) -> Self {
-        Self::Input { what: what.into(), got: got.to_string(), expected: expected.into() }
+        Self::Input { what: what.into(), got: short(&got.to_string()), expected: expected.into() }
     }
 
     /// An [`Error::Unknown`] that lists the names there are.
@@ -58,5 +58,13 @@ impl Error {
     ) -> Self {
         let known = known.into_iter().collect::<Vec<_>>().join(", ");
         Self::Unknown { kind, got: got.to_owned(), known }
+    }
+}
+
+/// What a message shows of a value: numbers of hundreds of digits with an exponent.
+fn short(got: &str) -> String {
+    match got.parse::<f64>() {
+        Ok(number) if got.len() > 20 => format!("{number:e}"),
+        _ => got.to_owned(),
     }
 }

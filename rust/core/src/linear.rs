@@ -141,6 +141,9 @@ pub fn linear_fit(
     Ok(fit)
 }
 
+/// Beyond this, squares overflow and a decomposition does not end.
+const MAX_VALUE: f64 = 1e140;
+
 fn check(columns: &[f64], values: &[f64], p: usize, options: &Options) -> Result<()> {
     if columns.len() != values.len() * p {
         let expected = format!("{} x {p} of them", values.len());
@@ -149,8 +152,11 @@ fn check(columns: &[f64], values: &[f64], p: usize, options: &Options) -> Result
     if !options.hold.is_empty() && options.hold.len() != p {
         return Err(Error::input("held parameters", options.hold.len(), format!("{p} flags")));
     }
-    if let Some(bad) = columns.iter().chain(values).find(|value| !value.is_finite()) {
-        return Err(Error::input("columns and values", bad, "finite numbers"));
+    if let Some(bad) =
+        columns.iter().chain(values).find(|value| value.is_nan() || value.abs() > MAX_VALUE)
+    {
+        let expected = format!("numbers within ±{MAX_VALUE:e}");
+        return Err(Error::input("columns and values", bad, expected));
     }
     Ok(())
 }

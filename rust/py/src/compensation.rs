@@ -14,7 +14,7 @@ use trunnion_core::machine::{MAX_ROTARY, Machine};
 use trunnion_core::units::{ARCSEC, DEG, UM};
 use trunnion_core::{Error, Result};
 
-use crate::arrays::{array, matrix, rows, vector};
+use crate::arrays::{array, finite, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
 use crate::user_units::location_errors;
@@ -87,10 +87,10 @@ impl MachineModel {
     fn new(
         machine: &crate::machine::Machine,
         errors: Vec<(String, f64)>,
-        placement: [f64; 6],
+        #[pyo3(from_py_with = finite)] placement: [f64; 6],
         effects: Vec<(String, Vec<f64>)>,
-        direction: [f64; 3],
-        sense: Vec<f64>,
+        #[pyo3(from_py_with = finite)] direction: [f64; 3],
+        #[pyo3(from_py_with = finite)] sense: Vec<f64>,
     ) -> PyResult<Self> {
         let machine = machine.inner.clone();
         let mut inner = model(machine, &errors, &placement, &effects).into_py()?;
@@ -119,7 +119,7 @@ impl MachineModel {
         &self,
         py: Python<'py>,
         control: &Self,
-        zeros_arcsec: Vec<f64>,
+        #[pyo3(from_py_with = finite)] zeros_arcsec: Vec<f64>,
         rotary_deg: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
         let rotary = self.rotary(&rotary_deg)?;
@@ -130,7 +130,7 @@ impl MachineModel {
         });
         let (fields, directions): (Vec<_>, Vec<_>) = found.into_py()?.into_iter().unzip();
         let fields = fields.into_iter().flatten().map(|value| value / UM).collect();
-        Ok((matrix(py, fields, 12)?, array(py, directions)))
+        Ok((matrix(py, fields, 12)?, array(py, directions)?))
     }
 
     /// Derivatives of the fields with respect to `parameters`, (m, 12 p), µm per user unit.
@@ -138,7 +138,7 @@ impl MachineModel {
         &self,
         py: Python<'py>,
         control: &Self,
-        zeros_arcsec: Vec<f64>,
+        #[pyo3(from_py_with = finite)] zeros_arcsec: Vec<f64>,
         rotary_deg: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let rotary = self.rotary(&rotary_deg)?;
@@ -158,7 +158,7 @@ impl MachineModel {
         &self,
         py: Python<'py>,
         control: &Self,
-        zeros_arcsec: Vec<f64>,
+        #[pyo3(from_py_with = finite)] zeros_arcsec: Vec<f64>,
         rotary_deg: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let rotary = self.rotary(&rotary_deg)?;
@@ -204,7 +204,7 @@ impl MachineModel {
         py: Python<'py>,
         points_mm: PyReadonlyArray2<'py, f64>,
         rotary_deg: PyReadonlyArray2<'py, f64>,
-        largest_turn_deg: f64,
+        #[pyo3(from_py_with = finite)] largest_turn_deg: f64,
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)>
     {
@@ -231,7 +231,7 @@ impl MachineModel {
         let left = solved.iter().map(|commands| commands.direction_left / ARCSEC).collect();
         let singular = solved.iter().map(|commands| commands.singular).collect();
         let singular = PyArray1::from_vec(py, singular);
-        Ok((matrix(py, all, 3 + axes)?, array(py, left), singular))
+        Ok((matrix(py, all, 3 + axes)?, array(py, left)?, singular))
     }
 
     /// Tool point and direction on the work for axis positions (n, 3 + axes): (n, 6).
@@ -278,7 +278,7 @@ fn one_field(field: &[f64]) -> Result<Affine> {
 pub fn field_statistics<'py>(
     py: Python<'py>,
     fields: PyReadonlyArray2<'py, f64>,
-    grid: [Vec<f64>; 3],
+    #[pyo3(from_py_with = finite)] grid: [Vec<f64>; 3],
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
     let fields = rows("fields", &fields, 12)?;
     let found = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
@@ -290,7 +290,7 @@ pub fn field_statistics<'py>(
         each.collect()
     });
     let (largest, squares) = found.into_py()?;
-    Ok((array(py, largest), array(py, squares)))
+    Ok((array(py, largest)?, array(py, squares)?))
 }
 
 /// A field (12,) at points (n, 3).
@@ -301,7 +301,7 @@ pub fn field_at<'py>(
     points_mm: PyReadonlyArray2<'py, f64>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let field = one_field(&vector(&field)).into_py()?;
+    let field = one_field(&vector("field", &field)?).into_py()?;
     let points = rows("points", &points_mm, 3)?;
     let values = py.detach(|| {
         with_threads(threads, || {
@@ -318,10 +318,10 @@ pub fn field_at<'py>(
 pub fn field_on_grid<'py>(
     py: Python<'py>,
     field: PyReadonlyArray1<'py, f64>,
-    grid: [Vec<f64>; 3],
+    #[pyo3(from_py_with = finite)] grid: [Vec<f64>; 3],
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let field = one_field(&vector(&field)).into_py()?;
+    let field = one_field(&vector("field", &field)?).into_py()?;
     let [x, y, z] = grid;
     let values = py.detach(|| {
         with_threads(threads, || {

@@ -11,7 +11,7 @@ use trunnion_core::contouring::{
 };
 use trunnion_core::machine::{FiveAxis, Machine};
 
-use crate::arrays::{array, matrix, rows, vector};
+use crate::arrays::{array, finite, matrix, rows, rows_with_limits, vector, vector_with_limits};
 use crate::errors::{IntoPy, to_py};
 use crate::names::choice;
 use crate::user_units::contouring::{
@@ -46,11 +46,11 @@ impl ContourPath {
         cosine: PyReadonlyArray2<'_, f64>,
         sine: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
-        let breaks = vector(&breaks);
+        let breaks = vector("breaks", &breaks)?;
         let pieces = breaks.len().saturating_sub(1);
         let coefficients = rows("coefficients", &coefficients, 6)?;
         let (omega, cosine, sine) =
-            (vector(&omega), rows("cosine", &cosine, 6)?, rows("sine", &sine, 6)?);
+            (vector("omega", &omega)?, rows("cosine", &cosine, 6)?, rows("sine", &sine, 6)?);
         let per_piece = (coefficients.len() / 6).checked_div(pieces).unwrap_or(0);
         let sizes = [coefficients.len(), omega.len() * 6, cosine.len(), sine.len()];
         if sizes != [6 * pieces * per_piece, 6 * pieces, 6 * pieces, 6 * pieces] {
@@ -87,11 +87,11 @@ impl ContourPath {
         u: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)>
     {
-        let frames: Vec<_> = vector(&u).into_iter().map(|u| self.0.frame(u)).collect();
+        let frames: Vec<_> = vector("u", &u)?.into_iter().map(|u| self.0.frame(u)).collect();
         let points = frames.iter().flat_map(|f| <[f64; 3]>::from(f.r)).collect();
         let tools = frames.iter().flat_map(|f| <[f64; 3]>::from(f.tool())).collect();
         let curvature = frames.iter().map(|f| f.curvature()).collect();
-        Ok((matrix(py, points, 3)?, matrix(py, tools, 3)?, array(py, curvature)))
+        Ok((matrix(py, points, 3)?, matrix(py, tools, 3)?, array(py, curvature)?))
     }
 
     /// Parameter u at arc length s from the start, mm.
@@ -99,8 +99,9 @@ impl ContourPath {
         &self,
         py: Python<'py>,
         s_mm: PyReadonlyArray1<'py, f64>,
-    ) -> Bound<'py, PyArray1<f64>> {
-        array(py, vector(&s_mm).into_iter().map(|s| self.0.at_length(s)).collect())
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let lengths = vector("s_mm", &s_mm)?.into_iter();
+        array(py, lengths.map(|s| self.0.at_length(s)).collect())
     }
 }
 
@@ -157,7 +158,7 @@ fn axes(values: &[f64]) -> [Axis; 5] {
 }
 
 fn five_axes(array: &PyReadonlyArray2<'_, f64>, sets: usize) -> PyResult<Vec<[Axis; 5]>> {
-    let values = rows("axes", array, AXIS_FIELDS)?;
+    let values = rows_with_limits("axes", array, AXIS_FIELDS)?;
     let set = 5 * AXIS_FIELDS;
     if values.len() != sets * set {
         let got = format!("{} rows", values.len() / AXIS_FIELDS);
@@ -173,7 +174,7 @@ pub fn contour_simulate<'py>(
     py: Python<'py>,
     path: PyRef<'py, ContourPath>,
     feed: FeedArgs,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
     coupling: Option<CouplingArgs<'py>>,
@@ -199,7 +200,7 @@ pub fn contour_simulate<'py>(
     out.set_item("diverged", diverged)?;
     for (name, width, values) in columns {
         match width {
-            1 => out.set_item(name, array(py, values))?,
+            1 => out.set_item(name, array(py, values)?)?,
             _ => out.set_item(name, matrix(py, values, width)?)?,
         }
     }
@@ -217,7 +218,7 @@ pub fn contour_sweep<'py>(
     paths: Vec<PyRef<'py, ContourPath>>,
     path_index: Vec<usize>,
     feeds: Vec<FeedArgs>,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
     couplings: Vec<Option<CouplingArgs<'py>>>,
@@ -267,16 +268,16 @@ pub fn contour_axis_margins<'py>(
     py: Python<'py>,
     axes: PyReadonlyArray2<'py, f64>,
     gains_of_coupling: Option<PyReadonlyArray2<'py, f64>>,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
     let gains = gains_of_coupling.as_ref().map(gains).transpose()?;
-    let values: Vec<f64> = (0..5)
-        .flat_map(|i| {
-            let m = axis_margins(&axes[i], gains.as_ref().map(|g| &g[i]), period_s);
-            [m.gain, m.phase, m.crossover_hz, m.delay]
-        })
-        .collect();
+    let mut values = Vec::with_capacity(20);
+    for (i, (axis, name)) in axes.iter().zip("XYZAC".chars()).enumerate() {
+        let gains = gains.as_ref().map(|g| &g[i]);
+        let m = axis_margins(axis, name, gains, period_s).into_py()?;
+        values.extend([m.gain, m.phase, m.crossover_hz, m.delay]);
+    }
     matrix(py, values, 4)
 }
 
@@ -289,13 +290,13 @@ pub fn contour_path_margins<'py>(
     u: PyReadonlyArray1<'py, f64>,
     axes: PyReadonlyArray2<'py, f64>,
     gains: PyReadonlyArray2<'py, f64>,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
     assumed: Errors,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
     let gains = self::gains(&gains)?;
     let machine = machine(&assumed)?;
-    let (u, path) = (vector(&u), &path.0);
+    let (u, path) = (vector("u", &u)?, &path.0);
     let values = py
         .detach(|| {
             let mut values = Vec::with_capacity(2 * u.len());
@@ -316,12 +317,20 @@ pub fn contour_axis_response<'py>(
     py: Python<'py>,
     letter: char,
     axis: PyReadonlyArray1<'py, f64>,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
     feedback: &str,
     command: PyReadonlyArray1<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    let out = axis_responses(py, letter, &vector(&axis), period_s, feedback, &vector(&command), 1)?;
-    Ok(array(py, out))
+    let out = axis_responses(
+        py,
+        letter,
+        &vector_with_limits("axis", &axis)?,
+        period_s,
+        feedback,
+        &vector("command", &command)?,
+        1,
+    )?;
+    array(py, out)
 }
 
 /// The same of an axis with each of m sets of parameters (m, 13), every `stride`-th control period:
@@ -332,13 +341,13 @@ pub fn contour_axis_responses<'py>(
     py: Python<'py>,
     letter: char,
     axes: PyReadonlyArray2<'py, f64>,
-    period_s: f64,
+    #[pyo3(from_py_with = finite)] period_s: f64,
     feedback: &str,
     command: PyReadonlyArray1<'py, f64>,
     stride: usize,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let command = vector(&command);
-    let axes = rows("axes", &axes, AXIS_FIELDS)?;
+    let command = vector("command", &command)?;
+    let axes = rows_with_limits("axes", &axes, AXIS_FIELDS)?;
     let out = axis_responses(py, letter, &axes, period_s, feedback, &command, stride)?;
     matrix(py, out, command.len().div_ceil(stride))
 }

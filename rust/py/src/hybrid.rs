@@ -9,7 +9,7 @@ use trunnion_core::hybrid::{ACTIVE, Closure, Constraint, ERRORS, Geometry, Mecha
 use trunnion_core::units::DEG;
 use trunnion_core::{Error, Result};
 
-use crate::arrays::{matrix, rows};
+use crate::arrays::{finite, matrix, rows};
 use crate::errors::{IntoPy, to_py};
 use crate::threads::with_threads;
 use crate::user_units::hybrid as units;
@@ -67,10 +67,10 @@ impl Hybrid {
 impl Hybrid {
     #[new]
     fn new(
-        dimensions: [f64; ERRORS],
-        home_mm: [f64; 3],
+        #[pyo3(from_py_with = finite)] dimensions: [f64; ERRORS],
+        #[pyo3(from_py_with = finite)] home_mm: [f64; 3],
         errors: Vec<(String, f64)>,
-        closure_mm: [f64; 4],
+        #[pyo3(from_py_with = finite)] closure_mm: [f64; 4],
     ) -> PyResult<Self> {
         let inside = units::dimensions(dimensions);
         let mechanism = Mechanism::new(inside, Vector3::from(home_mm)).into_py()?;
@@ -147,7 +147,7 @@ impl Hybrid {
         py: Python<'py>,
         tips: PyReadonlyArray2<'py, f64>,
         directions: PyReadonlyArray2<'py, f64>,
-        reference_deg: f64,
+        #[pyo3(from_py_with = finite)] reference_deg: f64,
         negative: bool,
         exact: bool,
         threads: Option<usize>,
@@ -166,7 +166,7 @@ impl Hybrid {
     fn constraint<'py>(
         &self,
         py: Python<'py>,
-        joints: [f64; ACTIVE],
+        #[pyo3(from_py_with = finite)] joints: [f64; ACTIVE],
     ) -> PyResult<(usize, Vec<f64>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
         let [l1, l2, l3, q4, q5] = joints;
         let joints = [l1, l2, l3, q4 * DEG, q5 * DEG];

@@ -125,7 +125,8 @@ impl Machine {
         reference_deg: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)> {
         let tools = rows("tool points and directions", &tools, 6)?;
-        let reference: Vec<f64> = vector(&reference_deg).iter().map(|v| v * DEG).collect();
+        let reference: Vec<f64> =
+            vector("reference_deg", &reference_deg)?.iter().map(|v| v * DEG).collect();
         let width = 3 + self.inner.rotary().len();
         let solved = py.detach(|| -> Result<(Vec<f64>, Vec<bool>)> {
             let mut all = Vec::with_capacity(tools.len() / 6 * 2 * width);

@@ -3,13 +3,14 @@
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use trunnion_core::Error;
 use trunnion_core::nc::contour::contour_blocks;
 use trunnion_core::nc::follow::{moves, moves_of};
 use trunnion_core::nc::path::{FeedMode, Motion, Plane, Position, Side, Start};
 use trunnion_core::nc::{Dialect, Item, Program};
 
-use crate::arrays::{array, matrix};
-use crate::errors::IntoPy;
+use crate::arrays::{array, finite, matrix, text};
+use crate::errors::{IntoPy, to_py};
 
 /// A part program: blocks of words and comments in the spelling of a dialect.
 #[pyclass(name = "Program", module = "trunnion.nc", frozen, eq)]
@@ -28,9 +29,15 @@ enum BlockArgument {
 #[pymethods]
 impl PyProgram {
     #[staticmethod]
-    fn parse(py: Python<'_>, text: &str, dialect: &str) -> PyResult<Self> {
+    fn parse(
+        py: Python<'_>,
+        #[pyo3(from_py_with = text)] text: String,
+        #[pyo3(from_py_with = text)] dialect: String,
+    ) -> PyResult<Self> {
         let inner = py
-            .detach(|| dialect.parse::<Dialect>().and_then(|dialect| Program::parse(text, dialect)))
+            .detach(|| {
+                dialect.parse::<Dialect>().and_then(|dialect| Program::parse(&text, dialect))
+            })
             .into_py()?;
         Ok(Self { inner })
     }
@@ -58,10 +65,10 @@ impl PyProgram {
     }
 
     fn words(&self, block: usize) -> PyResult<Vec<(char, f64, u32, u32)>> {
-        let block =
-            self.inner.blocks.get(block).ok_or_else(|| {
-                pyo3::exceptions::PyIndexError::new_err(format!("no block {block}"))
-            })?;
+        let block = self.inner.blocks.get(block).ok_or_else(|| {
+            let expected = format!("below {}", self.inner.blocks.len());
+            to_py(&Error::input("block", block, expected))
+        })?;
         Ok(block
             .words()
             .map(|word| (word.letter, word.number.value(), word.span.line, word.span.column))
@@ -88,8 +95,8 @@ impl PyProgram {
         &self,
         py: Python<'py>,
         blocks: Option<(usize, usize)>,
-        start: Option<[f64; 6]>,
-        feed: Option<f64>,
+        #[pyo3(from_py_with = finite)] start: Option<[f64; 6]>,
+        #[pyo3(from_py_with = finite)] feed: Option<f64>,
         machine_codes: Vec<(char, f64)>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let start = Start { position: start.map(|axes| Position { axes }), feed, machine_codes };
@@ -107,7 +114,7 @@ impl PyProgram {
         let small = |of: fn(&trunnion_core::nc::path::Move) -> i64| -> Bound<'py, PyArray1<i64>> {
             PyArray1::from_iter(py, each.clone().map(of))
         };
-        dict.set_item("begin", array(py, path.start.axes.to_vec()))?;
+        dict.set_item("begin", array(py, path.start.axes.to_vec())?)?;
         dict.set_item("start", rows(|m| m.from)?)?;
         dict.set_item("end", rows(|m| m.to)?)?;
         let centres = each.clone().flat_map(|m| match m.motion {
@@ -115,7 +122,7 @@ impl PyProgram {
             _ => [0.0; 2],
         });
         dict.set_item("centre", matrix(py, centres.collect(), 2)?)?;
-        dict.set_item("feed", array(py, each.clone().map(|m| m.feed).collect()))?;
+        dict.set_item("feed", array(py, each.clone().map(|m| m.feed).collect())?)?;
         dict.set_item("code", small(|m| code(m.motion)))?;
         dict.set_item("plane", small(|m| plane(m.motion)))?;
         dict.set_item("feed_mode", small(|m| feed_mode(m.feed_mode)))?;

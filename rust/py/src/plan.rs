@@ -11,7 +11,7 @@ use trunnion_core::plan::collision::Stylus;
 use trunnion_core::plan::{Arrangement, PlanOptions, PlanRequest, PlannedTouch};
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, UM};
 
-use crate::arrays::{array, matrix, rows};
+use crate::arrays::{array, finite, matrix, rows};
 use crate::artefact::Artefact;
 use crate::errors::IntoPy;
 use crate::machine::Machine;
@@ -29,23 +29,23 @@ pub fn plan<'py>(
     py: Python<'py>,
     machine: &Machine,
     artefact: &Artefact,
-    c_deg: Vec<f64>,
-    tilt_deg: Vec<f64>,
+    #[pyo3(from_py_with = finite)] c_deg: Vec<f64>,
+    #[pyo3(from_py_with = finite)] tilt_deg: Vec<f64>,
     pairs_deg: Vec<(f64, f64)>,
-    feeds_mm_min: Vec<f64>,
+    #[pyo3(from_py_with = finite)] feeds_mm_min: Vec<f64>,
     both_senses: bool,
     repeats: usize,
-    clearance_mm: f64,
-    overtravel_mm: f64,
-    linear_um: f64,
-    rotary_arcsec: f64,
-    rapid_mm_min: f64,
-    rotary_deg_min: f64,
-    ball_radius_mm: f64,
-    stem_radius_mm: f64,
-    stem_length_mm: f64,
-    table_radius_mm: f64,
-    table_thickness_mm: f64,
+    #[pyo3(from_py_with = finite)] clearance_mm: f64,
+    #[pyo3(from_py_with = finite)] overtravel_mm: f64,
+    #[pyo3(from_py_with = finite)] linear_um: f64,
+    #[pyo3(from_py_with = finite)] rotary_arcsec: f64,
+    #[pyo3(from_py_with = finite)] rapid_mm_min: f64,
+    #[pyo3(from_py_with = finite)] rotary_deg_min: f64,
+    #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
+    #[pyo3(from_py_with = finite)] stem_radius_mm: f64,
+    #[pyo3(from_py_with = finite)] stem_length_mm: f64,
+    #[pyo3(from_py_with = finite)] table_radius_mm: f64,
+    #[pyo3(from_py_with = finite)] table_thickness_mm: f64,
     layout: &str,
     all_faces: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -97,8 +97,8 @@ pub fn plan<'py>(
     let label: Vec<i64> = touches.iter().map(|t| t.label).collect();
     result.set_item("cycle", PyArray1::from_vec(py, cycle))?;
     result.set_item("point", PyArray1::from_vec(py, label))?;
-    result.set_item("feed_mm_min", array(py, columns(&|t| vec![t.feed / MM_PER_MIN])))?;
-    result.set_item("time_s", array(py, columns(&|t| vec![t.time])))?;
+    result.set_item("feed_mm_min", array(py, columns(&|t| vec![t.feed / MM_PER_MIN]))?)?;
+    result.set_item("time_s", array(py, columns(&|t| vec![t.time]))?)?;
     Ok(result)
 }
 
@@ -123,10 +123,10 @@ pub fn safe_levels<'py>(
     machine: &Machine,
     artefact: &Artefact,
     rotary_deg: PyReadonlyArray2<'py, f64>,
-    ball_radius_mm: f64,
-    clearance_mm: f64,
-    table_radius_mm: f64,
-    table_thickness_mm: f64,
+    #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
+    #[pyo3(from_py_with = finite)] clearance_mm: f64,
+    #[pyo3(from_py_with = finite)] table_radius_mm: f64,
+    #[pyo3(from_py_with = finite)] table_thickness_mm: f64,
 ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
     let axes = machine.inner.rotary().len();
     let rotary = rows("rotary positions", &rotary_deg, axes)?;
@@ -137,7 +137,7 @@ pub fn safe_levels<'py>(
         let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
         arrangement.safe_level(&angles, above)
     });
-    Ok((arrangement.swing_level(above), array(py, levels.collect())))
+    Ok((arrangement.swing_level(above), array(py, levels.collect())?))
 }
 
 /// Rows of moves from their starts that ball and stem cannot make with the artefact anywhere within

@@ -8,7 +8,7 @@ use trunnion_core::studies::{self, Measurement, Method};
 use trunnion_core::touch::Simulation;
 use trunnion_core::units::{DEG, UM};
 
-use crate::arrays::{matrix, rows};
+use crate::arrays::{finite, matrix_with_gaps, rows};
 use crate::errors::IntoPy;
 use crate::names::choice;
 use crate::threads::with_threads;
@@ -34,8 +34,8 @@ impl Measurements {
         model: Py<TouchModel>,
         moves: Py<Moves>,
         labels: Vec<i64>,
-        reach_mm: f64,
-        noise_um: f64,
+        #[pyo3(from_py_with = finite)] reach_mm: f64,
+        #[pyo3(from_py_with = finite)] noise_um: f64,
         seed: u64,
     ) -> Self {
         Self { model, moves, labels, simulation: simulation(true, reach_mm, noise_um, seed) }
@@ -74,8 +74,8 @@ impl Measurements {
         truths: PyReadonlyArray2<'py, f64>,
         first_sample: u64,
         method: &str,
-        grid: [Vec<f64>; 3],
-        rotary_deg: Vec<f64>,
+        #[pyo3(from_py_with = finite)] grid: [Vec<f64>; 3],
+        #[pyo3(from_py_with = finite)] rotary_deg: Vec<f64>,
         threads: Option<usize>,
     ) -> PyResult<Samples<'py>> {
         let methods = [
@@ -115,5 +115,5 @@ impl Measurements {
 fn samples(py: Python<'_>, found: studies::Samples) -> PyResult<Samples<'_>> {
     let failures = found.failures.iter().map(|(index, error)| (*index, error.to_string()));
     let failures = failures.collect();
-    Ok((matrix(py, found.rows, found.width)?, failures))
+    Ok((matrix_with_gaps(py, found.rows, found.width)?, failures))
 }

@@ -13,7 +13,7 @@ use trunnion_core::touch::{self, Simulation};
 use trunnion_core::units::{ARCSEC, DEG, UM};
 use trunnion_core::{Error, Result};
 
-use crate::arrays::{array, matrix, rows, vector};
+use crate::arrays::{array, finite, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::threads::with_threads;
 use crate::user_units::touches::{self as user_units, ParameterUnits};
@@ -78,8 +78,8 @@ impl Moves {
             rows("rotary positions", &rotary_deg, axes)?.into_owned(),
             rows("points", &point_mm, 3)?.into_owned(),
             rows("approach directions", &direction, 3)?.into_owned(),
-            feed_mm_min.map(|feed| vector(&feed)),
-            time_s.map(|time| vector(&time)),
+            feed_mm_min.map(|feed| vector("feed_mm_min", &feed)).transpose()?,
+            time_s.map(|time| vector("time_s", &time)).transpose()?,
             sense
                 .map(|sense| Ok::<_, PyErr>(rows("senses of turning", &sense, axes)?.into_owned()))
                 .transpose()?,
@@ -142,9 +142,9 @@ impl TouchModel {
     fn new(
         machine: &crate::machine::Machine,
         artefact: &crate::artefact::Artefact,
-        ball_radius_mm: f64,
-        tick_um: f64,
-        servo_period_ms: f64,
+        #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
+        #[pyo3(from_py_with = finite)] tick_um: f64,
+        #[pyo3(from_py_with = finite)] servo_period_ms: f64,
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
         let machine = machine.inner.clone();
@@ -182,7 +182,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector("values", &values)?).into_py()?;
         let moves = moves.inner.view();
         let residuals = py.detach(|| {
             self.inner.check(&moves)?;
@@ -191,7 +191,7 @@ impl TouchModel {
             self.inner.deviations(&moves, &values, &mut out);
             Ok(out.into_iter().map(|deviation| -deviation.unwrap_or(0.0) / UM).collect())
         });
-        Ok(array(py, residuals.into_py()?))
+        array(py, residuals.into_py()?)
     }
 
     /// Residuals in µm and the derivative of the modelled coordinate, µm per parameter unit.
@@ -201,7 +201,7 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
-        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector("values", &values)?).into_py()?;
         let moves = moves.inner.view();
         let p = self.inner.parameter_count();
         let result = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
@@ -218,7 +218,7 @@ impl TouchModel {
             Ok((residuals, jacobian))
         });
         let (residuals, jacobian) = result.into_py()?;
-        Ok((array(py, residuals), matrix(py, jacobian, p)?))
+        Ok((array(py, residuals)?, matrix(py, jacobian, p)?))
     }
 
     /// Name of the face that each touch is on, on the nominal machine: `+X arm, top`.
@@ -239,12 +239,12 @@ impl TouchModel {
         moves: &Moves,
         values: PyReadonlyArray1<'py, f64>,
         from_start: bool,
-        reach_mm: f64,
-        noise_um: f64,
+        #[pyo3(from_py_with = finite)] reach_mm: f64,
+        #[pyo3(from_py_with = finite)] noise_um: f64,
         seed: u64,
         sample: u64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let values = self.units.checked(&self.inner, &vector(&values)).into_py()?;
+        let values = self.units.checked(&self.inner, &vector("values", &values)?).into_py()?;
         let moves = moves.inner.view();
         let simulation = simulation(from_start, reach_mm, noise_um, seed);
         let travel = py.detach(|| {
@@ -253,7 +253,7 @@ impl TouchModel {
             self.inner.simulate(&moves, &values, &simulation, sample, &mut travel)?;
             Ok(travel)
         });
-        Ok(array(py, travel.into_py()?))
+        array(py, travel.into_py()?)
     }
 
     /// Least squares from `start`; a dictionary of arrays in user units.
@@ -263,12 +263,12 @@ impl TouchModel {
         py: Python<'py>,
         moves: &Moves,
         start: PyReadonlyArray1<'py, f64>,
-        huber: Option<f64>,
-        sigma_um: f64,
+        #[pyo3(from_py_with = finite)] huber: Option<f64>,
+        #[pyo3(from_py_with = finite)] sigma_um: f64,
         priors: Vec<(usize, f64, f64)>,
         max_steps: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector("start", &start)?).into_py()?;
         let options = self.fit_options(huber, sigma_um, moves, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let fit = py.detach(|| least_squares::fit(&self.inner, &moves, &start, &options));
@@ -276,14 +276,14 @@ impl TouchModel {
         let user = self.units.fit(&fit);
         let p = self.inner.parameter_count();
         let result = PyDict::new(py);
-        result.set_item("values", array(py, user.values))?;
-        result.set_item("std_errors", array(py, user.std_errors))?;
+        result.set_item("values", array(py, user.values)?)?;
+        result.set_item("std_errors", array(py, user.std_errors)?)?;
         result.set_item("covariance", matrix(py, user.covariance, p)?)?;
-        result.set_item("residuals_um", array(py, user.residuals_um))?;
+        result.set_item("residuals_um", array(py, user.residuals_um)?)?;
         result.set_item("sigma_um", user.sigma_um)?;
         result.set_item("null_space", matrix(py, user.null_space, p)?)?;
-        result.set_item("singular_values", array(py, fit.singular_values))?;
-        result.set_item("weights", array(py, fit.weights))?;
+        result.set_item("singular_values", array(py, fit.singular_values)?)?;
+        result.set_item("weights", array(py, fit.weights)?)?;
         result.set_item("degrees_of_freedom", fit.degrees_of_freedom)?;
         result.set_item("converged", fit.converged)?;
         result.set_item("steps", fit.steps)?;
@@ -298,14 +298,14 @@ impl TouchModel {
         moves: &Moves,
         points: PyReadonlyArray2<'py, f64>,
         start: PyReadonlyArray1<'py, f64>,
-        huber: Option<f64>,
-        sigma_um: f64,
+        #[pyo3(from_py_with = finite)] huber: Option<f64>,
+        #[pyo3(from_py_with = finite)] sigma_um: f64,
         priors: Vec<(usize, f64, f64)>,
         max_steps: usize,
         threads: Option<usize>,
     ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<bool>>)>
     {
-        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector("start", &start)?).into_py()?;
         let options = self.fit_options(huber, sigma_um, moves, &priors, max_steps).into_py()?;
         let moves = moves.inner.view();
         let points = rows("points", &points, 3 * moves.len())?;
@@ -329,7 +329,7 @@ impl TouchModel {
         labels: Vec<i64>,
         start: PyReadonlyArray1<'py, f64>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, f64, f64, Bound<'py, PyArray2<f64>>)> {
-        let start = self.units.checked(&self.inner, &vector(&start)).into_py()?;
+        let start = self.units.checked(&self.inner, &vector("start", &start)?).into_py()?;
         let moves = moves.inner.view();
         let result = py.detach(|| {
             self.inner.check(&moves)?;
@@ -340,7 +340,7 @@ impl TouchModel {
             Ok((found, closed_form::separating_operator(&rows, moves.len())?))
         });
         let (found, operator) = result.into_py()?;
-        let values = array(py, self.units.to_user(&found.values));
+        let values = array(py, self.units.to_user(&found.values))?;
         let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((values, found.kappa / UM, found.zeta / UM, operator))
     }
@@ -381,7 +381,7 @@ impl TouchModel {
         let tilted =
             found.tilted.iter().flat_map(|t| [t.angle / DEG, t.eb_a / ARCSEC, t.ey_a / UM]);
         let (turned, tilted) = (turned.collect(), tilted.collect());
-        let errors = array(py, self.units.to_user(&found.errors));
+        let errors = array(py, self.units.to_user(&found.errors))?;
         let operator = matrix(py, self.units.operator(operator, moves.len()), moves.len())?;
         Ok((errors, matrix(py, turned, 7)?, matrix(py, tilted, 3)?, operator))
     }

@@ -17,7 +17,7 @@ use trunnion_core::turning::probe_program::ProgramOptions;
 use trunnion_core::turning::profile::{Corner, Follows, Profile, Vertex};
 use trunnion_core::units::{ARCSEC, DEG, MINUTE, UM};
 
-use crate::arrays::{array, matrix, rows, vector};
+use crate::arrays::{array, finite, matrix, rows, vector};
 use crate::errors::{IntoPy, to_py};
 use crate::nc::PyProgram;
 
@@ -89,9 +89,9 @@ impl PyProfile {
     fn from_program(
         program: &PyProgram,
         follows: &str,
-        nose_mm: f64,
-        position: Option<[f64; 6]>,
-        feed: Option<f64>,
+        #[pyo3(from_py_with = finite)] nose_mm: f64,
+        #[pyo3(from_py_with = finite)] position: Option<[f64; 6]>,
+        #[pyo3(from_py_with = finite)] feed: Option<f64>,
         machine_codes: Vec<(char, f64)>,
     ) -> PyResult<Self> {
         let path = contour_path(&program.inner, &start(position, feed, machine_codes)).into_py()?;
@@ -137,7 +137,7 @@ impl PyProfile {
         &self,
         py: Python<'py>,
         follows: &str,
-        nose_mm: f64,
+        #[pyo3(from_py_with = finite)] nose_mm: f64,
         convex: &str,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let path = self.inner.path(self::follows(follows, nose_mm)?, gap(convex)?).into_py()?;
@@ -158,15 +158,15 @@ impl PyProfile {
         &self,
         dialect: &str,
         follows: &str,
-        nose_mm: f64,
+        #[pyo3(from_py_with = finite)] nose_mm: f64,
         convex: &str,
         first_element: usize,
-        start_z_mm: f64,
-        retract_x_mm: f64,
-        approach_mm: f64,
-        steepest_fall: f64,
-        access_z_mm: Vec<f64>,
-        feed: Option<f64>,
+        #[pyo3(from_py_with = finite)] start_z_mm: f64,
+        #[pyo3(from_py_with = finite)] retract_x_mm: f64,
+        #[pyo3(from_py_with = finite)] approach_mm: f64,
+        #[pyo3(from_py_with = finite)] steepest_fall: f64,
+        #[pyo3(from_py_with = finite)] access_z_mm: Vec<f64>,
+        #[pyo3(from_py_with = finite)] feed: Option<f64>,
         first_number: Option<u32>,
         head: Words,
         tail: Words,
@@ -195,16 +195,16 @@ impl PyProfile {
     fn probe_path(
         &self,
         py: Python<'_>,
-        ball_radius_mm: f64,
-        contact_angle_deg: f64,
-        body_diameter_mm: f64,
-        allowance_mm: f64,
+        #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
+        #[pyo3(from_py_with = finite)] contact_angle_deg: f64,
+        #[pyo3(from_py_with = finite)] body_diameter_mm: f64,
+        #[pyo3(from_py_with = finite)] allowance_mm: f64,
         skip: Vec<usize>,
-        retract_x_mm: f64,
-        approach_mm: f64,
-        chuck_radius_mm: f64,
-        chuck_face_mm: f64,
-        shortest_mm: f64,
+        #[pyo3(from_py_with = finite)] retract_x_mm: f64,
+        #[pyo3(from_py_with = finite)] approach_mm: f64,
+        #[pyo3(from_py_with = finite)] chuck_radius_mm: f64,
+        #[pyo3(from_py_with = finite)] chuck_face_mm: f64,
+        #[pyo3(from_py_with = finite)] shortest_mm: f64,
     ) -> PyResult<PyProbePath> {
         let probe =
             Probe { ball_radius_mm, contact_angle: contact_angle_deg * DEG, body_diameter_mm };
@@ -259,21 +259,21 @@ impl PyProbePath {
         py: Python<'py>,
         interval: usize,
         z_mm: PyReadonlyArray1<'py, f64>,
-        ball_radius_mm: f64,
+        #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let interval = self.inner.intervals.get(interval).ok_or_else(|| {
             let count = self.inner.intervals.len();
             to_py(&Error::input("interval", interval, format!("below {count}")))
         })?;
-        let z = vector(&z_mm);
-        Ok(array(py, z.iter().map(|&z| interval.contact_z(z, ball_radius_mm)).collect()))
+        let z = vector("z_mm", &z_mm)?;
+        array(py, z.iter().map(|&z| interval.contact_z(z, ball_radius_mm)).collect())
     }
 
     #[pyo3(signature = (*, dialect, feed, first_number, comments, head, tail, retract_last))]
     fn program(
         &self,
         dialect: &str,
-        feed: Option<f64>,
+        #[pyo3(from_py_with = finite)] feed: Option<f64>,
         first_number: Option<u32>,
         comments: Vec<String>,
         head: Words,
@@ -295,19 +295,19 @@ pub fn turning_correct<'py>(
     program: &PyProgram,
     z_mm: PyReadonlyArray1<'py, f64>,
     error_um: PyReadonlyArray1<'py, f64>,
-    unit_um: f64,
+    #[pyo3(from_py_with = finite)] unit_um: f64,
     window: usize,
     rule: &str,
-    bound_um: f64,
+    #[pyo3(from_py_with = finite)] bound_um: f64,
     look_ahead: bool,
     follows: &str,
-    nose_mm: f64,
-    position: Option<[f64; 6]>,
-    feed: Option<f64>,
+    #[pyo3(from_py_with = finite)] nose_mm: f64,
+    #[pyo3(from_py_with = finite)] position: Option<[f64; 6]>,
+    #[pyo3(from_py_with = finite)] feed: Option<f64>,
     machine_codes: Vec<(char, f64)>,
     keep_numbers: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (z, errors) = (vector(&z_mm), vector(&error_um));
+    let (z, errors) = (vector("z_mm", &z_mm)?, vector("error_um", &error_um)?);
     if z.len() != errors.len() {
         let got = format!("{} and {}", z.len(), errors.len());
         return Err(to_py(&Error::input("z_mm, error_um", got, "equally many")));
@@ -338,10 +338,10 @@ pub fn turning_correct<'py>(
     let indices = got.inserted.iter().map(|&index| index as u64);
     dict.set_item("inserted", PyArray1::from_iter(py, indices))?;
     let windows = &got.windows;
-    dict.set_item("window_z_mm", array(py, windows.iter().map(|w| w.z).collect()))?;
-    dict.set_item("window_mean_um", array(py, windows.iter().map(|w| w.mean / UM).collect()))?;
+    dict.set_item("window_z_mm", array(py, windows.iter().map(|w| w.z).collect())?)?;
+    dict.set_item("window_mean_um", array(py, windows.iter().map(|w| w.mean / UM).collect())?)?;
     dict.set_item("window_k", PyArray1::from_iter(py, windows.iter().map(|w| w.k)))?;
-    dict.set_item("change_um", array(py, got.change.iter().map(|c| c / UM).collect()))?;
+    dict.set_item("change_um", array(py, got.change.iter().map(|c| c / UM).collect())?)?;
     dict.set_item("covered", PyArray1::from_iter(py, got.covered.iter().copied()))?;
     dict.set_item("bound_um", got.bound.map(|bound| bound / UM))?;
     dict.set_item("program", PyProgram { inner: got.program })?;
@@ -356,18 +356,18 @@ pub fn turning_change<'py>(
     after: &PyProgram,
     z_mm: PyReadonlyArray1<'py, f64>,
     follows: &str,
-    nose_mm: f64,
-    position: Option<[f64; 6]>,
-    feed: Option<f64>,
+    #[pyo3(from_py_with = finite)] nose_mm: f64,
+    #[pyo3(from_py_with = finite)] position: Option<[f64; 6]>,
+    #[pyo3(from_py_with = finite)] feed: Option<f64>,
     machine_codes: Vec<(char, f64)>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
-    let z = vector(&z_mm);
+    let z = vector("z_mm", &z_mm)?;
     let follows = self::follows(follows, nose_mm)?;
     let start = start(position, feed, machine_codes);
     let found = py.detach(|| change(&before.inner, &after.inner, &z, follows, &start)).into_py()?;
     let change_um = found.iter().map(|c| c.unwrap_or(0.0) / UM).collect();
     let covered = PyArray1::from_iter(py, found.iter().map(Option::is_some));
-    Ok((array(py, change_um), covered))
+    Ok((array(py, change_um)?, covered))
 }
 
 /// Error of the diameter and its derivatives, in µm, arcsec, s, mm, µm/min.
@@ -378,8 +378,8 @@ pub fn turning_cause<'py>(
     py: Python<'py>,
     cause: &str,
     cuts: PyReadonlyArray2<'py, f64>,
-    overhang_mm: f64,
-    parameters: Vec<f64>,
+    #[pyo3(from_py_with = finite)] overhang_mm: f64,
+    #[pyo3(from_py_with = finite)] parameters: Vec<f64>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
     let name = cause;
     let cause = Cause::of(name).into_py()?;
@@ -407,5 +407,5 @@ pub fn turning_cause<'py>(
         errors.push(error / UM);
         slopes.extend(slope.iter().zip(units).map(|(slope, unit)| slope * unit / UM));
     }
-    Ok((array(py, errors), matrix(py, slopes, units.len())?))
+    Ok((array(py, errors)?, matrix(py, slopes, units.len())?))
 }

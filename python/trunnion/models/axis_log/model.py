@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
@@ -260,6 +261,7 @@ class AxisLogModel(Model):
         )
 
 
+@checked
 def build(
     data: AxisLog, setup: Setup | None, effects: Sequence[EffectLike | str] = ()
 ) -> AxisLogModel:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
@@ -326,6 +327,7 @@ class ExtendedBallbarModel(Estimate):
         return np.asarray((model.predict(start, effects) + model.reference_um) * 1e-3)
 
 
+@checked
 def build(data: Ballbar, setup: Setup | None, effects: Sequence[EffectLike | str]) -> BallbarModel:
     """Build the model of a ball-bar test; a hybrid machine needs a set-up."""
     return BallbarModel(data, setup, effects)

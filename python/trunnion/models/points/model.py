@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.smooth import Modes, SmoothField
 from trunnion.base.units import Floats, Integers
@@ -359,6 +360,7 @@ class ExtendedPoints(Estimate):
     features: FeatureScatter | None
     source: PointsModel = field(compare=False, repr=False)
 
+    @checked
     def error_um(
         self,
         points: Points,
@@ -404,6 +406,7 @@ class ExtendedPoints(Estimate):
         return out
 
 
+@checked
 def build(
     data: Points,
     _: Any = None,

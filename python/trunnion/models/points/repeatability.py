@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers
@@ -87,6 +88,7 @@ class RepeatablePart(Result):
         )
 
 
+@checked
 def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     """Separate what is in the part (repeats, ISO 230-2: systematic) from the measurement.
 

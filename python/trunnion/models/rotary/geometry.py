@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats, Integers
@@ -127,6 +128,7 @@ class Circle(Result):
         return {"radial_rms_um": self.radial_rms_um, "axial_rms_um": self.axial_rms_um}
 
 
+@checked
 def fit_circles(data: Sweep) -> dict[Any, Circle]:
     """Fit a plane and in it a circle (least distances) to each target of a sweep.
 
@@ -172,6 +174,7 @@ def targets_of(data: Sweep) -> tuple[list[Any], Integers]:
     return list(labels), target.reshape(-1).astype(np.intp)
 
 
+@checked
 def circles(data: Sweep) -> dict[Any, Circle]:
     """Fit circles as :func:`fit_circles`, the name of this function since version 0.3."""
     warnings.warn("circles is called fit_circles now", DeprecationWarning, stacklevel=2)

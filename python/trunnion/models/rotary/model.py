@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rotation import rotations
 from trunnion.base.units import ARCSEC, Floats, Integers
@@ -367,6 +368,7 @@ class ExtendedSweep(Estimate):
     height_mm: dict[Any, float]
     source: SweepModel = field(compare=False, repr=False)
 
+    @checked
     def error_motions(self, angle_deg: Floats) -> dict[str, Floats]:
         """Error motions at positions of the axis: EX, EY, EZ in µm, EA, EB, EC in arcsec.
 
@@ -387,6 +389,7 @@ def _alike(one: float, one_freedom: float, two: float, two_freedom: float) -> bo
     return min(upper, 1.0 - upper) > NOISE_LEVEL / 2
 
 
+@checked
 def build(
     data: Sweep,
     _: Any = None,

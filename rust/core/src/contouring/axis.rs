@@ -84,7 +84,10 @@ impl Axis {
         }
     }
 
-    fn check(&self, name: char, period: f64) -> Result<()> {
+    pub(super) fn check(&self, name: char, period: f64) -> Result<()> {
+        if !(period.is_finite() && period > 0.0) {
+            return Err(Error::input("control period, s", period, "a finite number above 0"));
+        }
         let fail = |what: &str, got: f64, expected: &str| {
             Err(Error::input(format!("axis {name}: {what}"), got, expected))
         };
@@ -306,7 +309,8 @@ impl Drive {
 
     fn load_position(&mut self) -> f64 {
         let half = 0.5 * self.axis.backlash;
-        self.play = self.play.clamp(self.q[0] - half, self.q[0] + half);
+        // max and min, as clamp refuses the limits of a drive that has diverged.
+        self.play = self.play.max(self.q[0] - half).min(self.q[0] + half);
         if self.axis.cyclic == 0.0 {
             return self.play;
         }

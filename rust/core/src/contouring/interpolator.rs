@@ -41,6 +41,9 @@ struct Phase {
 /// is linear in s; the limit holds at the nodes, and between them to the second order of the interval.
 const NODES: usize = 4096;
 
+/// Longest reference, in control periods: more than an hour at 1 ms.
+const MAX_SAMPLES: f64 = 5e6;
+
 impl Feed {
     fn check(&self) -> Result<()> {
         let at_least_0 = |what: &str, value: f64| {
@@ -182,8 +185,8 @@ impl Reference {
         let (phases, end) = feed.phases(path);
         let moving = (end / period).ceil();
         let dwell = if feed.decelerate { (feed.dwell / period).ceil() + 1.0 } else { 0.0 };
-        if !(4.0..=5e7).contains(&(moving + dwell)) {
-            let expected = "4 to 5e7: change feed, period or path";
+        if !(4.0..=MAX_SAMPLES).contains(&(moving + dwell)) {
+            let expected = format!("4 to {MAX_SAMPLES:e}: change feed, period or path");
             return Err(Error::input("reference samples", moving + dwell, expected));
         }
         let count = (moving + dwell) as usize;

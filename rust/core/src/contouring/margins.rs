@@ -83,8 +83,16 @@ const FREQUENCIES: u32 = 4000;
 
 /// Margins of an axis's own loop (`gains` None), or of the coupled loop of matched axes along the
 /// normal of the path. Resonance, friction and play are left out.
-#[must_use]
-pub fn axis_margins(axis: &Axis, gains: Option<&Gains>, period: f64) -> Margins {
+///
+/// # Errors
+/// Parameters of the axis or a control period out of range.
+pub fn axis_margins(
+    axis: &Axis,
+    name: char,
+    gains: Option<&Gains>,
+    period: f64,
+) -> Result<Margins> {
+    axis.check(name, period)?;
     let sampled = Sampled::new(axis, period);
     let open = |omega: f64| {
         let z = Complex::from_polar(1.0, omega * period);
@@ -119,7 +127,7 @@ pub fn axis_margins(axis: &Axis, gains: Option<&Gains>, period: f64) -> Margins 
         }
         before = now;
     }
-    margins
+    Ok(margins)
 }
 
 /// Where a yes-or-no property changes between a and b.
@@ -187,11 +195,14 @@ impl<'a> Frozen<'a> {
     }
 }
 
+/// Longest delay of an axis in the coupled loop, control periods: each adds five states to its matrix.
+const MAX_PERIODS: f64 = 20.0;
+
 /// Largest pole (absolute value) of the coupled five-axis loop at u of the path, with all loop gains
 /// times `factor`: stable below 1.
 ///
 /// # Errors
-/// The machine cannot take the pose, or no convergence of the eigenvalues.
+/// The machine cannot take the pose, parameters out of range, or no convergence of the eigenvalues.
 pub fn pole_radius(
     path: &Path,
     u: f64,
@@ -201,6 +212,13 @@ pub fn pole_radius(
     period: f64,
     factor: f64,
 ) -> Result<f64> {
+    for (axis, name) in axes.iter().zip("XYZAC".chars()) {
+        axis.check(name, period)?;
+        if axis.delay > MAX_PERIODS * period {
+            let expected = format!("at most {MAX_PERIODS} control periods in the coupled loop");
+            return Err(Error::input(format!("axis {name}: delay, s"), axis.delay, expected));
+        }
+    }
     let frozen = Frozen::new(path, u, machine)?;
     let sampled: Vec<Sampled> = axes.iter().map(|axis| Sampled::new(axis, period)).collect();
     let depth = sampled.iter().map(|s| s.periods).max().unwrap_or(0) + 1;
@@ -235,6 +253,10 @@ pub fn pole_radius(
             }
         }
         matrix.set_column(column, &next);
+    }
+    if matrix.iter().any(|entry| !entry.is_finite()) {
+        let expected = "gains that a double holds once multiplied";
+        return Err(Error::input("gains of the coupled loop", "products beyond 1e308", expected));
     }
     let schur = matrix.try_schur(1e-13, 10_000).ok_or_else(|| {
         Error::Kinematics(format!("poles of the coupled loop at u = {u}: no convergence"))

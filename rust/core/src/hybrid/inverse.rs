@@ -153,6 +153,9 @@ pub(super) fn inverse(
         if size < TOLERANCE_MM || (size < 1e-8 && size > 0.5 * last) {
             return Ok(solution);
         }
+        if !size.is_finite() {
+            break;
+        }
         last = size;
         let jacobian = tool_jacobian(geometry, &solution);
         let step = jacobian

@@ -83,6 +83,12 @@ pub fn fit_many(
     Ok(estimates)
 }
 
+/// Largest standard deviation of a reading, mm.
+const MAX_SIGMA_MM: f64 = 1e3;
+
+/// Largest ratio of a prior's uncertainty to that of a reading, and of its value to its uncertainty.
+const MAX_WEIGHT: f64 = 1e12;
+
 /// Checks what all measurements of one plan have in common.
 ///
 /// # Errors
@@ -101,12 +107,30 @@ pub fn check(model: &TouchModel, moves: &Moves, start: &[f64], options: &Options
             options.priors.len()
         )));
     }
+    if !(0.0..=MAX_SIGMA_MM).contains(&options.sigma) {
+        let expected = format!("0 to {MAX_SIGMA_MM}");
+        return Err(Error::input("standard deviation, mm", options.sigma, expected));
+    }
+    if let Loss::Huber(limit) = options.loss
+        && !(limit.is_finite() && limit > 0.0)
+    {
+        return Err(Error::input("limit of Huber's loss", limit, "finite and above 0"));
+    }
     if !options.priors.is_empty() && options.sigma <= 0.0 {
         return Err(Error::input(
             "priors",
             "no standard deviation of the probe",
             "probe.repeatability_um > 0: priors are weighed against it",
         ));
+    }
+    for prior in &options.priors {
+        let share = prior.sigma / options.sigma;
+        let weighs = (1.0 / MAX_WEIGHT..=MAX_WEIGHT).contains(&share);
+        if !weighs || prior.mean.abs() > MAX_WEIGHT * prior.sigma {
+            let got = format!("{:e} ± {:e}", prior.mean, prior.sigma);
+            let expected = format!("an uncertainty within {MAX_WEIGHT:e} times the probe's");
+            return Err(Error::input("prior, mm or rad", got, expected));
+        }
     }
     Ok(())
 }

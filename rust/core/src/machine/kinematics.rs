@@ -181,6 +181,9 @@ impl Machine {
             // Weight directions by 100 mm, so that both parts are lengths at the work.
             miss.fixed_rows_mut::<3>(3).scale_mut(LEVER_MM);
             let size = miss.norm();
+            if !size.is_finite() {
+                break; // a pose, or a place on the way to it, beyond what a double holds
+            }
             if size < TOLERANCE_MM {
                 return Ok(positions);
             }

@@ -178,8 +178,10 @@ pub fn separate(
     start: &[f64],
     scratch: &mut Scratch,
 ) -> Result<Separated> {
-    let mut values = [0.0; COUNT];
-    values.copy_from_slice(start);
+    let mut values: [f64; COUNT] = start.try_into().map_err(|_| {
+        let expected = format!("{COUNT}: location errors and placement, without effects");
+        Error::input("number of start values", start.len(), expected)
+    })?;
     let mut first = None;
     for _ in 0..2 {
         scratch.along.resize(moves.len(), 0.0);

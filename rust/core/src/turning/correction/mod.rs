@@ -102,20 +102,28 @@ pub fn correct(
 /// An error of a diameter above this is an error of input, mm: a diameter itself, or another unit.
 const MAX_ERROR_MM: f64 = 5.0;
 
+/// Smallest unit of a correction, mm: far below the increment of any control.
+const MIN_UNIT_MM: f64 = 1e-6;
+
+/// Largest bound, in units: the search tries every whole unit within it at every reading.
+const MAX_BOUND: f64 = 100.0;
+
 /// Diameters are written to this, mm.
 const MIN_INCREMENT_MM: f64 = 1e-3;
 
 fn check(readings: &[Reading], options: &CorrectionOptions) -> Result<()> {
-    if !(options.unit_mm.is_finite() && options.unit_mm > 0.0) {
-        return Err(Error::input("unit, mm", options.unit_mm, "finite and more than zero"));
+    if !(options.unit_mm.is_finite() && options.unit_mm >= MIN_UNIT_MM) {
+        let expected = format!("finite and at least {MIN_UNIT_MM}");
+        return Err(Error::input("unit, mm", options.unit_mm, expected));
     }
     if options.window == 0 {
         return Err(Error::input("window", 0, "one reading at least"));
     }
     if let Rule::Bounded { bound_mm } = options.rule
-        && !(bound_mm.is_finite() && bound_mm >= 0.0)
+        && !(bound_mm.is_finite() && (0.0..=MAX_BOUND * options.unit_mm).contains(&bound_mm))
     {
-        return Err(Error::input("bound, mm", bound_mm, "finite and not negative"));
+        let expected = format!("0 to {MAX_BOUND} units, not negative");
+        return Err(Error::input("bound, mm", bound_mm, expected));
     }
     for (row, reading) in readings.iter().enumerate() {
         if !(reading.z.is_finite() && reading.error.is_finite()) {

@@ -1,4 +1,9 @@
-"""Writing files: whole or not at all, and over another file only where that was asked for."""
+"""Writing files: whole or not at all, and over another file only where that was asked for.
+
+Every file of the package is written by :func:`whole_file`: to a draft beside it, which is on the
+disk before it takes the file's place. The Python API overwrites, as pandas does; the commands do
+with ``--force`` only.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +24,29 @@ def check_new(path: Path, *, overwrite: bool) -> None:
     InputError
         There is a file, and `overwrite` is false.
     """
-    if not overwrite and path.exists():
+    if not overwrite and _is_kept(path):
         raise InputError(f"{path}: the file exists already; give --force to overwrite it")
+
+
+def _is_kept(path: Path) -> bool:
+    """Whether something stands there that writing would replace: no pipe, no device."""
+    return path.is_file() or path.is_dir() or path.is_symlink()
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a path to write to; what was written there takes the place of `path` at the end.
 
-    A writer that fails leaves `path` as it was.
+    A writer that fails leaves `path` as it was. A link keeps pointing to the file that is written;
+    a device or a pipe is written to as it is.
     """
     target = Path(path)
+    target = target.resolve() if target.is_symlink() else target
+    if target.exists() and not target.is_file():
+        yield target
+        return
     handle, name = tempfile.mkstemp(
-        prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent
+        prefix=f".{target.stem[:40]}-", suffix=target.suffix[:20], dir=target.parent
     )
     os.close(handle)
     draft = Path(name)
@@ -39,6 +54,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         yield draft
         mode = target.stat().st_mode if target.exists() else 0o666 & ~_umask()
         draft.chmod(mode & 0o777)
+        with draft.open("rb+") as written:
+            os.fsync(written.fileno())
         draft.replace(target)
     finally:
         draft.unlink(missing_ok=True)
@@ -51,6 +68,6 @@ def _umask() -> int:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write text as UTF-8, whole or not at all."""
+    """Write text as UTF-8 with line feeds, whole or not at all."""
     with whole_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+        draft.write_text(text, encoding="utf-8", newline="\n")

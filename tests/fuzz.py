@@ -1,0 +1,51 @@
+"""The long run of the fuzzers: ``make fuzz``, or ``python tests/fuzz.py --files 1000000``."""
+
+import argparse
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+
+from hostile import attack, calls
+from hostile_core import REFUSALS, core_calls
+from mutated_files import mutations
+
+
+def told(what: str, found: Iterator[str], count: int) -> int:
+    """Print what went wrong, each kind once, and the rate; return how often it did."""
+    begin, seen = time.monotonic(), Counter[str]()
+    for line in found:
+        kind = f"{line.split('(')[0]} {line.rpartition('): ')[2][:40]}"
+        seen[kind] += 1
+        if seen[kind] == 1:
+            print(line, flush=True)
+    seconds = time.monotonic() - begin
+    total = seen.total()
+    print(f"{what}: {count:,} in {seconds:.0f} s ({count / seconds:.0f} a second), {total} wrong")
+    return total
+
+
+def main() -> None:
+    """Run files, public functions and the extension module; exit with 1 if anything is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--files", type=int, default=300_000)
+    parser.add_argument("--rounds", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    public, core = calls(), core_calls()
+    wrong = told(
+        "calls of the extension module",
+        attack(core, 4 * given.rounds, given.seed, REFUSALS),
+        4 * given.rounds * len(core),
+    )
+    wrong += told(
+        "calls of public functions",
+        attack(public, given.rounds, given.seed),
+        given.rounds * len(public),
+    )
+    wrong += told("mutated files", mutations(given.files, given.seed), given.files)
+    sys.exit(bool(wrong))
+
+
+if __name__ == "__main__":
+    main()

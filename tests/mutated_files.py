@@ -1,0 +1,199 @@
+"""Mutated files through every public reader: an error of the package that names the file, or data.
+
+Good files of each format are broken by bytes and by pieces that the formats know.
+"""
+
+import faulthandler
+import random
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import trunnion as tn
+from hostile import MAX_SECONDS, holds_nan
+from result_examples import EXAMPLES, SAMPLES
+from trunnion import nc
+from trunnion.base.report import Result
+from trunnion.models.kinds import kinds
+from trunnion.studies.study_file import sweep_file
+
+__all__ = ["formats", "mutations"]
+
+Format = tuple[Callable[[Path], object], bytes]
+
+PIECES = [
+    *(b'"', b"'", b",", b";", b"\n", b"\r", b"#", b"[", b"]", b"{", b"}", b"=", b":", b".", b"-"),
+    *(b"\0", b"\xff", b"\xc2\x85", b"\xe2\x80\xa8", b"\xd9\xa3", b"\xef\xbb\xbf", b"\x0c", b" "),
+    *(b"nan", b"NaN", b"inf", b"-inf", b"Infinity", b"1e999", b"1e300", b"5e-324", b"1_0", b"0x1"),
+    *(b"9" * 30, b"9" * 5000, b"[" * 2000, b'{"a":' * 2000, b"null", b"true", b"{}", b"[]", b'""'),
+    *(b"1979-05-27", b"-1", b"0", b"G2", b"M30", b"X", b"(", b")", b"%", b"\\", b'"""', b"'''"),
+]
+
+STUDY = """study = "calibration"
+samples = 1
+seed = 1
+[grid]
+noise_um = [0.1, 0.3]
+[fixed]
+length_mm = 150.0
+"""
+
+
+PROGRAMS = {
+    "paper-um": "N10 G00 X40000 Z100000\nN20 G01 Z50000 F100\nN30 X60000\n",
+    "linuxcnc": "G21 G90 G94\nG0 X1 Y2 Z3\n(text)\nG1 X10 F100 ; remark\nG2 X20 Y2 I5 J0\nM2\n",
+    "linuxcnc-lathe": "G7 G90\nG0 X60 Z100\nG1 Z0 F0.1\nG3 X70 Z-5 R5\nM30\n",
+    "fanuc-lathe": "O1000\nG00 X40. Z100.\nG01 Z50. F0.2\nX60.\nM30\n",
+}
+
+
+class _TakenError(Exception):
+    """A study was taken: it would run now."""
+
+
+class _NoRun:
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        raise _TakenError
+
+
+def _study(path: Path) -> object:
+    try:
+        return sweep_file(path, executor=_NoRun(), progress=False)
+    except tn.DataError as error:
+        if "_TakenError" not in str(error):
+            raise
+        return None
+
+
+def _result(kind: type[Result]) -> Callable[[Path], object]:
+    return lambda path: kind.from_json(path).summary()
+
+
+def _program(dialect: str) -> Callable[[Path], object]:
+    def read(path: Path) -> object:
+        try:
+            return nc.follow(nc.Program.parse(path.read_bytes().decode("latin-1"), dialect))
+        except tn.ProgramError as error:
+            raise tn.FileFormatError(f"{path}: {error}") from error  # as the commands do
+
+    return read
+
+
+def _part(path: Path) -> object:
+    """An unfinished sweep: the description and the blocks in it are broken, not SQLite's own."""
+    raw = path.read_bytes()
+    part = path.with_name("sweep.nc.part")
+    with sqlite3.connect(part) as base:
+        base.executescript(_whole_part()[0])
+        base.execute("INSERT INTO sweep VALUES (?)", (raw.decode("utf-8", "replace"),))
+        for block in _whole_part()[1]:
+            base.execute("INSERT INTO block VALUES (?, ?, ?, ?, ?, ?)", block)
+    base.close()
+    try:
+        return tn.open_sweep(path.with_name("sweep.nc"))
+    except tn.TrunnionError as error:
+        raise tn.DataError(str(error).replace(str(part), str(path))) from error
+    finally:
+        part.unlink()
+
+
+@cache
+def _whole_part() -> tuple[str, list[Any]]:
+    schema = (
+        "CREATE TABLE sweep (described TEXT); CREATE TABLE block (node INTEGER, first INTEGER, "
+        "count INTEGER, columns BLOB, width INTEGER, failures TEXT, PRIMARY KEY (node, first));"
+    )
+    return schema, [(0, 0, 1, b"\0" * 8, 1, "[]")]
+
+
+@cache
+def formats() -> dict[str, Format]:
+    """A good file and the reader of each format, by name."""
+    found: dict[str, Format] = {}
+    for kind in kinds():
+        path = tn.sample_path(SAMPLES[kind.name][0])
+        lines = path.read_bytes().split(b"\n")[:12]
+        found[kind.name] = (kind.read, b"\n".join(lines) + b"\n")
+    plan = tn.read_touches(tn.sample_path("cross/touches.csv"))[:2]
+    log = "".join(
+        f"{x:.4f} {y:.4f} {z:.4f} {a} 0 {c} 0 0 0\n"
+        for (x, y, z), a, c in zip(plan.position_mm, plan["a_deg"], plan["c_deg"], strict=True)
+    )
+    found["probe log"] = (lambda path: tn.read_probe_log(path, plan), log.encode())
+    for name in ("cross", "contour", "turning"):
+        setup = tn.sample_path(f"{name}/setup.toml").read_bytes()
+        found[f"set-up {name}"] = (tn.read_setup, setup)
+    for dialect, text in PROGRAMS.items():
+        found[f"program {dialect}"] = (_program(dialect), text.encode())
+    found["study"] = (_study, STUDY.encode())
+    found["error map"] = (tn.read_error_map, (EXAMPLES["ErrorMap"]().to_csv() or "").encode())
+    found["estimate"] = (tn.read_estimate, tn.identify(*_cross()).to_json().encode())
+    for name in (
+        "diagnosis sweep",
+        "Margins",
+        "IdentificationResult",
+        "NextPass",
+        "ExpectedDiscrimination",
+    ):
+        made = EXAMPLES[name]()
+        found[f"JSON {name}"] = (_result(type(made)), made.to_json().encode())
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder, "sweep.nc")
+        tn.sweep(_half, {"x": [1.0, 2.0]}, samples=2, path=target, progress=False)
+        found["netCDF"] = (tn.open_sweep, target.read_bytes())
+        described = tn.open_sweep(target).attrs["described"]
+    found["unfinished sweep"] = (_part, described.encode())
+    return found
+
+
+def _cross() -> tuple[tn.Touches, tn.Setup]:
+    folder = tn.sample_path("cross")
+    return tn.read_touches(folder / "touches.csv"), tn.read_setup(folder / "setup.toml")
+
+
+def _half(_: Any, x: float) -> float:
+    return x / 2
+
+
+def mutated(good: bytes, rng: random.Random) -> bytes:
+    """Return a file with one to four places broken."""
+    raw = good
+    for _ in range(rng.choice((1, 1, 2, 4))):
+        start = rng.randrange(len(raw) + 1)
+        end = start + rng.choice((0, 0, 1, 2, 6, 40))
+        way = rng.random()
+        piece = rng.choice(PIECES) if way < 0.5 else rng.randbytes(rng.randrange(5))
+        if way > 0.8 and raw:  # a piece of the file again, elsewhere
+            begin = rng.randrange(len(raw))
+            piece = raw[begin : begin + rng.randrange(60)]
+        raw = raw[:start] + piece + raw[end:]
+    return raw[: rng.randrange(len(raw) + 1)] if rng.random() < 0.05 else raw
+
+
+def mutations(count: int, seed: int) -> Iterator[str]:
+    """Read so many mutated files; yield what went wrong."""
+    rng = random.Random(seed)
+    table = list(formats().items())
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(count):
+            name, (reader, good) = table[number % len(table)]
+            path = Path(folder, "file")
+            raw = mutated(good, rng)
+            path.write_bytes(raw)
+            faulthandler.dump_traceback_later(MAX_SECONDS, exit=True)
+            try:
+                found = reader(path)
+                setup_of_unknown = isinstance(found, tn.Setup)  # keys that are checked when used
+                if not setup_of_unknown and not name.startswith("netCDF") and holds_nan(found):
+                    yield f"{name}({number}): nan"
+            except tn.TrunnionError as error:
+                if str(path) not in str(error):
+                    yield f"{name}({number}): without a place: {error!s:.150}"
+            except BaseException as error:
+                yield f"{name}({number}): {type(error).__name__}: {error!s:.150}"
+            finally:
+                faulthandler.cancel_dump_traceback_later()
