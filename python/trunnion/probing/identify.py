@@ -16,6 +16,7 @@ from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.probing.mistakes import likely_mistakes
 from trunnion.probing.model import TouchModel, known_sigma_um, ticks_um
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
@@ -91,7 +92,8 @@ def identify(
     errors = None
     if not own and np.any(ticks_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found)
-    return _result(model, data, own, found, knee, errors)
+    result = _result(model, data, own, found, knee, errors)
+    return replace(result, notes=likely_mistakes(result.errors, setup))
 
 
 def _beside_rounding(

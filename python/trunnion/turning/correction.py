@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
 from trunnion.base.arguments import checked
-from trunnion.base.checks import floats
+from trunnion.base.checks import line
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
@@ -214,7 +214,7 @@ def change_um(
     return turning_change(
         before,
         after,
-        np.atleast_1d(floats("z_mm", z_mm)),
+        line("z_mm", z_mm),
         follows=follows,
         nose_mm=nose_mm,
         position=None,
