@@ -151,6 +151,10 @@ class Grid:
         shared = rounding * correlation / total
         return Repeats((noise**2 + rounding) / total, shared, self.label)
 
+    def matters(self, noise: float) -> bool:
+        """Whether the steps are so large beside the noise that rounding is not random."""
+        return noise < MAX_SIMULATED_STEPS * float(self.step.max())
+
     def draws(
         self,
         values: Floats,
@@ -164,9 +168,9 @@ class Grid:
         None where the noise is large beside the steps. The machine is drawn from the fit's
         covariance; each of its readings is the step next to what it would be.
         """
-        largest = float(self.step.max())
-        if noise >= MAX_SIMULATED_STEPS * largest:
+        if not self.matters(noise):
             return None
+        largest = float(self.step.max())
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
         free = np.flatnonzero(np.diag(covariance) > 0)

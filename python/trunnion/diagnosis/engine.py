@@ -41,6 +41,8 @@ from trunnion.diagnosis.selection import MAX_CAUSES, search
 
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
+MAX_STEP_SIGMAS = 7.0  # twice √12
+MAX_ROUNDS = 3
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be told
@@ -62,11 +64,15 @@ def diagnose(model: Model) -> Diagnosis:
     with one_blas_thread():
         case = _case(model)
         choice = _choose(case)
-        if case.grid is not None and (choice[1].sets or len(choice[2])):
+        for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
-            again = _with_noise_of(case, choice)
-            if again is not None:
-                case, choice = again, _choose(again)
+            again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
+            if again is None:
+                break
+            before = set(choice[1].fit.effects)
+            case, choice = again, _choose(again)
+            if set(choice[1].fit.effects) == before:
+                break
         return report(case, choice[1], choice[2])
 
 
@@ -84,7 +90,7 @@ def _case(model: Model) -> Case:
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)
-    step, grid = _steps(model), None
+    step, grid = _steps(model, plain), None
     if np.any(step > 0):
         grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = model.whitener(plain.residuals)
@@ -103,14 +109,21 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 
-def _steps(model: Model) -> Floats:
-    """Step of each reading: the model's, or one that is recognised in the readings of a unit."""
+def _steps(model: Model, plain: Fit) -> Floats:
+    """Step of each reading: the model's, or one that is recognised in the readings of a unit.
+
+    Places on a regular grid are no steps: rounding to these would leave more than the residuals.
+    """
     readings = model.readings
     if readings.step is not None:
         return np.asarray(readings.step, dtype=np.float64)
     _, index = units_of(readings)
     recorded = readings.values if readings.recorded is None else readings.recorded
-    steps = [recognised(recorded[index == i]) for i in range(index.max() + 1)]
+    steps = []
+    for i in range(index.max() + 1):
+        step = recognised(recorded[index == i])
+        left = float(np.sqrt(np.sum(plain.residuals[index == i] ** 2) / max(plain.dof, 1)))
+        steps.append(step if step <= MAX_STEP_SIGMAS * left else 0.0)
     return np.asarray(steps)[index]
 
 
@@ -132,18 +145,42 @@ def _floor(grid: Grid, whiten: Whiten) -> Floor:
 
 
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:
-    """Weigh errors of rounding against the noise that a choice leaves; None: nothing changes."""
-    if case.grid is None or case.model.whitener(case.plain.residuals) is not identity:
+    """Weigh errors of rounding against the noise that a choice leaves; None: there are none.
+
+    Rounding is simulated on the machine without the weakest of its causes: is it one?
+    """
+    grid = case.grid
+    if grid is None or case.model.whitener(case.plain.residuals) is not identity:
         return None
+    found = choice[1].fit
     used = kept_rows(len(case.rows), choice[2])
-    kept = case.grid.without(choice[2])
-    noise = kept.noise(np.where(used, choice[1].fit.residuals, 0.0), choice[1].fit.dof)
-    whiten = _white(case.grid, noise)
-    if whiten is identity and case.whiten is identity:
+    noise = grid.without(choice[2]).noise(np.where(used, found.residuals, 0.0), found.dof)
+    whiten = _white(grid, noise)
+    if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
-    again = _whitened(case.model, case.plain, case.grid, whiten)
-    again.likely = choice[1].fit
+    again = _whitened(case.model, case.plain, grid, whiten)
+    again.likely = _without_the_weakest(case, found, choice[2])
     return again
+
+
+def _without_the_weakest(case: Case, found: Fit, dropped: Integers) -> Fit:
+    """Fit without the cause that explains least beside the others; of one cause, that fit."""
+    kept = case.without(dropped)
+    named = [e for e in case.effects if e.id in found.effects]
+    if len(named) < 2:
+        return found
+    fewer = [
+        fit(
+            case.model,
+            kept.rows,
+            [e for e in named if e is not weak],
+            found.nuisance,
+            {e.id: found.effects[e.id] for e in named if e is not weak},
+            kept.whiten,
+        )
+        for weak in named
+    ]
+    return min(fewer, key=lambda f: f.rss)
 
 
 # --- which readings to set aside

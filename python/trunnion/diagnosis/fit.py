@@ -50,6 +50,8 @@ class Fit:
         Of nuisance and effect parameters per unit of noise; 0 for those that did not move.
     not_identifiable:
         Parameters that take part in a combination that is not identifiable.
+    combinations:
+        These combinations, shape (k, p + k), largest component 1.
     directions:
         In which the parameters moved, shape (rank, p + k): those of the nuisance, then effects.
     basis:
@@ -64,6 +66,7 @@ class Fit:
     names: tuple[tuple[str, str], ...]
     covariance: Array
     not_identifiable: Flags
+    combinations: Array
     directions: Array
     basis: Array
 
@@ -140,6 +143,7 @@ def fit(
         tuple((e.id, p.name) for e, p in problem.index),
         problem.directions.T @ solved.cofactor @ problem.directions,
         problem.not_identifiable(solved),
+        problem.combinations(solved),
         problem.directions[~solved.held],
         solved.basis,
     )
@@ -191,6 +195,11 @@ class _Problem:
         out: Flags = (solved.combinations @ self.directions != 0).any(axis=0)
         out[: len(self.judged.held)] |= self.judged.not_identifiable
         return out
+
+    def combinations(self, solved: LinearFit) -> Array:
+        """Combinations that are not identifiable at the start, and those of ``solved``."""
+        first = np.pad(self.judged.combinations, ((0, 0), (0, len(self.index))))
+        return np.concatenate([first, solved.combinations @ self.directions])
 
     def moved(self, at: _Point, step: Array) -> _Point:
         """Return the point after a step, effects within their bounds."""

@@ -10,7 +10,7 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     Alternative,
@@ -22,6 +22,7 @@ from trunnion.diagnosis.records import (
     with_unit,
 )
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.estimate import bias_in_words, combined, named_combination
 
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
@@ -71,8 +72,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         errors_std=std,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable={
-            **_not_identifiable(case, plain, std),
-            **{x.id: ABSORBED for x in model.effects if x.id in absorbed},
+            **_not_identifiable(case, plain, f, std),
+            **{x.id: _absorbed(kept, x, std) for x in model.effects if x.id in absorbed},
         },
         model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
         p_value=e.alarm,
@@ -122,11 +123,32 @@ def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:
     )
 
 
-def _not_identifiable(case: Case, plain: Fit, std: dict[str, float]) -> dict[str, str]:
+def _not_identifiable(case: Case, plain: Fit, f: Fit, std: dict[str, float]) -> dict[str, str]:
     """Errors without a standard error, each with the reason."""
     kept, every = (_errors_std(case.model, of, 1.0) for of in (plain, case.plain))
+    why = {k: UNDETERMINED for k, s in std.items() if np.isinf(s)}
+    for row in f.combinations:
+        members = named_combination(_names(case.model, f), row)
+        if len(members) > 1:
+            text = f"{combined(members)} change no reading"
+            why.update((k, text) for k in members if k in why)
     lost = {k for k, s in kept.items() if np.isinf(s) and np.isfinite(every[k])}
-    return {k: LOST if k in lost else UNDETERMINED for k, s in std.items() if np.isinf(s)}
+    return {k: LOST if k in lost else text for k, text in why.items()}
+
+
+def _absorbed(case: Case, effect: Effect, std: dict[str, float]) -> str:
+    """Why an effect is not identifiable, and what it would do to an error of the machine."""
+    plain = case.plain
+    start = grid_values(effect)[0]
+    columns = variant_columns(case.model, effect, plain.nuisance, [start])[0]
+    shift = plain.covariance @ (case.white(plain.jacobian).T @ case.white(columns))
+    index = {x.name: i for i, x in enumerate(case.model.nuisance)}
+    linear = [p for p in effect.parameters if p.linear]
+    shifts = {
+        p.name: (p.unit, {k: float(shift[index[k], j]) for k in std}) for j, p in enumerate(linear)
+    }
+    bias = bias_in_words(shifts, std)
+    return f"{ABSORBED}: {bias}" if bias else ABSORBED
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
@@ -158,7 +180,7 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
 
 
 def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
-    names = (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
+    names = _names(model, f)
     std = f.std() * np.sqrt(variance)
     return Uncertainty(
         names,
@@ -167,6 +189,11 @@ def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncerta
         sigma,
         f.dof,
     )
+
+
+def _names(model: Model, f: Fit) -> tuple[str, ...]:
+    """Names of all parameters of a fit."""
+    return (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
 
 
 def _unexplained(e: Explanation) -> str | None:

@@ -22,6 +22,13 @@ from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_
 SECOND_ORDER = 1e-3
 """Components below this share of a combination are second-order and not named."""
 
+ASSUMED_SIZE = {"arcsec": 5.0, "µm": 5.0, "ppm": 10.0}
+"""Of an effect that is not identifiable, by the unit of its parameter: 1 of any other."""
+MIN_BIAS = 0.5
+"""Standard errors of a location error; a smaller shift of it is not mentioned."""
+ROUNDING = 1e-9
+"""µm, arcsec: data without noise have standard errors of 0."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -234,8 +241,45 @@ def in_words(combination: Mapping[str, float]) -> str:
     """A combination that changes no reading, as a sentence."""
     if len(combination) == 1:
         return f"Not identifiable: {next(iter(combination))}."
+    return f"Not identifiable: {combined(combination)}."
+
+
+def combined(combination: Mapping[str, float]) -> str:
+    """Members of a combination with their components."""
     parts = (f"{k} ({v:+.4g} {unit_of(k)})".replace(" )", ")") for k, v in combination.items())
-    return f"Not identifiable: {' together with '.join(parts)}."
+    return " together with ".join(parts)
+
+
+def bias_in_words(
+    shifts: Mapping[str, tuple[str, Mapping[str, float]]], std: Mapping[str, float]
+) -> str:
+    """Say what an effect that no reading shows would do to the location error it shifts most.
+
+    Parameters
+    ----------
+    shifts
+        Parameter of the effect → its unit, and the shift of each estimated error per unit of it.
+    std
+        Standard errors of the errors; those without one are left out.
+
+    Returns
+    -------
+    str
+        ``5 arcsec of it would shift EB0A by -5 arcsec``, of an :data:`ASSUMED_SIZE`; empty where
+        no error shifts by :data:`MIN_BIAS`.
+    """
+    worst, text = MIN_BIAS, ""
+    for parameter, (unit, per_unit) in shifts.items():
+        size = ASSUMED_SIZE.get(unit, 1.0)
+        of = "it" if len(shifts) == 1 else parameter
+        for name, shift in per_unit.items():
+            by = size * shift
+            least = max(std[name], ROUNDING)
+            if np.isfinite(least) and abs(by) > worst * least:
+                worst = abs(by) / least
+                moved = f"{by:+.3g} {unit_of(name)}".rstrip()
+                text = f"{size:g} {unit} of {of} would shift {name} by {moved}"
+    return text
 
 
 @checked

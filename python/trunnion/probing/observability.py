@@ -17,7 +17,7 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
-from trunnion.machine.estimate import Combinations, in_words, named_combination
+from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
 from trunnion.setup import Setup
 
@@ -54,6 +54,9 @@ class Observability(Result):
         no reading.
     not_identifiable_effects
         Ids of effects that leave nothing once the plain model is fitted.
+    bias
+        Id of such an effect → what some of it would do to the location error that it shifts most,
+        in words; those that shift none by half its standard error are left out.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
@@ -71,6 +74,7 @@ class Observability(Result):
     std_errors: dict[str, float]
     combinations: tuple[dict[str, float], ...]
     not_identifiable_effects: tuple[str, ...]
+    bias: dict[str, str]
     alike: tuple[frozenset[str], ...]
     missing_columns: dict[str, str]
     share_left: dict[str, float]
@@ -94,6 +98,7 @@ class Observability(Result):
         if self.not_identifiable_effects:
             names = ", ".join(self.not_identifiable_effects)
             lines.append(f"Not identifiable beside the location errors and the placement: {names}.")
+        lines.extend(f"{effect}: {text}." for effect, text in self.bias.items())
         groups, sums = self._grouped()
         lines.extend(f"Alike: {', '.join(group)} cannot be distinguished." for group in groups)
         lines.extend(
@@ -173,6 +178,7 @@ def observability(
     plain = jacobian[:, : len(model.error_names) + 6]
     shares, left = _left_after(plain, columns)
     visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
+    hidden = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
     return Observability(
         names=names,
         rank=found.rank,
@@ -181,9 +187,8 @@ def observability(
         noise_um=sigma,
         std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
         combinations=tuple(named_combination(names, row) for row in found.combinations),
-        not_identifiable_effects=tuple(
-            name for name, share in shares.items() if share <= MIN_SHARE_LEFT
-        ),
+        not_identifiable_effects=hidden,
+        bias=_bias(setup, plain, {name: columns[name] for name in hidden}, sigma),
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
@@ -242,6 +247,24 @@ def _left_after(
         whole = float(np.linalg.norm(block))
         shares[effect] = float(np.linalg.norm(left[effect])) / whole if whole > 0 else 0.0
     return shares, left
+
+
+def _bias(setup: Setup, plain: Floats, hidden: dict[str, Floats], sigma: float) -> dict[str, str]:
+    """Say what each hidden effect would do to a location error."""
+    errors = TouchModel(setup).error_names
+    std = linear_fit(plain, np.zeros(len(plain))).std * sigma
+    limits = dict(zip(errors, map(float, std), strict=False))
+    said = {}
+    for entry in (e for e in catalogue(setup) if e.id in hidden):
+        linear = [p.name for p in entry.parameters if p.kind == "linear"]
+        shifts = {}
+        for name, column in zip(linear, hidden[entry.id].T, strict=True):
+            shift = linear_fit(plain, column).solution
+            shifts[name] = unit_of(name), dict(zip(errors, map(float, shift), strict=False))
+        text = bias_in_words(shifts, limits)
+        if text:
+            said[entry.id] = text
+    return said
 
 
 def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:

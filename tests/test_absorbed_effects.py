@@ -1,0 +1,70 @@
+"""Effects that what is always fitted absorbs: what they would do to the machine's errors."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from power.study import ground
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+SAID = re.compile(r"5 arcsec of it would shift (E\w+) by ([+-][\d.]+) (arcsec|µm)")
+SAG = {"a_sag": {"ky_um": 2.7, "kz_um": -3.5}}
+
+
+def diagnosed(plan: str, effects: dict[str, dict[str, float]], seed: int) -> tn.Diagnosis:
+    """Diagnose touches that the independent generator made."""
+    rng = np.random.default_rng(seed)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=effects)
+    made, setup, _, read = ground(plan)
+    measured = measure(made, setup, truth, noise_um=0.3, tick_um=0.1, seed=seed)
+    return tn.diagnose(tn.Touches(measured.columns), read)
+
+
+@pytest.mark.parametrize(("effect", "name"), [("squareness_xz", "arcsec"), ("a_twist", "k_arcsec")])
+def test_the_bias_by_an_absorbed_effect_is_what_its_sentence_says(effect: str, name: str) -> None:
+    """Same noise with and without 10 arcsec of it: the estimates differ by twice what 5 would."""
+    without = diagnosed("paper", {}, 1)
+    hidden = diagnosed("paper", {effect: {name: 10.0}}, 1)
+    assert hidden.verdict == "consistent"
+    said = SAID.search(hidden.not_identifiable[effect])
+    assert said, hidden.not_identifiable[effect]
+    error, shift = said[1], float(said[2])
+    bias = hidden.errors_after[error] - without.errors_after[error]
+    assert bias == pytest.approx(2 * shift, rel=0.1)
+    assert abs(bias) > hidden.errors_std[error]
+    _, _, _, setup = ground("paper")
+    foreseen = SAID.search(tn.observability(tn.plan(setup), setup, noise_um=0.3).bias[effect])
+    assert foreseen
+    assert foreseen[1] == error
+    assert float(foreseen[2]) == pytest.approx(shift, rel=0.02)
+
+
+def test_an_effect_that_shifts_the_placement_only_has_no_bias() -> None:
+    """The height of the artefact is its place in Z: no error of the machine."""
+    d = diagnosed("paper", {}, 2)
+    assert d.not_identifiable["artefact_height"] == "what is always fitted absorbs it"
+    _, _, _, setup = ground("paper")
+    seen = tn.observability(tn.plan(setup), setup)
+    assert "artefact_height" not in seen.bias
+    assert f"a_twist: {seen.bias['a_twist']}." in seen.sentences()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_error_confounded_with_a_named_effect_has_no_size_either(seed: int) -> None:
+    """Equal ky and kz of a sag are a shift of the A axis and of the artefact in Z."""
+    rng = np.random.default_rng(seed)
+    truth = random_errors(rng)
+    d = diagnosed("rich", SAG, seed)
+    assert "a_sag" in d.named
+    for name in ("EY0A", "EZ0A"):
+        std = d.errors_std[name]
+        assert np.isinf(std) or abs(d.errors_after[name] - truth[name]) < 4 * std
+    assert np.isinf(d.errors_std["EZ0A"])
+    assert d.not_identifiable["EZ0A"].endswith("change no reading")
+    for member in ("EZ0A", "dz_um", "a_sag.ky_um", "a_sag.kz_um"):
+        assert member in d.not_identifiable["EZ0A"]
