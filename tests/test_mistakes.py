@@ -20,6 +20,8 @@ def test_a_tool_measured_to_the_tip_is_named() -> None:
     fit = tn.identify(tip, SETUP)
     assert "to the tip of the ball?" in fit.summary().replace("\n", " ")
     assert abs(fit.errors["EZ0A"] + 1000.0) < 2.0  # said, not corrected
+    for method in (tn.closed_form, tn.diagnose):
+        assert "to the tip of the ball?" in method(tip, SETUP).summary().replace("\n", " ")
 
 
 def test_no_ordinary_machine_is_suspected() -> None:

@@ -76,8 +76,8 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += _by_size(result, setup)
-    known = {n: v for n, v in setup.machine.errors.items() if v and n.startswith("E")}
-    lengths = {n: v for n, v in known.items() if n[1] in "XYZ"}
+    known = setup.machine.errors
+    lengths = {name: value for name, value in known.items() if name[1] in "XYZ" and value}
     if lengths and max(map(abs, lengths.values())) < TINY_UM[1]:
         given = ", ".join(f"{n} = {v:g}" for n, v in lengths.items())
         said.append(f"[machine.errors] has {given}: are these mm? They are expected in µm.")
