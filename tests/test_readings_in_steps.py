@@ -190,3 +190,23 @@ def test_what_is_hidden_is_found_on_the_grid() -> None:
     seen = [ticks.run("paper", 0.03, True, ticks.ANY, seed=s) for s in range(2000, 2000 + runs)]
     found = [any(r.hidden in a for a in r.alternatives) for r in seen]
     assert kept(sum(found), runs, 0.97)
+
+
+def test_rows_that_were_pasted_twice_count_once() -> None:
+    data = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    once = tn.diagnose(data, setup)
+    pasted = tn.Touches({k: np.concatenate([v, v]) for k, v in data.columns.items()})
+    twice = tn.diagnose(pasted, setup)
+    assert twice.verdict == once.verdict
+    assert twice.errors_std == once.errors_std
+    assert f"{len(data)} of {2 * len(data)} rows repeat others" in twice.summary()
+    assert not once.notes
+
+
+def test_a_regular_grid_of_places_is_no_step() -> None:
+    x = np.linspace(90.0, 110.0, 60)
+    length = np.hypot(x - 0.004, 0.007)  # exact: its values are as evenly spaced as the places
+    zero = np.zeros(60)
+    data = tn.Ballbar(setup=zero.astype(int), x_mm=x, y_mm=zero, length_mm=length)
+    assert tn.diagnose(data).sigma < 1e-3

@@ -41,6 +41,7 @@ from trunnion.diagnosis.selection import MAX_CAUSES, search
 
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
+MAX_STEP_SIGMAS = 7.0  # twice √12
 MAX_ROUNDS = 3
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
@@ -89,7 +90,7 @@ def _case(model: Model) -> Case:
     rows = np.arange(n)
     start = np.asarray(model.start, dtype=np.float64)
     plain = fit(model, rows, (), start, {}, identity)
-    step, grid = _steps(model), None
+    step, grid = _steps(model, plain), None
     if np.any(step > 0):
         grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = model.whitener(plain.residuals)
@@ -108,14 +109,21 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 
-def _steps(model: Model) -> Floats:
-    """Step of each reading: the model's, or one that is recognised in the readings of a unit."""
+def _steps(model: Model, plain: Fit) -> Floats:
+    """Step of each reading: the model's, or one that is recognised in the readings of a unit.
+
+    Places on a regular grid are no steps: rounding to these would leave more than the residuals.
+    """
     readings = model.readings
     if readings.step is not None:
         return np.asarray(readings.step, dtype=np.float64)
     _, index = units_of(readings)
     recorded = readings.values if readings.recorded is None else readings.recorded
-    steps = [recognised(recorded[index == i]) for i in range(index.max() + 1)]
+    steps = []
+    for i in range(index.max() + 1):
+        step = recognised(recorded[index == i])
+        left = float(np.sqrt(np.sum(plain.residuals[index == i] ** 2) / max(plain.dof, 1)))
+        steps.append(step if step <= MAX_STEP_SIGMAS * left else 0.0)
     return np.asarray(steps)[index]
 
 

@@ -10,13 +10,17 @@ from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
+import numpy as np
+
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
+from trunnion.base.units import Integers
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.files.table import Table
 from trunnion.machine.effects import EffectInfo
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
@@ -128,6 +132,16 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
 
 
 @checked
+def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
+    """Return the data without rows that repeat others in every column; which rows, or None."""
+    if not isinstance(data, Table) or len(data) < 2:
+        return data, None
+    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
+    _, first = np.unique(np.column_stack(codes), axis=0, return_index=True)
+    first = np.sort(first)
+    return (data, None) if len(first) == len(data) else (data[first], first)
+
+
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
 
@@ -186,8 +200,17 @@ def diagnose(
     DataError
         The data cannot belong to the model: too few readings, readings off the surface.
     """
-    model = model_of(data, setup, effects)
+    used, first = _distinct_rows(data)
+    model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
         return found
-    return replace(found, data=data, setup=setup, candidates=tuple(effects))
+    found = replace(found, data=data, setup=setup, candidates=tuple(effects))
+    if first is None:
+        return found
+    note = (
+        f"{len(data) - len(used)} of {len(data)} rows repeat others in every column (were they "
+        "pasted twice?): each counts once."
+    )
+    outliers = tuple(int(first[row]) for row in found.outliers)
+    return replace(found, outliers=outliers, notes=(note, *found.notes))
