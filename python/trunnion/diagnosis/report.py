@@ -146,7 +146,7 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     jacobian = case.white(plain.jacobian)
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
-        rank.update((j, int(of_block)) for j in candidates.alike[int(owner)])
+        rank.update((j, max(rank.get(j, 0), int(of_block))) for j in candidates.alike[int(owner)])
     for j, effect in enumerate(case.effects):
         linear = [p for p in effect.parameters if p.linear]
         if rank.get(j, len(linear)) == len(linear) or (rank[j] and effect.id in f.effects):
