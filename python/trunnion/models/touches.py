@@ -38,6 +38,8 @@ from trunnion.diagnosis.model import (
 )
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.probing.identify import identify
+from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um, ticks_um
 from trunnion.setup import Setup
 
@@ -133,6 +135,11 @@ class TouchDiagnosisModel(Model):
         return type(self), (self.data, self.setup, self._given)
 
     # --- the model
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Likely mistakes of the measurement."""
+        return identify(self.data, self.setup).notes
 
     @property
     def start(self) -> Floats:
@@ -337,4 +344,5 @@ def build(
     """Build the model of touches; the set-up is needed."""
     if not isinstance(setup, Setup):
         raise InputError(f"setup: got {type(setup).__name__}, expected the Setup of these touches")
-    return TouchDiagnosisModel(data, setup, effects)
+    with mistakes_named(data, setup):
+        return TouchDiagnosisModel(data, setup, effects)

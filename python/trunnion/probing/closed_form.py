@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
+from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import TouchModel, known_sigma_um
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.setup import Setup
@@ -70,12 +72,23 @@ def closed_form(
     ``docs/closed-forms.md``.
     """
     is_printed = choose("method", method, ("printed", "separating")) == "printed"
+    with mistakes_named(data, setup):
+        result = _solved(data, setup, method, is_printed=is_printed)
+    return replace(result, notes=likely_mistakes(result, data, setup))
+
+
+def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> ClosedFormResult:
+    """Solve the closed forms."""
     model = TouchModel(setup)
     moves = model.moves(data)
     if data.point is None:
         raise DataError("column point: got none, expected the paper's labels 1 to 20")
     labels = [int(label) for label in data.point]
     start = model.values()
+    # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
+    # (Fitted whatever is known: touches off the modelled surface are refused here.)
+    scatter = _scatter_um(model, moves, start)
+    sigma = known_sigma_um(setup, data) or scatter
     printed, per_c, per_a, operator = model.core.printed(moves, labels)
     per_position = PerPosition(
         c=tuple(dict(zip(PER_C, row, strict=True)) for row in per_c.tolist()),
@@ -89,8 +102,6 @@ def closed_form(
         values, kappa, zeta, operator = model.core.separate(moves, labels, start)
         # The variance of ζ is 35/48 of that of one reading.
         checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
-    # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
-    sigma = known_sigma_um(setup, data) or _scatter_um(model, moves, start)
     names = model.names[: count if is_printed else len(values)]
     covariance = sigma**2 * operator @ operator.T
     spread = np.sqrt(np.diag(covariance))

@@ -16,7 +16,7 @@ from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
-from trunnion.probing.mistakes import likely_mistakes
+from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import TouchModel, known_sigma_um, ticks_um
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
@@ -78,12 +78,26 @@ def identify(
     if loss not in ("squares", "huber"):
         raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
+    with mistakes_named(data, setup):
+        result = _identified(data, setup, effects, loss, priors or {}, max_steps)
+    return replace(result, notes=likely_mistakes(result, data, setup))
+
+
+def _identified(
+    data: Touches,
+    setup: Setup,
+    effects: Sequence[Effect],
+    loss: str,
+    priors: Mapping[str, tuple[float, float]],
+    max_steps: int,
+) -> IdentificationResult:
+    """Fit, and what the fit says."""
     ids, own = split_effects(effects)
     model = TouchModel(setup, ids)
     moves = model.moves(data)
     names = own_names(model, own)
     knee = HUBER_KNEE if loss == "huber" else None
-    how = Loss(knee, known_sigma_um(setup, data), _priors(names, priors or {}))
+    how = Loss(knee, known_sigma_um(setup, data), _priors(names, priors))
     found = (
         TouchProblem(model, data, moves, own).fit(how, max_steps)
         if own
@@ -92,8 +106,7 @@ def identify(
     errors = None
     if not own and np.any(ticks_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found)
-    result = _result(model, data, own, found, knee, errors)
-    return replace(result, notes=likely_mistakes(result.errors, setup))
+    return _result(model, data, own, found, knee, errors)
 
 
 def _beside_rounding(

@@ -1,13 +1,24 @@
 """Common mistakes of a measurement, recognised by what they do to its estimates.
 
-A sentence names the likely cause; no number is changed.
+A sentence names the likely cause; no number is changed. Other set-ups and units are tried only
+where the residuals are no touch probe's, or where the touches are off the modelled surface.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import Any
 
-from trunnion.setup import Setup
+import numpy as np
+
+import trunnion._core as _core
+from trunnion.base.errors import DataError, TrunnionError
+from trunnion.data.touches import Touches
+from trunnion.probing.model import TouchModel
+from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
+from trunnion.setup import AxisSetup, Machine, Setup
 
 TIP_SHARE = 0.1
 """Of the ball's radius: how near an estimate has to come; errors of machines are smaller."""
@@ -15,12 +26,86 @@ TIP_SHARE = 0.1
 LEAST_UM = 200.0
 """Below this an estimate is an ordinary error of a machine."""
 
+LARGE_UM = 1000.0
+"""Beyond this a location error is a length that the set-up states wrongly."""
 
-def likely_mistakes(errors: Mapping[str, float], setup: Setup) -> tuple[str, ...]:
-    """Name what is likely wrong with a measurement that gives these location errors, µm."""
+TINY_UM = (1e-3, 0.1)
+"""Where the largest position error of no machine lies, but that of one in mm does."""
+
+SURE_SIGMAS = 5.0
+"""Standard errors that an estimate is large for before its size is discussed."""
+
+SHARE = 0.1
+"""Of the residuals: what a guess has to leave at most."""
+
+MAX_BEFORE_UM = 500.0
+"""Residuals beyond this, and touches off the surface, count as this."""
+
+RIVAL_FACTOR = 2.0
+"""Guesses that leave up to so many times the residuals of the best are named beside it."""
+
+MAX_ROWS = 500
+MIN_FREEDOM = 5
+MAX_STEPS = 50
+
+UNITS = {"inches": 25.4, "µm": 1e-3, "cm": 10.0, "m": 1e3}
+"""Units that positions may be in, in mm."""
+
+ROUND_MM = (0.5, 1.0, 2.0, -0.5, -1.0, -2.0)
+"""By how much a length is easily wrong."""
+
+LENGTHS = (
+    ("probe", "ball_radius_mm"),
+    ("artefact", "length_mm"),
+    ("artefact", "width_mm"),
+    ("artefact", "diameter_mm"),
+)
+"""Lengths that residuals show; an artefact's height looks like its placement."""
+
+Guess = tuple[str, Touches, Setup]
+
+
+def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -> tuple[str, ...]:
+    """Name what is likely wrong with a measurement that gives this result."""
+    said = []
+    if result.rms_um > NO_PROBE_UM:
+        data = _some(data)
+        before = min(_scatter_um(data, setup), result.rms_um)
+        if before > NO_PROBE_UM and (cause := _cause(data, setup, before)):
+            said.append(f"Residuals of {before:.4g} µm have a likely cause: {cause}")
+    # Where the placement is not estimated, it is in the errors.
+    if result.placement is not None and not said:
+        said += _by_size(result, setup)
+    known = setup.machine.errors
+    lengths = {name: value for name, value in known.items() if name[1] in "XYZ" and value}
+    if lengths and max(map(abs, lengths.values())) < TINY_UM[1]:
+        given = ", ".join(f"{n} = {v:g}" for n, v in lengths.items())
+        said.append(f"[machine.errors] has {given}: are these mm? They are expected in µm.")
+    return tuple(said)
+
+
+@contextmanager
+def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
+    """Add the likely cause to a DataError about touches that lie off the modelled surface."""
+    try:
+        yield
+    except DataError as error:
+        data = _some(data)
+        if np.isfinite(_scatter_um(data, setup)) or not (cause := _cause(data, setup, np.inf)):
+            raise
+        raise DataError(f"{error}. Likely cause: {cause}") from None
+
+
+def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
+    """Name position errors that no machine has."""
     radius = setup.probe.ball_radius_mm * 1e3
     said = []
-    for name, value in errors.items():
+    sure = {
+        name: value
+        for name, value in result.errors.items()
+        if name[1] in "XYZ" and abs(value) > SURE_SIGMAS * result.std_errors.get(name, np.inf)
+    }
+    for name, value in sure.items():
         height = value - setup.machine.errors.get(name, 0.0)
         near = abs(abs(height) - radius) <= TIP_SHARE * radius
         if name.startswith("EZ0") and near and abs(height) >= LEAST_UM:
@@ -29,4 +114,82 @@ def likely_mistakes(errors: Mapping[str, float], setup: Setup) -> tuple[str, ...
                 f"{name} is {height:+.0f} µm, about the radius of the ball ({radius:.0f} µm): was "
                 f"the tool's length measured {where}? It is expected to the centre."
             )
-    return tuple(said)
+        elif abs(height) > LARGE_UM:
+            said.append(
+                f"{name} is {height:+.0f} µm from the set-up, more than 1 mm: are the places of "
+                "the axes and of the artefact there (point_mm, place_mm) right, and in mm?"
+            )
+    largest = max(sure, key=lambda name: abs(sure[name]), default=None)
+    if largest is not None and TINY_UM[0] < abs(sure[largest]) < TINY_UM[1]:
+        said.append(
+            f"The largest position error is {largest} = {sure[largest]:.2g} µm: if the data are "
+            "simulated, were the errors given in mm? They are expected in µm."
+        )
+    return said
+
+
+def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
+    """Say with what other set-up or unit the touches fit; None: with none that is tried."""
+    tried = [(_scatter_um(meant, other), text) for text, meant, other in _guesses(data, setup)]
+    best = min((scatter for scatter, _ in tried), default=np.inf)
+    if best > SHARE * min(before_um, MAX_BEFORE_UM):
+        return None
+    texts = [text for scatter, text in tried if scatter <= RIVAL_FACTOR * best]
+    return f"the touches fit to {best:.2g} µm {', or '.join(texts)}."
+
+
+def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
+    """Yield what may have been meant: how it reads, the touches and the set-up then."""
+    for unit, mm in UNITS.items():
+        x, y, z = data.position_mm.T * mm
+        with suppress(TrunnionError):  # too far for positions
+            meant = data.with_columns(x_mm=x, y_mm=y, z_mm=z)
+            yield f"if their positions are in {unit}", meant, setup
+    for part, changes, text in _changes(data, setup):
+        with suppress(TrunnionError):  # not a set-up: other axes, a cross without arms
+            yield text, data, replace(setup, **{part: changes})
+
+
+def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
+    """Yield a part of the set-up, what it may have been meant to be, and how that reads."""
+    letters = [letter.upper() for letter in data.rotary_deg]
+    for turned in [*letters, *(["".join(letters)] if len(letters) > 1 else [])]:
+        senses = {letter: -setup.sense(letter) for letter in turned}
+        axes = {x: replace(setup.axes.get(x, AxisSetup()), sense=s) for x, s in senses.items()}
+        text = " and ".join(f"sense = {s} of axis {x}" for x, s in senses.items())
+        yield "axes", {**setup.axes, **axes}, f"with {text}"
+    for preset in _core.presets():
+        if preset != setup.machine.preset:
+            yield "machine", Machine(preset), f'with preset = "{preset}"'
+    for part, name in LENGTHS:
+        given = getattr(getattr(setup, part), name)
+        near = () if given is None else (2 * given, given / 2, *(given + step for step in ROUND_MM))
+        for value in dict.fromkeys(near):
+            with suppress(TrunnionError):  # no length, or none of this artefact
+                other = replace(getattr(setup, part), **{name: value})
+                yield part, other, f"with {part}.{name} = {value:g} (not {given:g})"
+
+
+def _scatter_um(data: Touches, setup: Setup) -> float:
+    """Scatter of a reading about the plain model; infinite where that does not fit at all."""
+    try:
+        model = TouchModel(setup)
+        fit = model.core.fit(
+            model.moves(data),
+            model.values(),
+            huber=None,
+            sigma_um=0.0,
+            priors=[],
+            max_steps=MAX_STEPS,
+        )
+    except TrunnionError:
+        return np.inf
+    usable = fit["converged"] and fit["degrees_of_freedom"] >= MIN_FREEDOM
+    return fit["sigma_um"] if usable else np.inf
+
+
+def _some(data: Touches) -> Touches:
+    """Take some of many touches: enough to recognise a mistake."""
+    if len(data) <= MAX_ROWS:
+        return data
+    return data[np.sort(np.random.default_rng(0).permutation(len(data))[:MAX_ROWS])]
