@@ -59,7 +59,7 @@ def _tally(effect: str, said: list[tn.Diagnosis]) -> str:
     if effect == "field":
         # A random field has every error of the axes in it, and is made of them where they do.
         return f"not consistent: {told}, a field by name: {found}"
-    unseen = sum(effect in d.not_identifiable for d in said)
+    unseen = sum("absorbs it" in d.not_identifiable.get(effect, "") for d in said)
     return f"stated as not identifiable: {unseen}" if unseen else f"named or alternative: {found}"
 
 

@@ -18,6 +18,7 @@ from trunnion.base.errors import DataError, KinematicsError
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.candidates import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.model import Model
 
@@ -25,6 +26,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 Whiten: TypeAlias = Callable[[Array], Array]
 
 MAX_STEPS = 12
+ABSORBED_SHARE = DEPENDENT**0.5
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
@@ -98,6 +100,18 @@ def variant_columns(
     """Columns of an effect's linear parameters at each of these values, shape (v, n, k)."""
     linear = [i for i, p in enumerate(effect.parameters) if p.linear]
     return np.stack([model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values])
+
+
+def confounded(plain: Fit, jacobian: Array, columns: Array) -> Array:
+    """Combinations of an effect's parameters and the nuisance that change no reading.
+
+    ``jacobian``: of the plain fit, whitened, readings used, shape (n, p); ``columns``: of the
+    effect, shape (n, q). Returns one combination a row, shape (k, p + q).
+    """
+    both = block_diag(plain.directions, np.eye(columns.shape[1]))
+    joined = np.concatenate([jacobian, columns], axis=1) @ both.T
+    found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
+    return np.asarray(found.combinations @ both)
 
 
 def fit(

@@ -7,10 +7,11 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.effect import Effect
-from trunnion.diagnosis.fit import Fit, grid_values, variant_columns
+from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     Alternative,
@@ -27,6 +28,7 @@ from trunnion.machine.estimate import bias_in_words, combined, named_combination
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
+PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
 TINY = 1e-300
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
@@ -55,12 +57,10 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     if not isinstance(model.readings.unit, str):
         # Where units are mixed the fit is in units of the noise of each reading.
         sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
-    absorbed = {
-        model.effects[i].id for i in e.candidates.not_identifiable if i < len(model.effects)
-    }
-    named = absorbed.union(f.effects, *(a.causes for a in alternatives))
     names = [x.name for x in model.nuisance]
     std = _errors_std(model, f, variance)
+    named = set(f.effects).union(*(a.causes for a in alternatives))
+    lost = _absorbed(kept, e.candidates, std, f)
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, f, variance, alternatives),
@@ -73,7 +73,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable={
             **_not_identifiable(case, plain, f, std),
-            **{x.id: _absorbed(kept, x, std) for x in model.effects if x.id in absorbed},
+            **lost,
         },
         model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
         p_value=e.alarm,
@@ -81,7 +81,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in model.effects if x.id in named},
+        labels={x.id: x.label for x in model.effects if x.id in named.union(lost)},
         residuals=Residuals.of(
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
@@ -136,19 +136,32 @@ def _not_identifiable(case: Case, plain: Fit, f: Fit, std: dict[str, float]) -> 
     return {k: LOST if k in lost else text for k, text in why.items()}
 
 
-def _absorbed(case: Case, effect: Effect, std: dict[str, float]) -> str:
-    """Why an effect is not identifiable, and what it would do to an error of the machine."""
-    plain = case.plain
-    start = grid_values(effect)[0]
-    columns = variant_columns(case.model, effect, plain.nuisance, [start])[0]
-    shift = plain.covariance @ (case.white(plain.jacobian).T @ case.white(columns))
-    index = {x.name: i for i, x in enumerate(case.model.nuisance)}
-    linear = [p for p in effect.parameters if p.linear]
-    shifts = {
-        p.name: (p.unit, {k: float(shift[index[k], j]) for k in std}) for j, p in enumerate(linear)
-    }
-    bias = bias_in_words(shifts, std)
-    return f"{ABSORBED}: {bias}" if bias else ABSORBED
+def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit) -> dict[str, str]:
+    """Effects that are not identifiable, with what they would do to an error of the machine.
+
+    Of others a combination of parameters may be absorbed: they are listed where it shifts an error
+    and they are not in the fit ``f``, which has no standard errors for such a combination.
+    """
+    out, plain = {}, case.plain
+    jacobian = case.white(plain.jacobian)
+    rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
+    for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
+        rank.update((j, max(rank.get(j, 0), int(of_block))) for j in candidates.alike[int(owner)])
+    for j, effect in enumerate(case.effects):
+        linear = [p for p in effect.parameters if p.linear]
+        if rank.get(j, len(linear)) == len(linear) or (rank[j] and effect.id in f.effects):
+            continue
+        start = grid_values(effect)[:1]
+        columns = variant_columns(case.model, effect, plain.nuisance, start)[0]
+        units = {f"{effect.id}.{p.name}": p.unit for p in linear}
+        names = [*(x.name for x in case.model.nuisance), *units]
+        rows = confounded(plain, jacobian, case.white(columns))
+        bias = bias_in_words((dict(zip(names, row, strict=True)) for row in rows), units, std)
+        if rank[j] == 0:
+            out[effect.id] = f"{ABSORBED}: {bias}" if bias else ABSORBED
+        elif bias:
+            out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
+    return out
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:

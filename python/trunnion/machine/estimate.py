@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from os import PathLike
 from pathlib import Path
@@ -251,16 +251,18 @@ def combined(combination: Mapping[str, float]) -> str:
 
 
 def bias_in_words(
-    shifts: Mapping[str, tuple[str, Mapping[str, float]]], std: Mapping[str, float]
+    combinations: Iterable[Mapping[str, float]], units: Mapping[str, str], std: Mapping[str, float]
 ) -> str:
     """Say what an effect that no reading shows would do to the location error it shifts most.
 
     Parameters
     ----------
-    shifts
-        Parameter of the effect → its unit, and the shift of each estimated error per unit of it.
+    combinations
+        What changes no reading: parameter → component.
+    units
+        Parameter of the effect ("id.name") → its unit.
     std
-        Standard errors of the errors; those without one are left out.
+        Standard errors of the location errors; those that have none are left out.
 
     Returns
     -------
@@ -269,16 +271,23 @@ def bias_in_words(
         no error shifts by :data:`MIN_BIAS`.
     """
     worst, text = MIN_BIAS, ""
-    for parameter, (unit, per_unit) in shifts.items():
-        size = ASSUMED_SIZE.get(unit, 1.0)
-        of = "it" if len(shifts) == 1 else parameter
-        for name, shift in per_unit.items():
-            by = size * shift
-            least = max(std[name], ROUNDING)
-            if np.isfinite(least) and abs(by) > worst * least:
-                worst = abs(by) / least
-                moved = f"{by:+.3g} {unit_of(name)}".rstrip()
-                text = f"{size:g} {unit} of {of} would shift {name} by {moved}"
+    sizes = {k: ASSUMED_SIZE.get(unit, 1.0) for k, unit in units.items()}
+    for row in combinations:
+        most = max(abs(row[k]) / sizes[k] for k in sizes)
+        if most == 0:
+            continue
+        # the first of those that are equal but for rounding
+        largest = next(k for k in sizes if abs(row[k]) / sizes[k] > (1 - SECOND_ORDER) * most)
+        step = {k: v * sizes[largest] / row[largest] for k, v in row.items()}
+        for name, std_error in std.items():
+            least = max(std_error, ROUNDING)
+            if np.isfinite(least) and abs(step[name]) > (1 + SECOND_ORDER) * worst * least:
+                worst = abs(step[name]) / least
+                own = [k for k in sizes if abs(step[k]) > SECOND_ORDER * sizes[k]]
+                named = {k: k.rsplit(".", 1)[-1] if len(sizes) > 1 else "it" for k in own}
+                parts = " with ".join(f"{step[k]:.3g} {units[k]} of {named[k]}" for k in own)
+                moved = f"{-step[name]:+.3g} {unit_of(name)}".rstrip()
+                text = f"{parts} would shift {name} by {moved}"
     return text
 
 

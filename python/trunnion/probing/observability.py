@@ -55,8 +55,9 @@ class Observability(Result):
     not_identifiable_effects
         Ids of effects that leave nothing once the plain model is fitted.
     bias
-        Id of such an effect → what some of it would do to the location error that it shifts most,
-        in words; those that shift none by half its standard error are left out.
+        Id of an effect of which all or a combination of parameters is absorbed → what some of it
+        would do to the location error that it shifts most, in words; those that shift none by half
+        its standard error are left out.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
@@ -188,7 +189,7 @@ def observability(
         std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         not_identifiable_effects=hidden,
-        bias=_bias(setup, plain, {name: columns[name] for name in hidden}, sigma),
+        bias=_bias(setup, plain, columns, sigma),
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
@@ -249,19 +250,19 @@ def _left_after(
     return shares, left
 
 
-def _bias(setup: Setup, plain: Floats, hidden: dict[str, Floats], sigma: float) -> dict[str, str]:
-    """Say what each hidden effect would do to a location error."""
-    errors = TouchModel(setup).error_names
+def _bias(setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float) -> dict[str, str]:
+    """Say what each effect that is absorbed, or a part of it, would do to a location error."""
+    model = TouchModel(setup)
     std = linear_fit(plain, np.zeros(len(plain))).std * sigma
-    limits = dict(zip(errors, map(float, std), strict=False))
+    limits = dict(zip(model.error_names, map(float, std), strict=False))
     said = {}
-    for entry in (e for e in catalogue(setup) if e.id in hidden):
-        linear = [p.name for p in entry.parameters if p.kind == "linear"]
-        shifts = {}
-        for name, column in zip(linear, hidden[entry.id].T, strict=True):
-            shift = linear_fit(plain, column).solution
-            shifts[name] = unit_of(name), dict(zip(errors, map(float, shift), strict=False))
-        text = bias_in_words(shifts, limits)
+    for entry in (e for e in catalogue(setup) if e.id in columns):
+        linear = [f"{entry.id}.{p.name}" for p in entry.parameters if p.kind == "linear"]
+        units = {name: unit_of(name) for name in linear}
+        joined = np.hstack([plain, columns[entry.id]])
+        rows = linear_fit(joined, np.zeros(len(joined))).combinations
+        names = (*model.names, *units)
+        text = bias_in_words((dict(zip(names, r, strict=True)) for r in rows), units, limits)
         if text:
             said[entry.id] = text
     return said
