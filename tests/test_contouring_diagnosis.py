@@ -416,16 +416,15 @@ def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
 
 def test_wrong_kinds_of_values_are_reported_by_name() -> None:
     path = ct.Path.paper()
-    x = ct.LinearAxis("fast", 5.0)  # type: ignore[arg-type]
     wrong: list[tuple[str, Callable[[], object]]] = [
         ("path: got 'p.nc'", lambda: ct.simulate("p.nc", 1000.0)),  # type: ignore[arg-type]
-        ("feed_mm_min: got 'slow'", lambda: ct.simulate(path, "slow")),  # type: ignore[arg-type]
+        ("feed: got 'slow'", lambda: ct.simulate(path, "slow")),  # type: ignore[arg-type]
         ("feed_mm_min: got -5.0", lambda: ct.simulate(path, -5.0)),
         ("dwell_s: got 1 without decelerate", lambda: ct.Feed(1000.0, dwell_s=1.0)),
         ("servo: got {}", lambda: ct.simulate(path, 1e3, servo={})),  # type: ignore[arg-type]
-        ("servo.X.gain_per_s: got 'fast'", lambda: ct.Servo({"X": x}).row("X")),
-        ("location errors.EX0C: got 'a'", lambda: ct.simulate(path, 1e3, errors={"EX0C": "a"})),  # type: ignore[dict-item]
-        ("paths: got one Path", lambda: ct.sweep(path, [1000.0])),  # type: ignore[arg-type]
+        ("LinearAxis.gain_per_s: got 'fast'", lambda: ct.LinearAxis("fast", 5.0)),  # type: ignore[arg-type]
+        ("errors.EX0C: got 'a'", lambda: ct.simulate(path, 1e3, errors={"EX0C": "a"})),  # type: ignore[dict-item]
+        ("paths: got Path", lambda: ct.sweep(path, [1000.0])),  # type: ignore[arg-type]
         ("radius_mm: got -1.0", lambda: ct.Path.circle(-1.0)),
     ]
     for message, call in wrong:
