@@ -83,7 +83,7 @@ def test_correct(files: Path) -> None:
     told = json.loads(run("correct", files / "diameters.csv", files / "part.ngc", "--json"))
     assert np.abs(told["remaining_um"]).max() < 4
     bad = run("correct", files / "diameters.csv", files / "part.ngc", "--rule", "x", code=2)
-    assert "unknown rule" in bad
+    assert "rule: got 'x'" in bad
 
 
 def test_diagnose(files: Path) -> None:
