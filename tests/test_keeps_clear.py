@@ -175,7 +175,7 @@ def test_a_table_without_size_is_refused_not_a_panic() -> None:
     chain = Chain(CROSS)
     rotary = np.zeros((1, 2))
     for radius, thickness in ((-1.0, 30.0), (150.0, -30.0), (float("nan"), 30.0)):
-        with pytest.raises(tn.InputError, match="of the table in mm|table_(radius|thickness)_mm"):
+        with pytest.raises(tn.InputError, match=r"of the table in mm|table_(radius|thickness)_mm"):
             _core.safe_levels(
                 chain.machine(),
                 standing_artefact(CROSS),
