@@ -154,9 +154,9 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
     """Yield a part of the set-up, what it may have been meant to be, and how that reads."""
     letters = [letter.upper() for letter in data.rotary_deg]
     for turned in [*letters, *(["".join(letters)] if len(letters) > 1 else [])]:
-        senses = {letter: -setup.sense(letter) for letter in turned}
-        axes = {x: replace(setup.axes.get(x, AxisSetup()), sense=s) for x, s in senses.items()}
-        text = " and ".join(f"sense = {s} of axis {x}" for x, s in senses.items())
+        known = {letter: setup.axes.get(letter, AxisSetup()) for letter in turned}
+        axes = {letter: replace(axis, sense=-axis.sense) for letter, axis in known.items()}
+        text = " and ".join(f"sense = {axis.sense} of axis {x}" for x, axis in axes.items())
         yield "axes", {**setup.axes, **axes}, f"with {text}"
     for preset in _core.presets():
         if preset != setup.machine.preset:
