@@ -40,7 +40,14 @@ from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import identify
 from trunnion.probing.mistakes import mistakes_named
-from trunnion.probing.model import TouchModel, catalogue, known_sigma_um, ticks_um
+from trunnion.probing.model import (
+    TouchModel,
+    catalogue,
+    known_sigma_um,
+    readings_um,
+    stops_of,
+    ticks_um,
+)
 from trunnion.setup import Setup
 
 MAX_MOMENTS = 48
@@ -112,9 +119,8 @@ class TouchDiagnosisModel(Model):
             )
             for name, unit in zip(self._full.names[: self._plain], self._full.units, strict=False)
         )
-        along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
         self.readings = Readings(
-            along,
+            readings_um(data),
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
@@ -275,8 +281,7 @@ class TouchDiagnosisModel(Model):
     @property
     def groups(self) -> Integers:
         """One position of the rotary axes is left out at a time."""
-        positions = np.round(np.stack(list(self.data.rotary_deg.values()), axis=1), 3)
-        return np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+        return stops_of(self.data)
 
     @property
     def replicates(self) -> Integers | None:

@@ -17,7 +17,14 @@ from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
-from trunnion.probing.model import TouchModel, known_sigma_um, ticks_um
+from trunnion.probing.model import (
+    TouchModel,
+    known_sigma_um,
+    readings_um,
+    rounding_um,
+    stops_of,
+    ticks_um,
+)
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
@@ -116,12 +123,10 @@ def _beside_rounding(
 
     With the errors that repeats share, if there are any.
     """
-    along = np.einsum("ij,ij->i", data.position_mm, data.direction) * 1e3
+    along = readings_um(data)
     jacobian = model.core.linearise(moves, found.values)[1]
-    positions = np.round(np.stack(list(data.rotary_deg.values()), axis=1), 3)
-    stops = np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1)
     plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
-    grid = Grid.of(along, ticks_um(model.setup, data), plain, stops)
+    grid = Grid.of(along, ticks_um(model.setup, data), plain, stops_of(data))
     noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
     errors = grid.errors(noise)
     shared = errors if errors is not None and len(errors.rows) else None
@@ -184,7 +189,7 @@ def _result(
             found.residuals_um if errors is None else errors(found.residuals_um),
             repeats_of(data),
             len(values) - len(found.combinations),
-            float(np.sqrt(np.mean(ticks_um(model.setup, data) ** 2) / 12)),
+            rounding_um(model.setup, data),
         ),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
@@ -40,12 +40,28 @@ def ticks_um(setup: Setup, touches: Touches) -> Floats:
     return np.asarray(probe.ticks_um(touches.feed_mm_min), dtype=np.float64)
 
 
-def known_sigma_um(setup: Setup, touches: Touches | None = None) -> float:
+def rounding_um(setup: Setup, touches: Touches) -> float:
+    """Standard deviation of the errors of rounding to ticks, rms over the touches."""
+    return float(np.sqrt(np.mean(ticks_um(setup, touches) ** 2) / 12))
+
+
+def known_sigma_um(setup: Setup, touches: Touches) -> float:
     """Standard deviation of a reading from the set-up: repeatability and tick; 0 if unknown."""
     if setup.probe.repeatability_um == 0:
         return 0.0
-    ticks = np.array([setup.probe.tick_um]) if touches is None else ticks_um(setup, touches)
+    ticks = ticks_um(setup, touches)
     return float(np.sqrt(setup.probe.repeatability_um**2 + np.mean(ticks**2) / 12))
+
+
+def readings_um(touches: Touches) -> Floats:
+    """Readings: recorded coordinates along the approaches, µm, shape (n,)."""
+    return np.asarray(np.einsum("ij,ij->i", touches.position_mm, touches.direction) * 1e3)
+
+
+def stops_of(touches: Touches) -> Integers:
+    """Number of the position of the rotary axes in which each touch was made, shape (n,)."""
+    positions = np.round(np.stack(list(touches.rotary_deg.values()), axis=1), 3)
+    return np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
 class TouchModel:

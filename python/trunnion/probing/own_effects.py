@@ -18,7 +18,7 @@ from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import UserEffect
-from trunnion.probing.model import TouchModel, ticks_um
+from trunnion.probing.model import TouchModel, rounding_um
 
 CLOSE_UM = 1e-6
 """A step that moves no reading further ends the search."""
@@ -158,8 +158,7 @@ class TouchProblem:
         rows = len(left) + len(loss.priors)
         freedom = max(rows - last.rank - int(self.moments.sum()), 0)
         sigma = loss.sigma_um or float(np.sqrt(np.sum(weights * left**2) / max(freedom, 1)))
-        least = ticks_um(self.model.setup, self.data)
-        sigma = max(sigma, float(np.sqrt(np.mean(least**2) / 12)))
+        sigma = max(sigma, rounding_um(self.model.setup, self.data))
         spread = sigma * np.sqrt(np.diag(last.cofactor))
         return Found(
             values=x,
