@@ -113,7 +113,6 @@ def test_a_surface_comes_out() -> None:
     plane = np.column_stack([np.ones_like(z), got.x_mm, got.y_mm])
     above = z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]
     assert np.abs(got.heights_um - above).max() < 0.02 * np.ptp(above)
-    assert got.flatness_um == pytest.approx(np.ptp(above), rel=0.02)
     assert got.instrument_zero_um_m == pytest.approx((30.0, 30.0))
     # no plane of a search by hand has a narrower zone
     rng = np.random.default_rng(0)
