@@ -181,6 +181,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Crossing": crossing,
     "Cause": lambda: with_outliers().causes[0],
     "Alternative": lambda: with_outliers().evidence[1],
+    "Contribution": lambda: with_outliers().contributions[0],
+    "Ladder": lambda: with_outliers().ladder,
     "Gain": lambda: with_outliers().gain,
     "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
     "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],

@@ -55,6 +55,8 @@ from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches
 from .data.touches import read_touches as read_touches
+from .diagnosis.contributions import Contribution as Contribution
+from .diagnosis.contributions import Ladder as Ladder
 from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain

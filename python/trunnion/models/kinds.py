@@ -210,6 +210,10 @@ def diagnose(
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
+    if isinstance(setup, Setup) and setup.machine.tolerance:
+        tolerance = setup.machine.tolerance
+        contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
+        found = replace(found, contributions=contributions)
     if first is None:
         return found
     note = (
