@@ -12,6 +12,7 @@ import typer
 from trunnion.cli import (
     ballbar,
     calibration,
+    compare,
     compensate,
     contour,
     demo,
@@ -57,6 +58,7 @@ GROUPS = (
     calibration,
     program,
     diagnose,
+    compare,
     compensate,
     turning,
     contour,
