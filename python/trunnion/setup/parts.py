@@ -1,8 +1,9 @@
 """The set-up: machine, artefact and probe of a measurement, as it stands in ``setup.toml``.
 
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
-unit and meaning. Tables ``[machine]`` (with ``[machine.errors]``), ``[axes.X]`` and so on,
-``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``, ``[control]`` are its own.
+unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
+``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
+``[control]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -16,7 +17,7 @@ from typing import Any, ClassVar
 
 import trunnion._core as _core
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, entry, instance, named, within
+from trunnion.base.checks import choose, entry, instance, named, positive, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import unit_of
@@ -77,6 +78,7 @@ class _LocationErrors:
     """Location errors by name, in any spelling."""
 
     words: str = "a table of location errors, µm and arcsec"
+    positive: bool = False
 
     def __call__(self, what: str, value: Any) -> FrozenMapping[float]:
         errors: dict[str, float] = {}
@@ -86,7 +88,10 @@ class _LocationErrors:
                 if name in errors:
                     raise InputError(f"{what}.{name}: got {spelling!r}, expected each error once")
                 limit = MAX_ERROR[unit_of(name)]
-                errors[name] = within(f"{what}.{name}", size, -limit, limit, unit_of(name))
+                full = f"{what}.{name}"
+                if self.positive:
+                    positive(full, size)
+                errors[name] = within(full, size, -limit, limit, unit_of(name))
         return FrozenMapping(errors)
 
 
@@ -101,20 +106,25 @@ def _canonical(what: str, spelling: str) -> str:
 class Machine(Part):
     """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
 
-    Results are totals that include the known errors.
+    Results are totals that include the known errors. `tolerance`: of location errors by name, above
+    0; a diagnosis states biases in units of it.
     """
 
     table: ClassVar[str] = "machine"
     preset: str = key("trt-ca", _Presets(), "chain of axes")
     errors: Mapping[str, float] = key(FrozenMapping({}), _LocationErrors(), "errors known before")
+    tolerance: Mapping[str, float] = key(
+        FrozenMapping({}), _LocationErrors(positive=True), "tolerances of location errors"
+    )
 
     def __post_init__(self) -> None:
         """Check every field, and that the machine has these errors."""
         super().__post_init__()
         known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
-        for name in self.errors:
-            with entry("errors", name):
-                choose(f"machine.errors of {self.preset}", name, known)
+        for table in ("errors", "tolerance"):
+            for name in getattr(self, table):
+                with entry(table, name):
+                    choose(f"machine.{table} of {self.preset}", name, known)
 
 
 @dataclass(frozen=True)
