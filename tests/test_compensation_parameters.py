@@ -32,7 +32,7 @@ def test_printed_method_is_judged_with_its_origin_offsets(yaw_arcsec: float) -> 
     d = np.array([30.0, -20.0, 5.0]) if yaw_arcsec else np.zeros(3)
     placement = {"dx_um": d[0], "dy_um": d[1], "dz_um": d[2], "rc_arcsec": yaw_arcsec}
     printed = tn.printed_zeros(TABLE_2, setup_yaw_arcsec=yaw_arcsec, placement=placement)
-    origin = d + [15.0, 21.0, 12.0]  # EX0C, EY0C, EZ0A of Table 2
+    origin = d + np.array([15.0, 21.0, 12.0])  # EX0C, EY0C, EZ0A of Table 2
     assert list(printed.work.values()) == pytest.approx(origin)
     box = np.array([[x, y, z, 1.0] for x in (-150, 150) for y in (-120, 120) for z in (0, 150)]).T
     placed = shift(*d * 1e-3) @ turn("z", yaw_arcsec * np.pi / 648000)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -178,6 +178,12 @@ def correct(
         For readings of several passes or numbers that are not usable.
     """
     z, error = _columns(readings)
+    start: dict[str, Any] = {
+        "follows": follows,
+        "nose_mm": nose_mm,
+        "feed": feed,
+        "machine_codes": list(machine_codes),
+    }
     got = turning_correct(
         program,
         z,
@@ -187,28 +193,14 @@ def correct(
         rule=rule,
         bound_um=bound_um,
         look_ahead=look_ahead,
-        follows=follows,
-        nose_mm=nose_mm,
         position=None,
-        feed=feed,
-        machine_codes=list(machine_codes),
         keep_numbers=keep_numbers,
+        **start,
     )
     after, change = got.pop("program"), got.pop("change_um")
     got["inserted"] = got["inserted"].astype(np.int64)
-    between = _between(z, got["window_z_mm"])
-    # What windows say of a place between them, and what the two programs differ by there.
-    replayed, cut = change_um(
-        program,
-        after,
-        between,
-        follows=follows,
-        nose_mm=nose_mm,
-        feed=feed,
-        machine_codes=machine_codes,
-    )
-    order = np.argsort(got["window_z_mm"])
-    known = np.interp(between, got["window_z_mm"][order], got["window_mean_um"][order])
+    between, expected = _between(z, got["window_z_mm"], got["window_mean_um"])
+    replayed, cut = turning_change(program, after, between, position=None, **start)
     return Correction(
         dialect=program.dialect,
         text=after.text(),
@@ -220,23 +212,25 @@ def correct(
         error_um=error,
         remaining_um=error + change,
         between_z_mm=between[cut],
-        between_um=(known + replayed)[cut],
+        between_um=(expected + replayed)[cut],
         **got,
     )
 
 
-def _between(z_mm: Floats, window_z_mm: Floats) -> Floats:
-    """Places in gaps of the readings that are wide beside their distance, within the windows."""
+def _between(z_mm: Floats, window_z_mm: Floats, mean_um: Floats) -> tuple[Floats, Floats]:
+    """Places in wide gaps of the readings, and the error there, straight from window to window."""
     places = np.unique(z_mm)
     steps = np.diff(places)
     if not len(steps):
-        return places[:0]
+        return places[:0], places[:0]
     typical = float(np.median(steps))
     wide = np.flatnonzero(steps > GAP_STEPS * typical)
     inner = [np.linspace(places[i], places[i + 1], PLACES_IN_A_GAP + 2)[1:-1] for i in wide]
     found = np.concatenate([places[:0], *inner])
-    low, high = window_z_mm.min(initial=np.inf), window_z_mm.max(initial=-np.inf)
-    return np.asarray(found[(found > low) & (found < high)])
+    order = np.argsort(window_z_mm)
+    known = window_z_mm[order]
+    found = found[(found > known[0]) & (found < known[-1])]
+    return found, np.interp(found, known, mean_um[order])
 
 
 @checked
