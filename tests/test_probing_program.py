@@ -93,7 +93,9 @@ def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
 
 def test_a_plan_in_another_order_is_refused_where_its_senses_are_wrong() -> None:
     plan = tn.plan(CROSS)
-    rows = np.r_[64:72, 0:64].astype(np.int64)  # tilted first: A has then turned before the touches at A0
+    rows = np.r_[64:72, 0:64].astype(
+        np.int64
+    )  # tilted first: A has then turned before the touches at A0
     with pytest.raises(tn.DataError, match=r"touch 9: got a_dir 0 .* but A turns before it"):
         tn.probing_program(plan[rows], CROSS)
     assert tn.probing_program(plan[rows].with_columns(a_dir=None), CROSS).seconds > 100

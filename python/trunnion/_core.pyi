@@ -562,7 +562,7 @@ def contour_path_margins(
 __all__ += ["Hybrid", "hybrid_example", "hybrid_parameter", "hybrid_parameters"]
 
 def hybrid_parameters() -> tuple[list[str], list[str]]:
-    """Names with units: the paper's 17, and every component at every place."""
+    """Names with units: the 17, and every component at every place."""
 
 def hybrid_parameter(name: str) -> str:
     """The name with unit that a spelling stands for."""
