@@ -19,6 +19,7 @@ from trunnion.cli import (
     hybrid,
     positioning,
     program,
+    read,
     sweep,
     turning,
 )
@@ -55,6 +56,7 @@ def _main(
 GROUPS = (
     calibration,
     program,
+    read,
     diagnose,
     compensate,
     turning,
