@@ -1,4 +1,4 @@
-"""Write the columns of every kind of data into files.md as Markdown tables: ``make docs`` runs it."""
+"""Write the columns of every kind of data into files.md as tables: ``make docs`` runs it."""
 
 from pathlib import Path
 from pkgutil import resolve_name
