@@ -16,7 +16,7 @@ def table(kind: Kind) -> str:
     lines = [
         f"### {kind.name}: `tn.{data.__name__}`",
         "",
-        f"Known by {', '.join(f'`{column}`' for column in kind.columns)}.",
+        f"Known by {kind.known_by()}.",
         "",
         "| column | unit | | needed |",
         "|---|---|---|---|",

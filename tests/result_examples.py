@@ -19,6 +19,7 @@ SAMPLES = {
     "diameters": ("turning/diameters.csv", "turning/setup.toml"),
     "ballbar": ("ballbar/circle.csv", None),
     "positioning": ("positioning/axis.csv", None),
+    "levels": ("levels/bed.csv", None),
     "axislog": ("contour/axislog.csv", "contour/setup.toml"),
 }
 
@@ -181,6 +182,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Crossing": crossing,
     "Cause": lambda: with_outliers().causes[0],
     "Alternative": lambda: with_outliers().evidence[1],
+    "Contribution": lambda: with_outliers().contributions[0],
+    "Ladder": lambda: with_outliers().ladder,
     "Gain": lambda: with_outliers().gain,
     "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
     "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
@@ -190,6 +193,9 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     ),
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
     "Iso2302Rotary": turning_table,
+    "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
+    "Twist": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).twist(),
+    "Flatness": lambda: tn.read_levels(tn.sample_path("levels/plate.csv")).flatness(),
     "Residuals": lambda: with_outliers().residuals,
     "Comparison": methods,
     "VolumetricError": volumetric,

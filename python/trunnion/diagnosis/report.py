@@ -9,6 +9,7 @@ from scipy import special
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
@@ -61,6 +62,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     std = _errors_std(model, f, variance)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
+    contributions, ladder = contributions_of(kept, plain, f, rows)
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, f, variance, alternatives),
@@ -86,6 +88,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
             model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
         ),
         notes=(*model.remarks, *_notes(case, variance)),
+        contributions=contributions,
+        ladder=ladder,
     )
 
 

@@ -44,7 +44,7 @@ class Kind:
     build
         Function that binds a model with its whole catalogue to the data, a `Builder`.
     columns
-        Columns by which a file is known.
+        Columns by which a file is known; ``one|other``: at least one of these.
     examples
         Functions that return a small measurement of the kind with every column that it may have,
         and its set-up: :func:`catalogue` lists the kind's effects from these.
@@ -57,15 +57,22 @@ class Kind:
     columns: tuple[str, ...]
     examples: tuple[str, ...] = ()
 
+    def known_by(self) -> str:
+        """Say by which columns a file is known."""
+        return ", ".join(" or ".join(column.split("|")) for column in self.columns)
+
     def read(self, path: Any) -> Any:
         """Read a file of this kind."""
         return resolve_name(self.reader)(path)
 
 
+_MORE_EXAMPLES = {"ballbar": ("hybrid_ballbar",), "levels": ("surface_levels",)}
+
+
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     """Return a kind that comes with the package."""
     files, models = f"trunnion.data.{module}", f"trunnion.models.{model}"
-    examples = [module] if module != "ballbar" else [module, "hybrid_ballbar"]
+    examples = [module, *_MORE_EXAMPLES.get(module, ())]
     return Kind(
         name,
         f"{files}:{data}",
@@ -76,6 +83,8 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     )
 
 
+_AXES = "x_cmd_mm|y_cmd_mm|z_cmd_mm|a_cmd_deg|b_cmd_deg|c_cmd_deg"
+
 _KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
@@ -83,7 +92,8 @@ _KINDS = [
     _kind("diameters", "Diameters", "diameters", "diameters", "z_mm", "error_um"),
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
-    _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s"),
+    _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
+    _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s", _AXES),
 ]
 
 
@@ -126,7 +136,7 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     if kind is not None:
         return known[choose("kind", kind, known)]
     there = {name.lower() for name in names}
-    fitting = [each for each in _KINDS if there.issuperset(each.columns)]
+    fitting = [e for e in _KINDS if all(there & set(one.split("|")) for one in e.columns)]
     most = max((len(each.columns) for each in fitting), default=0)
     best = [each for each in fitting if len(each.columns) == most]
     if len(best) == 1:
@@ -137,7 +147,7 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
         raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")
     raise InputError(
         f"got {got}, expected those of a kind of data ("
-        + "; ".join(f"{each.name}: {', '.join(each.columns)}, ..." for each in _KINDS)
+        + "; ".join(f"{each.name}: {each.known_by()}, ..." for each in _KINDS)
         + "), or columns= that says which is which"
     )
 
@@ -169,7 +179,6 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
 
 
-@checked
 def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     """Return the data without rows that repeat others in every column; which rows, or None."""
     if not isinstance(data, Table) or len(data) < 2:
@@ -180,6 +189,26 @@ def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     return (data, None) if len(first) == len(data) else (data[first], first)
 
 
+def _time_notes(data: Any) -> tuple[str, ...]:
+    """Say that times do not rise; those of a log or a circular test that fall are errors."""
+    time = data.columns.get("time_s") if isinstance(data, Table) else None
+    if time is None or len(time) < MIN_TIMES or not data.in_order:
+        return ()
+    steps = np.diff(time)
+    if not steps.any():
+        return (f"time_s is {time[0]:g} in every row: no change with time can be found.",)
+    if (steps < 0).all():
+        return (
+            "time_s falls from every row to the next: rows are taken to be made at these times, "
+            "the last row first. If they count down, a drift has the other sign.",
+        )
+    return ()
+
+
+MIN_TIMES = 3
+
+
+@checked
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
 
@@ -247,6 +276,11 @@ def diagnose(
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
+    found = replace(found, notes=(*_time_notes(data), *found.notes))
+    if isinstance(setup, Setup) and setup.machine.tolerance:
+        tolerance = setup.machine.tolerance
+        contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
+        found = replace(found, contributions=contributions)
     if first is None:
         return found
     note = (

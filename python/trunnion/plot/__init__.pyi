@@ -16,6 +16,8 @@ from .hybrid import plot_cube as plot_cube
 from .hybrid import plot_cubes as plot_cubes
 from .hybrid import plot_identifiability as plot_identifiability
 from .hybrid import plot_sensitivity as plot_sensitivity
+from .levels import plot_flatness as plot_flatness
+from .levels import plot_straightness as plot_straightness
 from .positioning import plot_positioning as plot_positioning
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates
