@@ -73,6 +73,8 @@ from .machine.kinematics import kinematic_jacobian as kinematic_jacobian
 from .models.axis_log import AxisLogModel as AxisLogModel
 from .models.axis_log import ExtendedServo as ExtendedServo
 from .models.ballbar import BallbarModel as BallbarModel
+from .models.changes import MachineComparison as MachineComparison
+from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
 
 # --- diagnosis of any kind of data

@@ -12,6 +12,7 @@ import typer
 from trunnion.cli import (
     ballbar,
     calibration,
+    compare,
     compensate,
     contour,
     demo,
@@ -59,6 +60,7 @@ GROUPS = (
     program,
     read,
     diagnose,
+    compare,
     compensate,
     turning,
     contour,

@@ -62,7 +62,7 @@ def diagnose(model: Model) -> Diagnosis:
         Fewer readings than unknowns, or readings that are not finite.
     """
     with one_blas_thread():
-        case = _case(model)
+        case = case_of(model)
         choice = _choose(case)
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
@@ -76,7 +76,7 @@ def diagnose(model: Model) -> Diagnosis:
         return report(case, choice[1], choice[2])
 
 
-def _case(model: Model) -> Case:
+def case_of(model: Model) -> Case:
     """Fit the model without effects, and linearise the candidates there."""
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
