@@ -123,6 +123,12 @@ def two_axes() -> tn.MachineComparison:
     return tn.compare(diagnosis_of("positioning"), first.with_columns(measured_mm=worn))
 
 
+def two_instruments() -> tn.InstrumentComparison:
+    data = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    encoder = data.measured - 3e-3 * data.direction + 1e-4 * np.sin(7.0 * np.arange(len(data)))
+    return tn.whose_error(data.with_columns(encoder_mm=encoder))
+
+
 def three_beds() -> tn.MachineComparison:
     bed = tn.read_levels(tn.sample_path("levels/bed.csv")).straightness()
     return tn.compare(bed, bed, bed, dates=["2026-01-01", "2026-02-01", "2026-03-01"])
@@ -202,7 +208,10 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
         diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
     ),
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
+    "InstrumentComparison": two_instruments,
     "Iso2302Rotary": turning_table,
+    "CompensationTable": lambda: turning_table().compensation_table(zero_at=60.0),
+    "Conformity": lambda: turning_table().conformity(accuracy_arcsec=20.0, reversal_arcsec=0.5),
     "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
     "Twist": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).twist(),
     "Flatness": lambda: tn.read_levels(tn.sample_path("levels/plate.csv")).flatness(),
