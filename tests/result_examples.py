@@ -173,6 +173,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
     "diagnosis with outliers": with_outliers,
     **{f"model {kind.name}": partial(model_of, kind.name) for kind in kinds()},
+    "Recognised": lambda: tn.read(tn.sample_path("plate/first.csv"), units="inch").recognised,
     "FieldMotion": field_motion,
     "IdentificationResult": lambda: tn.identify(*cross()),
     "ClosedFormResult": lambda: tn.closed_form(*cross(), method="printed"),

@@ -92,6 +92,7 @@ from .models.next_touches import next_touches as next_touches
 from .models.points import ExtendedPoints as ExtendedPoints
 from .models.points import RepeatablePart as RepeatablePart
 from .models.points import repeatable_part as repeatable_part
+from .models.read import read as read
 from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
