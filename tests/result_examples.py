@@ -119,6 +119,17 @@ def groove() -> turning.Finishing:
     return part.finishing("linuxcnc-lathe", access_z_mm=[50.0], feed=100)
 
 
+def two_axes() -> tn.MachineComparison:
+    first = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    worn = first.measured + 2e-3 * first.direction
+    return tn.compare(diagnosis_of("positioning"), first.with_columns(measured_mm=worn))
+
+
+def three_beds() -> tn.MachineComparison:
+    bed = tn.read_levels(tn.sample_path("levels/bed.csv")).straightness()
+    return tn.compare(bed, bed, bed, dates=["2026-01-01", "2026-02-01", "2026-03-01"])
+
+
 LOCATION_ERRORS = {"EX0C": 15.0, "EA0A": 20.0}
 
 
@@ -164,6 +175,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
     "diagnosis with outliers": with_outliers,
     **{f"model {kind.name}": partial(model_of, kind.name) for kind in kinds()},
+    "Recognised": lambda: tn.read(tn.sample_path("plate/first.csv"), units="inch").recognised,
     "FieldMotion": field_motion,
     "IdentificationResult": lambda: tn.identify(*cross()),
     "ClosedFormResult": lambda: tn.closed_form(*cross(), method="printed"),
@@ -203,6 +215,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
     "Twist": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).twist(),
     "Flatness": lambda: tn.read_levels(tn.sample_path("levels/plate.csv")).flatness(),
+    "MachineComparison": two_axes,
+    "MachineComparison over time": three_beds,
     "Residuals": lambda: with_outliers().residuals,
     "Comparison": methods,
     "VolumetricError": volumetric,

@@ -73,6 +73,8 @@ from .machine.kinematics import kinematic_jacobian as kinematic_jacobian
 from .models.axis_log import AxisLogModel as AxisLogModel
 from .models.axis_log import ExtendedServo as ExtendedServo
 from .models.ballbar import BallbarModel as BallbarModel
+from .models.changes import MachineComparison as MachineComparison
+from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
 
 # --- diagnosis of any kind of data
@@ -86,6 +88,7 @@ from .models.next_touches import next_touches as next_touches
 from .models.points import ExtendedPoints as ExtendedPoints
 from .models.points import RepeatablePart as RepeatablePart
 from .models.points import repeatable_part as repeatable_part
+from .models.read import read as read
 from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
