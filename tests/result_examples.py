@@ -8,9 +8,11 @@ import numpy as np
 
 import trunnion as tn
 from trunnion import compensation, contouring, hybrid, turning
+from trunnion.controls import linuxcnc_files
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.linear_axes import FieldMotion, Travel
 from trunnion.models.kinds import Kind, kinds
+from trunnion.setup.control import ControlSetup
 
 SAMPLES = {
     "touches": ("cross/touches.csv", "cross/setup.toml"),
@@ -152,6 +154,12 @@ def volumetric(**options: Any) -> tn.VolumetricError:
     return tn.volumetric_error(cross_setup(), LOCATION_ERRORS, points=(4, 3, 2), **options)
 
 
+def control_files() -> Any:
+    centre = ControlSetup(centre_mm=(1.0, 2.0, 3.0))
+    setup = tn.Setup(artefact=tn.Artefact("none"), control=centre)
+    return linuxcnc_files(setup, LOCATION_ERRORS)
+
+
 def control() -> tn.CncParameters:
     return tn.cnc_parameters(cross_setup(), LOCATION_ERRORS)
 
@@ -226,6 +234,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ErrorMap": error_map,
     "CncParameters": control,
     "Removable": lambda: control().removable[0],
+    "ControlFiles": control_files,
+    "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

@@ -1,6 +1,5 @@
 """Positioning by ISO 230-2: results by the standard's formulas, and what is behind them."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,31 +7,12 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
+from positioning_twin import HIDDEN, axis
 from promise import kept, needed_runs
 from trunnion.cli import app
 
+NAMED = ("curve", "cycle_drift", "reversal", "scale")
 MEASURED = Path(__file__).parents[2] / "shared" / "measured" / "positioning"
-
-
-def axis(
-    rng: np.random.Generator,
-    *,
-    targets: int = 11,
-    cycles: int = 5,
-    noise: float = 0.7,
-    change: np.ndarray | float = 0.0,
-) -> tn.Positioning:
-    """Stops of an axis in 1 µm steps of nothing: only noise, and ``change`` in µm."""
-    up = np.round(np.linspace(0.0, 500.0, targets) + rng.uniform(-8, 8, targets), 1)
-    target = np.tile(np.concatenate([up, up[::-1]]), cycles)
-    error = 2.0 + change + noise * rng.standard_normal(len(target))
-    return tn.Positioning(
-        target_mm=target,
-        measured_mm=target + 1e-3 * error,
-        direction=np.tile(np.repeat([1, -1], targets), cycles),
-        cycle=np.repeat(np.arange(1, cycles + 1), 2 * targets),
-        time_s=15.0 * np.arange(len(target)),
-    )
 
 
 def test_results_are_those_of_the_standard() -> None:
@@ -214,16 +194,7 @@ def test_uncertainties_are_true() -> None:
         assert 0.75 < stated / spread < 1.6, name
 
 
-HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
-    "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
-    "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
-    "cycle_drift": lambda d, rng: rng.uniform(0.5, 2) * (d.cycle - 1),
-    # a screw whose pitch wanders, seen by stops: not a wave of the catalogue, but one in places
-    "curve": lambda d, _: 6.0 * np.sin(d.target / 71.0 + 2e-3 * (d.target / 71.0) ** 3),
-}
-
-
-@pytest.mark.parametrize("cause", sorted(HIDDEN))
+@pytest.mark.parametrize("cause", NAMED)
 def test_what_is_hidden_is_named(cause: str) -> None:
     runs, good = needed_runs(0.95), 0
     for seed in range(runs):
