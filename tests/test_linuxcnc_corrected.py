@@ -1,6 +1,7 @@
 """Corrections in the real LinuxCNC: what its joints do on a machine with errors."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 import trunnion as tn
 from controller import Bench, compiled, needs_linuxcnc, run
+from probing_bench import ERRORS, SPEED, hidden, run_program
 from reference_trt_ca import TABLE_2, Floats, table_pose
 from trunnion.controls import linuxcnc_files
 from trunnion.setup.control import ControlSetup
@@ -103,3 +105,38 @@ def _pins(centre: Mapping[str, float]) -> str:
 def _words(program: str) -> list[str]:
     line = next(line for line in program.splitlines() if line.startswith("G10"))
     return line.split()[3:]
+
+
+def test_measured_corrected_and_measured_again(tmp_path: Path) -> None:
+    """Plan, program, log, estimate, component, program again: no line of it written by hand."""
+    case = hidden(31, clearance=4.0, kind="cross", slow_feed_mm_min=30 * SPEED)
+    report = run_program(case, tmp_path / "before")
+    assert report["strikes"] == 0, report
+    before = tn.identify(tn.read_probe_log(tmp_path / "before/touches.log", case.plan), case.setup)
+    files = linuxcnc_files(case.setup, before)
+    component = compiled("trunnionkins", files.files["trunnionkins.comp"])
+    bench = replace(
+        case.bench,
+        kinematics="trunnionkins",
+        components={"trunnionkins": component},
+        hal=files.files["trunnion.hal"],
+    )
+    again = replace(case, bench=bench)
+    program = tn.probing_program(case.plan, case.setup, corrected=True).text()
+    report = run_program(again, tmp_path / "after", text=program)
+    assert report["strikes"] == 0, report
+    touches = tn.read_probe_log(tmp_path / "after/touches.log", case.plan)
+    assert len(touches) == len(case.plan), report
+    after = tn.identify(touches, case.setup)
+    for name in ERRORS:
+        both = np.hypot(before.std_errors[name], after.std_errors[name])
+        assert abs(after.errors[name]) < 4 * both, name
+    # What is left on the machine as it is: the difference of its errors and the estimate.
+    error = {name: case.errors[name] - before.errors[name] for name in ERRORS}
+    left = tn.volumetric_error(case.setup, error, a_deg=(-90, 0, 90), c_deg=(0, 90, 200)).max_um
+    found = tn.volumetric_error(
+        case.setup, case.errors, a_deg=(-90, 0, 90), c_deg=(0, 90, 200)
+    ).max_um
+    assert found > 40 * left
+    assert files.interval_um is not None
+    assert left < 1.5 * files.interval_um[1]
