@@ -10,7 +10,7 @@ row counts:
 * right: runs that name a cause of the family that the disturbance belongs to, or have it in every
   alternative;
 * nothing false: runs whose named causes are all of the family;
-* false without a doubt: runs with one set of causes that holds a cause outside of the family;
+* false without a doubt: runs whose verdict is "explained", with a cause outside of the family;
 * missed: runs that call the data consistent.
 """
 
@@ -277,29 +277,44 @@ def share(count: int, of: int) -> str:
     return f"{100 * count / of:.0f} % ({100 * ci.low:.0f} to {100 * ci.high:.0f})"
 
 
-def line(name: str, runs: int, seed: int) -> str:
-    """One row of the table."""
-    row = ROWS[name]
-    right = clean = wrong = missed = 0
-    spent = 0.0
+@dataclass
+class Tally:
+    """What came of the runs of one row; see the head of the file."""
+
+    runs: int
+    right: int = 0
+    clean: int = 0
+    wrong: int = 0
+    missed: int = 0
+    seconds: float = 0.0
+
+
+def tally(name: str, runs: int, seed: int) -> Tally:
+    """Diagnose the runs of one row."""
+    row, out = ROWS[name], Tally(runs)
     for run in range(runs):
         rng = np.random.default_rng([seed, list(ROWS).index(name), run])
         data = row.make(row.hidden, rng)
         began = time.process_time()
         d = tn.diagnose(data)
-        spent += time.process_time() - began
-        missed += d.verdict == "consistent"
+        out.seconds += time.process_time() - began
         false = d.named - row.family - row.beside
-        right += bool(d.alternatives) and all(row.family & a for a in d.alternatives)
-        clean += not false
-        wrong += bool(false) and len(d.alternatives) == 1
-        if false or not (d.named & row.family or not row.family):
+        calm = d.verdict == "consistent"
+        found = bool(d.alternatives) and all(row.family & a for a in d.alternatives)
+        out.right += calm if row.hidden is None else found
+        out.missed += calm and row.hidden is not None
+        out.clean += not false
+        out.wrong += bool(false) and d.verdict == "explained"
+        if false or not (found or row.hidden is None):
             sys.stderr.write(f"{name}: {d.verdict}, {', '.join(sorted(d.named))}\n")
-    if row.hidden is None:
-        right = missed
+    return out
+
+
+def line(name: str, t: Tally) -> str:
+    """One row of the table."""
     return (
-        f"| {name} | {runs} | {share(right, runs)} | {share(clean, runs)} | {share(wrong, runs)} "
-        f"| {'–' if row.hidden is None else missed} | {1e3 * spent / runs:.0f} |"
+        f"| {name} | {t.runs} | {share(t.right, t.runs)} | {share(t.clean, t.runs)} "
+        f"| {share(t.wrong, t.runs)} | {t.missed} | {1e3 * t.seconds / t.runs:.0f} |"
     )
 
 
@@ -324,7 +339,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="parts of names of rows")
     options = parser.parse_args()
     rows = [n for n in ROWS if not options.only or any(part in n for part in options.only)]
-    lines = [line(name, options.runs, options.seed) for name in rows]
+    lines = [line(name, tally(name, options.runs, options.seed)) for name in rows]
     report.write([HEAD + "\n".join(lines), "", f"Seed {options.seed}."], options.out)
 
 
