@@ -12,6 +12,7 @@ import typer
 from trunnion.cli import (
     ballbar,
     calibration,
+    compare,
     compensate,
     contour,
     demo,
@@ -20,6 +21,7 @@ from trunnion.cli import (
     levels,
     positioning,
     program,
+    read,
     sweep,
     turning,
 )
@@ -56,7 +58,9 @@ def _main(
 GROUPS = (
     calibration,
     program,
+    read,
     diagnose,
+    compare,
     compensate,
     turning,
     contour,

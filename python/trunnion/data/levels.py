@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 
@@ -174,19 +175,32 @@ class Levels(Table):
         slopes = [self.slopes(component) for component in names]
         return Twist.of(slopes, [self._noise(s, noise_um_m) for s in slopes])
 
-    def results(self) -> tuple[Result, ...]:
-        """Return every result for which the readings have what it takes."""
+    def results(self, others: Sequence[Levels] = ()) -> tuple[Result, ...]:
+        """Return every result for which the readings have what it takes.
+
+        others: Measurements whose places count: straightness and flatness are of those that all
+            have. A twist is of the whole.
+        """
+        common: Flags = np.all([self._among(one) for one in (self, *others)], axis=0)
+        shared = self[common]
         out: list[Result] = []
-        if len(self.stations[0]) < 3 + self.grid:
-            return ()
-        if self.grid and len(self.components) == 2:
-            out = [self.flatness(), self.twist()]
-        elif not self.grid:
-            out += [self.straightness()] if "along" in self.components else []
-            out += [self.twist()] if "across" in self.components else []
+        try:
+            if self.grid and len(self.components) == 2:
+                out.append(shared.flatness())
+            elif not self.grid and "along" in self.components:
+                out.append(shared.straightness())
+            if "across" in self.components and (not self.grid or len(self.components) == 2):
+                out.append(self.twist())
+        except DataError:
+            return tuple(out)
         return tuple(out)
 
     # --- parts
+
+    def _among(self, other: Levels) -> Flags:
+        """Whether the place of each row is one of the other's."""
+        theirs = {tuple(p) for p in other.stations[0].tolist()}
+        return np.array([tuple(p) in theirs for p in self.places_mm.tolist()], dtype=bool)
 
     def _need(self, what: str, component: str, least: int) -> None:
         if component not in self.components:

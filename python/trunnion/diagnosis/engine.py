@@ -62,7 +62,7 @@ def diagnose(model: Model) -> Diagnosis:
         Fewer readings than unknowns, or readings that are not finite.
     """
     with one_blas_thread():
-        case = _case(model)
+        case = case_of(model)
         choice = _choose(case)
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
@@ -76,7 +76,7 @@ def diagnose(model: Model) -> Diagnosis:
         return report(case, choice[1], choice[2])
 
 
-def _case(model: Model) -> Case:
+def case_of(model: Model) -> Case:
     """Fit the model without effects, and linearise the candidates there."""
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
@@ -194,7 +194,7 @@ def _choose(case: Case) -> Choice:
     aside = none if case.exact(case.plain) else _far_out(case, case.plain)
     best = _explained_without(case, aside)
     tried = [aside, best[2]]
-    if len(aside) and best_score(case) < best[0]:
+    if len(aside) and (case.exact(best[1].fit) or best_score(case) < best[0]):
         # Perhaps the readings set aside are good ones, and show a cause.
         best = min(best, _explained_without(case, none), key=lambda c: c[0])
         tried.append(none)
@@ -263,7 +263,7 @@ def _among_causes(case: Case, suspects: Integers) -> Integers:
     alone[suspects, np.arange(len(suspects))] = 1.0
     white = np.asarray(case.whiten(alone)).T[:, None, :, None]
     both = case.candidates.beside(list(white), np.full(len(suspects), out.OUTLIER_LEVEL / n))
-    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor)[0]
+    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor).top
     count = len(case.effects)
     return np.sort(suspects[[m - count for m in top.members if m >= count]])
 

@@ -212,6 +212,10 @@ class Model:
         """Return the same model on other data."""
         raise NotImplementedError
 
+    def differing(self, other: Model) -> frozenset[str]:  # noqa: ARG002
+        """Ids of effects whose parameters mean something else in a model of other data: none."""
+        return frozenset()
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of any diagnosis of these data should know, in sentences."""

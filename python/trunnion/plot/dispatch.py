@@ -26,6 +26,7 @@ PICTURES = {
     "Iso2302": "plot_positioning",
     "Iso2302Rotary": "plot_positioning",
     "IdentificationResult": "plot_estimates",
+    "MachineComparison": "plot_comparison",
     "Margins": "plot_margins",
     "Observability": "plot_observability",
     "ProbePath": "plot_probe_path",
