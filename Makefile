@@ -114,5 +114,6 @@ clean:  ## remove everything that was built
 docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_effects_table.py
 	$(BIN)/python docs/make_files_tables.py
+	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_measured_figures.py
