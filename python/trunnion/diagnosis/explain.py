@@ -20,31 +20,25 @@ MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
+UNDETERMINED_P = 0.05  # of an effect beside the others of its set
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     plain, candidates = case.plain, case.candidates
-    found = search(candidates, plain.white, floor=case.floor)
-    nothing, named = found[-1], found[:-1]
     alarm_cause = Alarm.of_causes(case)
-    # Which readings to leave out is a choice of its own, and takes half of the level.
-    level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
-    demanded = (
-        bool(named)
-        and not case.exact(plain)
-        and (
-            named[0].score < nothing.score - 2 * WITHIN
-            or (alarm_cause.p < level and alarm_cause.holds(level))
-        )
-    )
+    nothing, named, extended = _demanded(case, alarm_cause)
+    demanded = extended is not plain
     best = named[0] if demanded else nothing
-    extended = _fit_set(case, candidates, best) if demanded else plain
 
     terms: list[tuple[str, float]] = []
     alarm_scan = Alarm.of_terms(case, extended)
-    if not case.exact(extended) and (
+    if case.dependent:
+        # What a model that is not complete leaves competes with no cause: it is stated.
+        if alarm_scan.p < SCAN_LEVEL:
+            terms = _sentences(case, extended)
+    elif not case.exact(extended) and (
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
         or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
     ):
@@ -59,6 +53,47 @@ def explain(case: Case) -> Explanation:
     return Explanation(extended, best.rss, penalty, sets, terms, alarm, candidates, note)
 
 
+def _demanded(case: Case, alarm: Alarm) -> tuple[Found, list[Found], Fit]:
+    """Search the sets of causes: none at all, those that explain best, and the fit of the first.
+
+    The plain fit where no cause is demanded. An effect that nothing determines when its set is
+    fitted exactly is no cause: the search is repeated without it.
+    """
+    plain, candidates = case.plain, case.candidates
+    # Which readings to leave out is a choice of its own, and takes half of the level.
+    level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
+    while True:
+        found = search(candidates, plain.white, floor=case.floor)
+        nothing, named = found[-1], found[:-1]
+        if (
+            not named
+            or case.exact(plain)
+            or not (
+                named[0].score < nothing.score - 2 * WITHIN
+                or (alarm.p < level and alarm.holds(level))
+            )
+        ):
+            return nothing, named, plain
+        extended = _fit_set(case, candidates, named[0])
+        bad = _undetermined(case, extended)
+        if not bad:
+            return nothing, named, extended
+        candidates.ban(bad)
+
+
+def _undetermined(case: Case, f: Fit) -> set[int]:
+    """Effects of a fit that might as well not be in it."""
+    variance = float(case.floor.noise(f.rss, f.dof))
+    out = set()
+    for j, effect in enumerate(case.effects):
+        if effect.id in f.effects:
+            _, wald, k = case.size(effect, f, variance)
+            if special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)) > UNDETERMINED_P:
+                out.add(j)
+    # What is expected to differ gives way last.
+    return {j for j in out if not case.effects[j].expected} or out
+
+
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
     found = search(case.candidates, case.plain.white, floor=case.floor)
@@ -69,6 +104,8 @@ def _alternatives(case: Case, best: Found, named: Sequence[Found], *, hidden: bo
     """List all sets within reach of the best, with what may hide behind them."""
     sets: Sets = []
     for f in named:
+        if case.dependent and f.members > best.members:
+            continue  # readings that are not independent demand no more than the best set
         if f.score <= best.score + WITHIN:
             distance = max(f.score - best.score, 0.0)
             sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]

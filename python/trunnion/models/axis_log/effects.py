@@ -9,7 +9,7 @@ chord: the exact change of the response divided by the parameter, at the value w
 alone fits the log best.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -27,6 +27,7 @@ LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
 ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
+SLOPE_STEP = 0.1  # of the amount from which a size is sought: over it the slope is differenced
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class AxisEffect:
         """Return the effect on an axis of a log."""
         raise NotImplementedError
 
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
-        """Return an axis with the effect in it; as it is if its parameters cannot say it."""
+    def changed(self, servo: Axis, axis: AxisSignal, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
+        """Return the servo of an axis with the effect in it; as it is if it cannot say it."""
         return servo
 
 
@@ -79,6 +80,8 @@ class ServoEffect(AxisEffect):
         parameter.
     percent: The amount is in % of the servo's own parameter.
     signed: It can be negative.
+    positive: The servo's own parameter cannot be negative.
+    expected: Where the set-up is far from the log, it costs nothing to name.
     """
 
     parameter: str
@@ -88,39 +91,68 @@ class ServoEffect(AxisEffect):
     start_share: float = 0.0
     percent: bool = False
     signed: bool = True
+    positive: bool = True
+    expected: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""
-        parameter = Parameter(axis.units.name(self.parameter), self.unit)
+        bounds = (self.lowest(axis), np.inf)
+        parameter = Parameter(axis.units.name(self.parameter), self.unit, bounds=bounds)
         columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
-        return linear(_id(self, axis), [parameter], columns, _label(self, axis))
+        expected = self.expected and axis.starts is not None
+        label = _label(self, axis)
+        return linear(_id(self, axis), [parameter], columns, label, expected=expected)
 
     def column(self, axis: AxisSignal, places: Places) -> Floats:
         """Change of the axis's readings by a unit of the amount, shape (blocks,)."""
 
         def change(amount: float) -> Floats:
-            return axis.place(axis.change(self._with(axis.servo, axis.units, amount)))
+            return axis.place(axis.change(self.added(axis.servo, axis, amount)))
 
-        own = getattr(axis.servo, axis.units.name(self.servo[0]))
-        start = max(self.start_share * own, self.start)
+        start = self.least(axis)
+        if _id(self, axis) in places.about:
+            step = SLOPE_STEP * start
+            down = 0.0 if places.about[_id(self, axis)] - step < self.lowest(axis) else -step
+            return np.asarray((change(step) - (change(down) if down else 0.0)) / (step - down))[
+                axis.rows
+            ]
         return places.chord(_id(self, axis), start, change, signed=self.signed)[axis.rows]
 
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
-        """Return an axis with the amount, the first of the values, added."""
-        return self._with(servo, units, float(next(iter(values.values()))))
+    def lowest(self, axis: AxisSignal) -> float:
+        """Return the smallest amount: what the set-up has of it can be taken away, not more."""
+        own = getattr(axis.nominal, axis.units.name(self.servo[0]))
+        if not self.positive:
+            return -np.inf
+        return -99.0 if self.percent else -float(own)
 
-    def _with(self, servo: Axis, units: Units, amount: float) -> Axis:
-        names = [units.name(name) for name in self.servo]
-        step = amount * (0.01 * getattr(servo, names[0])) if self.percent else amount
-        changed: dict[str, Any] = {name: getattr(servo, name) + step for name in names}
+    def least(self, axis: AxisSignal) -> float:
+        """Amount from which its size is sought."""
+        own = getattr(axis.servo, axis.units.name(self.servo[0]))
+        return max(self.start_share * own, self.start)
+
+    def changed(self, servo: Axis, axis: AxisSignal, values: Mapping[str, float]) -> Axis:
+        """Return the servo of an axis with the amount, the first of the values, added."""
+        return self.added(servo, axis, float(next(iter(values.values()))))
+
+    def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:
+        """Return a servo of an axis with an amount added; a share is one of the set-up's."""
+        names = [axis.units.name(name) for name in self.servo]
+        share = 0.01 * getattr(axis.nominal, names[0]) if self.percent else 1.0
+        changed: dict[str, Any] = {n: getattr(servo, n) + amount * share for n in names}
         return replace(servo, **changed)
 
 
 @dataclass(frozen=True)
-class Friction(ServoEffect):
-    """Coulomb friction, a change of the servo, and with it a Stribeck drop of its own."""
+class Stribeck(AxisEffect):
+    """Friction is larger at low speed by an amount that falls with the square of the speed.
 
-    def build(self, axis: AxisSignal, places: Places) -> Effect:
+    The servo model stays as it is: the loop's linear response to it is added.
+    """
+
+    id: str = "stribeck"
+    label: str = "friction of the {axis} axis at low speed"
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:  # noqa: ARG002
         """Return the effect on an axis of a log."""
         units = axis.units
         sense, speed = axis.sense_and_speed()
@@ -128,29 +160,44 @@ class Friction(ServoEffect):
         peaks = tuple(float(v) for v in np.geomspace(0.01, 0.3, 6) * max(top, 1e-9))
         drop = units.name("speed_{large}_s")
         parameters = (
-            Parameter(units.name(self.parameter)),
-            Parameter(units.name("stribeck_{small}")),
-            Parameter(drop, unit=f"{units.large}/s", grid=peaks, bounds=(1e-9, np.inf)),
+            Parameter(units.name("stribeck_{small}"), bounds=(0.0, np.inf)),
+            Parameter(drop, unit=f"{units.large}/s", grid=peaks, bounds=(1e-9, 2.0 * peaks[-1])),
         )
-        columns = FrictionColumns(axis, drop, self.column(axis, places), sense, speed)
+        columns = StribeckColumns(axis, drop, sense, speed)
         return gridded(_id(self, axis), parameters, columns, _label(self, axis))
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionColumns:
-    """Columns of Coulomb friction and of a Stribeck drop over a speed, (n, 2)."""
+class StribeckColumns:
+    """Column of friction at low speed, (n, 1)."""
 
     axis: AxisSignal
     name: str
-    coulomb: Floats
     sense: Floats
     speed: Floats
 
     def __call__(self, values: Mapping[str, float]) -> Floats:
-        """Return the columns at a speed."""
+        """Return the column at a speed."""
         bump = self.sense * np.exp(-((self.speed / values[self.name]) ** 2))
-        drop = self.axis.mean(-self.axis.through_loop(bump))
-        return self.axis.blocks.place(self.axis.rows, np.stack([self.coulomb, drop], axis=1))
+        rise = self.axis.mean(-self.axis.through_loop(bump))
+        return self.axis.blocks.place(self.axis.rows, rise[:, None])
+
+
+@dataclass(frozen=True)
+class FrictionByDirection(ServoEffect):
+    """Friction that rises with the speed in one direction and falls in the other.
+
+    With it goes a constant force that takes it away at the mean speed of the log: what is the
+    same at every speed is `offset`.
+    """
+
+    def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:
+        """Return a servo of an axis with an amount added."""
+        servo = super().added(servo, axis, amount)
+        name = axis.units.name("offset_{small}")
+        back = 0.01 * amount * axis.typical_speed * axis.units.scale / servo.gain_per_s
+        changed: dict[str, Any] = {name: getattr(servo, name) - back}
+        return replace(servo, **changed)
 
 
 @dataclass(frozen=True)
@@ -179,9 +226,9 @@ class CyclicError(AxisEffect):
         columns = CyclicColumns(axis, pitch, waves)
         return gridded(_id(self, axis), parameters, columns, _label(self, axis))
 
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
-        """Return an axis with the cyclic error; as it is if it has one already."""
-        names = [units.name(n) for n in ("cyclic_{small}", "pitch_{large}", "phase_deg")]
+    def changed(self, servo: Axis, axis: AxisSignal, values: Mapping[str, float]) -> Axis:
+        """Return the servo of an axis with the cyclic error; as it is if it has one already."""
+        names = [axis.units.name(n) for n in ("cyclic_{small}", "pitch_{large}", "phase_deg")]
         if getattr(servo, names[0]):
             return servo
         cosine, sine, pitch = values.values()
@@ -325,6 +372,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("gain_per_s",),
         unit="%",
         percent=True,
+        expected=True,
     ),
     ServoEffect(
         "time_constant",
@@ -333,6 +381,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("time_constant_ms",),
         start=0.02,
         start_share=0.02,
+        expected=True,
     ),
     ServoEffect(
         "loop_delay",
@@ -349,12 +398,45 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("backlash_{small}",),
         signed=False,
     ),
-    Friction(
+    ServoEffect(
         "friction",
         "friction of the {axis} axis",
         "coulomb_{small}",
         ("coulomb_{small}", "breakaway_{small}"),
         signed=False,
+    ),
+    Stribeck(),
+    ServoEffect(
+        "offset",
+        "constant force on the {axis} axis",
+        "offset_{small}",
+        ("offset_{small}",),
+        positive=False,
+    ),
+    FrictionByDirection(
+        "friction_direction",
+        "friction of the {axis} axis that depends on speed and direction",
+        "drag_percent",
+        ("friction_direction_percent",),
+        unit="%",
+        start=0.1,
+        positive=False,
+    ),
+    ServoEffect(
+        "velocity_forward",
+        "velocity feed-forward of the {axis} axis",
+        "forward_percent",
+        ("velocity_forward_percent",),
+        unit="%",
+        positive=False,
+    ),
+    ServoEffect(
+        "acceleration_forward",
+        "acceleration feed-forward of the {axis} axis",
+        "forward_ms",
+        ("acceleration_forward_ms",),
+        start=0.1,
+        positive=False,
     ),
     CyclicError(),
     Resonance(),
@@ -422,12 +504,19 @@ def catalogue(signals: Signals, places: Places) -> list[Located]:
     return out + [Located(effect, every) for effect in made if effect is not None]
 
 
-def changed_servo(servo: Servo, effects: Mapping[str, Mapping[str, float]]) -> Servo:
+def changed_servo(
+    servo: Servo, axes: Iterable[AxisSignal], effects: Mapping[str, Mapping[str, float]]
+) -> Servo:
     """Return the servo model with what a diagnosis found in it, as far as its parameters say it."""
-    axes = dict(servo.axes)
-    known = {f"{e.id}_{a.lower()}": (e, a) for a in axes for e in AXIS_EFFECTS}
+    changed = dict(servo.axes)
+    known = {_id(e, axis): (e, axis) for axis in axes for e in AXIS_EFFECTS}
     for name, values in effects.items():
         if name in known:
-            entry, letter = known[name]
-            axes[letter] = entry.changed(axes[letter], Units.of(letter), values)
-    return replace(servo, axes=axes)
+            entry, axis = known[name]
+            changed[axis.letter] = entry.changed(changed[axis.letter], axis, values)
+    return replace(servo, axes=changed)
+
+
+def servo_effects(axis: AxisSignal) -> dict[str, ServoEffect]:
+    """Return the effects that are an amount of a servo parameter, by id."""
+    return {_id(e, axis): e for e in AXIS_EFFECTS if isinstance(e, ServoEffect)}
