@@ -15,7 +15,7 @@ The gain is that of the whole loop (open-loop gain times axial controller gain):
 speed v lies v/K_v behind.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from math import inf
 from os import PathLike
@@ -125,6 +125,19 @@ class RotaryAxis(Part):
 
 
 Axis: TypeAlias = LinearAxis | RotaryAxis
+
+
+def varied(axis: Axis, changes: Mapping[str, float]) -> Axis:
+    """Return a copy with some numbers changed; of many of them, it is the core that checks."""
+    new: Axis = object.__new__(type(axis))
+    vars(new).update(vars(axis), **changes)
+    return new
+
+
+def numbers(axes: Sequence[Axis]) -> Floats:
+    """Return the numbers of axes in the order of their fields, shape (m, 17)."""
+    names = [f.name for f in fields(axes[0])]
+    return np.array([[getattr(axis, name) for name in names] for axis in axes], dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -20,15 +20,14 @@ MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
-UNDETERMINED_P = 0.05  # of an effect beside the others of its set
+UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     plain, candidates = case.plain, case.candidates
-    alarm_cause = Alarm.of_causes(case)
-    nothing, named, extended = _demanded(case, alarm_cause)
+    nothing, named, extended, alarm_cause = _demanded(case)
     demanded = extended is not plain
     best = named[0] if demanded else nothing
 
@@ -53,16 +52,17 @@ def explain(case: Case) -> Explanation:
     return Explanation(extended, best.rss, penalty, sets, terms, alarm, candidates, note)
 
 
-def _demanded(case: Case, alarm: Alarm) -> tuple[Found, list[Found], Fit]:
+def _demanded(case: Case) -> tuple[Found, list[Found], Fit, Alarm]:
     """Search the sets of causes: none at all, those that explain best, and the fit of the first.
 
-    The plain fit where no cause is demanded. An effect that nothing determines when its set is
+    The plain fit where no cause is demanded; with the test of all candidates. An effect that nothing determines when its set is
     fitted exactly is no cause: the search is repeated without it.
     """
     plain, candidates = case.plain, case.candidates
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
     while True:
+        alarm = Alarm.of_causes(case)
         found = search(candidates, plain.white, floor=case.floor)
         nothing, named = found[-1], found[:-1]
         if (
@@ -73,11 +73,11 @@ def _demanded(case: Case, alarm: Alarm) -> tuple[Found, list[Found], Fit]:
                 or (alarm.p < level and alarm.holds(level))
             )
         ):
-            return nothing, named, plain
+            return nothing, named, plain, alarm
         extended = _fit_set(case, candidates, named[0])
         bad = _undetermined(case, extended)
         if not bad:
-            return nothing, named, extended
+            return nothing, named, extended, alarm
         candidates.ban(bad)
 
 
@@ -88,7 +88,10 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
             _, wald, k = case.size(effect, f, variance)
-            if special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)) > UNDETERMINED_P:
+            chance = special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY))
+            places = case.candidates.places[case.candidates.owner == j]
+            count = case.candidates.multiplicity * float(places.max(initial=1.0))
+            if chance > 0.05 if effect.expected else chance * count > UNDETERMINED_P:
                 out.add(j)
     # What is expected to differ gives way last.
     return {j for j in out if not case.effects[j].expected} or out

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
 from trunnion.base.units import Floats
-from trunnion.contouring.servo import Axis, Servo
+from trunnion.contouring.servo import Axis, Servo, varied
 from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
 from trunnion.machine.effects import Owner
 from trunnion.models.axis_log.columns import Places, Signals
@@ -132,14 +132,13 @@ class ServoEffect(AxisEffect):
 
     def changed(self, servo: Axis, axis: AxisSignal, values: Mapping[str, float]) -> Axis:
         """Return the servo of an axis with the amount, the first of the values, added."""
-        return self.added(servo, axis, float(next(iter(values.values()))))
+        return replace(self.added(servo, axis, float(next(iter(values.values())))))
 
     def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:
         """Return a servo of an axis with an amount added; a share is one of the set-up's."""
         names = [axis.units.name(name) for name in self.servo]
         share = 0.01 * getattr(axis.nominal, names[0]) if self.percent else 1.0
-        changed: dict[str, Any] = {n: getattr(servo, n) + amount * share for n in names}
-        return replace(servo, **changed)
+        return varied(servo, {n: getattr(servo, n) + amount * share for n in names})
 
 
 @dataclass(frozen=True)
@@ -196,8 +195,7 @@ class FrictionByDirection(ServoEffect):
         servo = super().added(servo, axis, amount)
         name = axis.units.name("offset_{small}")
         back = 0.01 * amount * axis.typical_speed * axis.units.scale / servo.gain_per_s
-        changed: dict[str, Any] = {name: getattr(servo, name) - back}
-        return replace(servo, **changed)
+        return varied(servo, {name: getattr(servo, name) - back})
 
 
 @dataclass(frozen=True)
@@ -359,7 +357,7 @@ def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
 
 def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Floats]:
     """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
-    servos = [replace(axis.servo, resonance_hz=f, damping=d) for f, d in places]
+    servos = [varied(axis.servo, {"resonance_hz": f, "damping": d}) for f, d in places]
     for responses in axis.responses(servos, "motor"):
         yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
 

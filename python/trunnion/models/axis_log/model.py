@@ -22,7 +22,7 @@ from trunnion.diagnosis.effect import (
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.machine.estimate import Estimate
-from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
+from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import Located, catalogue, changed_servo, servo_effects
 from trunnion.models.axis_log.near import Point, near
@@ -140,7 +140,7 @@ class AxisLogModel(Model):
         )
         check_loops(axes, self.servo)
         for axis in axes:
-            check_motion(axis)
+            check_axis(axis)
         if self._point is not None:
             axes = tuple(self._at(axis, self._point) for axis in axes)
         tip = ToolTip.of(log, self.setup) if self.has_tip else None

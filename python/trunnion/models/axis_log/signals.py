@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats, Integers
-from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
+from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo, numbers
 from trunnion.data.axis_log import AxisLog
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -235,14 +235,14 @@ class AxisSignal:
 
         ``starts``: of all servos (runs, 2), or of each, (servos, runs, 2).
         """
-        numbers = np.stack([Servo({self.letter: s}).row(self.letter) for s in servos])
+        each = numbers(servos)
         out = np.empty((len(servos), len(self.commanded)))
         some = np.zeros((len(self.runs), 2)) if starts is None else starts * [1.0, 1e3]
         some = np.broadcast_to(some / self.units.scale, (len(servos), len(self.runs), 2))
         for i, (run, command) in enumerate(zip(self.runs, fine, strict=True)):
             out[:, run.rows] = _core.contour_axis_responses(
                 self.letter,
-                numbers,
+                each,
                 run.control_s,
                 feedback,
                 command,
