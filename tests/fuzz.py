@@ -11,7 +11,7 @@ from hostile_core import REFUSALS, core_calls
 from mutated_files import mutations
 
 
-def told(what: str, found: Iterator[str], count: int) -> int:
+def report(what: str, found: Iterator[str], count: int) -> int:
     """Print what went wrong, each kind once, and the rate; return how often it did."""
     begin, seen = time.monotonic(), Counter[str]()
     for line in found:
@@ -33,17 +33,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     public, core = calls(), core_calls()
-    wrong = told(
+    wrong = report(
         "calls of the extension module",
         attack(core, 4 * given.rounds, given.seed, REFUSALS),
         4 * given.rounds * len(core),
     )
-    wrong += told(
+    wrong += report(
         "calls of public functions",
         attack(public, given.rounds, given.seed),
         given.rounds * len(public),
     )
-    wrong += told("mutated files", mutations(given.files, given.seed), given.files)
+    wrong += report("mutated files", mutations(given.files, given.seed), given.files)
     sys.exit(bool(wrong))
 
 

@@ -194,6 +194,8 @@ class Own:
         shape: tuple[int, ...] = (len(data),)
         if isinstance(data, tn.Points):
             shape = (len(data) * data.dimension,)
+        elif isinstance(data, tn.Levels):
+            shape = (len(data) * len(data.components),)
         elif isinstance(data, tn.Sweep):
             shape = (3 * len(data),)
         elif isinstance(data, tn.AxisLog):

@@ -25,6 +25,9 @@ __all__ = ["formats", "mutations"]
 
 Format = tuple[Callable[[Path], object], bytes]
 
+WATCHED = 100
+"""Files read within `MAX_SECONDS`; to arm the watchdog for each one costs a third of the time."""
+
 PIECES = [
     *(b'"', b"'", b",", b";", b"\n", b"\r", b"#", b"[", b"]", b"{", b"}", b"=", b":", b".", b"-"),
     *(b"\0", b"\xff", b"\xc2\x85", b"\xe2\x80\xa8", b"\xd9\xa3", b"\xef\xbb\xbf", b"\x0c", b" "),
@@ -175,16 +178,17 @@ def mutated(good: bytes, rng: random.Random) -> bytes:
 
 
 def mutations(count: int, seed: int) -> Iterator[str]:
-    """Read so many mutated files; yield what went wrong."""
+    """Read so many mutated files, from memory where the system allows; yield what went wrong."""
     rng = random.Random(seed)
     table = list(formats().items())
-    with tempfile.TemporaryDirectory() as folder:
+    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        path = Path(folder, "file")
         for number in range(count):
+            if number % WATCHED == 0:
+                faulthandler.dump_traceback_later(MAX_SECONDS, exit=True)
             name, (reader, good) = table[number % len(table)]
-            path = Path(folder, "file")
-            raw = mutated(good, rng)
-            path.write_bytes(raw)
-            faulthandler.dump_traceback_later(MAX_SECONDS, exit=True)
+            path.write_bytes(mutated(good, rng))
             try:
                 found = reader(path)
                 setup_of_unknown = isinstance(found, tn.Setup)  # keys that are checked when used
@@ -195,5 +199,4 @@ def mutations(count: int, seed: int) -> Iterator[str]:
                     yield f"{name}({number}): without a place: {error!s:.150}"
             except BaseException as error:
                 yield f"{name}({number}): {type(error).__name__}: {error!s:.150}"
-            finally:
-                faulthandler.cancel_dump_traceback_later()
+    faulthandler.cancel_dump_traceback_later()

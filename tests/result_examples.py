@@ -19,6 +19,7 @@ SAMPLES = {
     "diameters": ("turning/diameters.csv", "turning/setup.toml"),
     "ballbar": ("ballbar/circle.csv", None),
     "positioning": ("positioning/axis.csv", None),
+    "levels": ("levels/bed.csv", None),
     "axislog": ("contour/axislog.csv", "contour/setup.toml"),
 }
 
@@ -116,6 +117,17 @@ def groove() -> turning.Finishing:
     return part.finishing("linuxcnc-lathe", access_z_mm=[50.0], feed=100)
 
 
+def two_axes() -> tn.MachineComparison:
+    first = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    worn = first.measured + 2e-3 * first.direction
+    return tn.compare(diagnosis_of("positioning"), first.with_columns(measured_mm=worn))
+
+
+def three_beds() -> tn.MachineComparison:
+    bed = tn.read_levels(tn.sample_path("levels/bed.csv")).straightness()
+    return tn.compare(bed, bed, bed, dates=["2026-01-01", "2026-02-01", "2026-03-01"])
+
+
 LOCATION_ERRORS = {"EX0C": 15.0, "EA0A": 20.0}
 
 
@@ -180,6 +192,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Crossing": crossing,
     "Cause": lambda: with_outliers().causes[0],
     "Alternative": lambda: with_outliers().evidence[1],
+    "Contribution": lambda: with_outliers().contributions[0],
+    "Ladder": lambda: with_outliers().ladder,
     "Gain": lambda: with_outliers().gain,
     "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
     "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
@@ -189,6 +203,11 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     ),
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
     "Iso2302Rotary": turning_table,
+    "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
+    "Twist": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).twist(),
+    "Flatness": lambda: tn.read_levels(tn.sample_path("levels/plate.csv")).flatness(),
+    "MachineComparison": two_axes,
+    "MachineComparison over time": three_beds,
     "Residuals": lambda: with_outliers().residuals,
     "Comparison": methods,
     "VolumetricError": volumetric,

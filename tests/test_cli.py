@@ -177,3 +177,11 @@ def test_a_plan_becomes_a_program_and_its_log_touches(tmp_path: Path) -> None:
         assert found
     log.write_text(log.read_text().replace("hash=", "hash=x"))
     assert "first line of a run" in run("touches", str(plan), str(log), code=2)
+
+
+def test_a_warning_of_the_library_is_a_note_beside_the_answer() -> None:
+    setup = str(tn.sample_path("cross/setup.toml"))
+    result = CliRunner().invoke(app, ["simulate", setup, "--error", "EX0C=0.015"])
+    assert result.exit_code == 0
+    assert "note: simulate, errors: got EX0C = 0.015: are these mm?" in result.stderr
+    assert "note" not in result.stdout

@@ -5,7 +5,7 @@ import pytest
 
 import trunnion as tn
 import trunnion._core as _core
-from reference_trt_ca import NAMES, TABLE_2, displaced_um, table_pose, turn
+from reference_trt_ca import NAMES, TABLE_2, displaced_um, shift, table_pose, turn
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 A, C = tuple(range(-90, 91, 30)), tuple(range(0, 360, 30))
@@ -21,12 +21,41 @@ def test_printed_equations_at_a_zero() -> None:
     euler = turn("x", 21.6 * np.pi / 648000) @ turn("y", 25.2 * np.pi / 648000)
     euler = (euler @ turn("z", 10.8 * np.pi / 648000))[:3, :3]
     np.testing.assert_allclose(printed.normal, euler[2], rtol=0, atol=1e-15)
-    before = tn.volumetric_error(SETUP, TABLE_2).max_um
     for branch in (0, 1):
-        left = tn.volumetric_error(SETUP, TABLE_2, compensation=printed.parameters(branch))
-        assert left.max_um > before  # worse than nothing
         missed = printed.parameters(branch, turn_work=False)
         assert tn.volumetric_error(SETUP, TABLE_2, compensation=missed).max_um > 1e5
+
+
+@pytest.mark.parametrize("yaw_arcsec", [0.0, 40.0])
+def test_printed_method_is_judged_with_its_origin_offsets(yaw_arcsec: float) -> None:
+    """What zeros and origin offsets leave, by matrices of the definitions; with E_CRS too."""
+    d = np.array([30.0, -20.0, 5.0]) if yaw_arcsec else np.zeros(3)
+    placement = {"dx_um": d[0], "dy_um": d[1], "dz_um": d[2], "rc_arcsec": yaw_arcsec}
+    printed = tn.printed_zeros(TABLE_2, setup_yaw_arcsec=yaw_arcsec, placement=placement)
+    origin = d + np.array([15.0, 21.0, 12.0])  # EX0C, EY0C, EZ0A of Table 2
+    assert list(printed.work.values()) == pytest.approx(origin)
+    box = np.array([[x, y, z, 1.0] for x in (-150, 150) for y in (-120, 120) for z in (0, 150)]).T
+    placed = shift(*d * 1e-3) @ turn("z", yaw_arcsec * np.pi / 648000)
+    before = tn.volumetric_error(SETUP, TABLE_2, placement=placement).max_um
+    for branch, better in ((0, True), (1, False)):
+        a, c = printed.a_deg[branch], printed.c_deg[branch]
+        # The table stands at -A_Comp, -C_Comp; the control knows the turn of C and the origin.
+        tool = shift(*origin * 1e-3) @ turn("z", -np.radians(c)) @ box
+        on_work = np.linalg.solve(table_pose(TABLE_2, -a, -c) @ placed, tool)
+        left = tn.volumetric_error(
+            SETUP, TABLE_2, compensation=printed.parameters(branch), placement=placement
+        ).max_um
+        assert left == pytest.approx(1e3 * np.linalg.norm((on_work - box)[:3], axis=0).max())
+        if not yaw_arcsec:
+            assert (left < before) == better
+            assert left == pytest.approx((34.44, 71.05)[branch], abs=0.01)  # independent numpy
+        zeros = tn.volumetric_error(
+            SETUP,
+            TABLE_2,
+            placement=placement,
+            compensation=printed.parameters(branch, offsets=False),
+        )
+        assert abs(zeros.max_um - left) > 0.1
 
 
 def test_printed_equations_without_a_tilt_are_undefined() -> None:

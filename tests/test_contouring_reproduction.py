@@ -29,6 +29,15 @@ def test_fig_8_coupling_cuts_the_contour_error(comparison: ct.ContourComparison)
             assert 7 < comparison.ratio("contour_rms_um", feed, "independent", name) < 12
 
 
+def test_fig_8_depends_on_the_contour_error_model_of_the_existing_controller() -> None:
+    found = ct.position_models()
+    tangent = found.controllers[-1]
+    for feed, left in ((1000.0, 9.2), (3000.0, 86.0)):  # independent numpy loop
+        assert found[feed, tangent].figures["contour_max_um"] == pytest.approx(left, abs=0.05)
+        assert found.ratio("contour_max_um", feed, tangent, "independent") > 10
+        assert found.ratio("contour_max_um", feed, "independent", "existing") > 5
+
+
 def test_fig_9_the_proposed_controller_orients_best(comparison: ct.ContourComparison) -> None:
     for feed in comparison.feeds_mm_min:
         assert comparison.ratio("orientation_max_arcsec", feed, "independent", "proposed") > 8

@@ -261,3 +261,14 @@ def test_an_effect_that_shares_with_an_error_leaves_neither_identified() -> None
         assert value == pytest.approx(fit.errors[name], abs=1e-3)
     assert np.isinf(d.errors_std["EZ0A"])
     assert np.isinf(d.causes[0].std_errors["kz_um"])
+
+
+def test_times_that_do_not_rise_are_named() -> None:
+    data, setup = tn.Touches(measured({}).columns), ground("rich")[3]
+    assert data.time_s is not None
+    still = tn.diagnose(data.with_columns(time_s=np.full(len(data), 7.0)), setup)
+    assert still.notes[0] == "time_s is 7 in every row: no change with time can be found."
+    back = tn.diagnose(data.with_columns(time_s=-data.time_s), setup)
+    assert "time_s falls from every row to the next" in back.notes[0]
+    order = np.random.default_rng(1).permutation(len(data))
+    assert tn.diagnose(data[order], setup).notes == tn.diagnose(data, setup).notes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import pickle
 from functools import cache
 from pathlib import Path
@@ -221,3 +222,15 @@ def test_a_stored_straightness_still_bends_the_machine() -> None:
 
 
 TRAVEL = Travel((0.0, 0.0), (100.0, 80.0))
+
+
+@pytest.mark.parametrize("field", ["covariance", "residuals_um"])
+def test_a_stored_result_that_none_can_have_is_an_error(field: str) -> None:
+    folder = tn.sample_path("cross")
+    touches, setup = tn.read_touches(folder / "touches.csv"), tn.read_setup(folder / "setup.toml")
+    fit = tn.identify(touches, setup)
+    wrong = {"covariance": -fit.covariance, "residuals_um": 1e200 * fit.residuals_um}
+    stored = json.loads(fit.to_json())
+    assert tn.IdentificationResult.from_json(json.dumps(stored)) == fit
+    with pytest.raises(tn.FileFormatError, match="do not fit"):
+        tn.IdentificationResult.from_json(json.dumps({**stored, field: wrong[field].tolist()}))

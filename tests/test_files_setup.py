@@ -267,7 +267,8 @@ def test_a_setup_reads_well() -> None:
         assert key in lines
     assert lines["artefact.diameter_mm"].split()[1:3] == ["20", "mm"]
     assert "artefact.length_mm" not in lines
-    assert repr(FULL.machine) == "Machine(preset='trt-ca', errors={'EX0C': 1.5, 'EA0A': -2.0})"
+    machine = "Machine(preset='trt-ca', errors={'EX0C': 1.5, 'EA0A': -2.0}, tolerance={})"
+    assert repr(FULL.machine) == machine
     for html in (FULL._repr_html_(), FULL.artefact._repr_html_()):
         assert "<td>" in html
         assert "of the sphere, artefact frame" in html

@@ -172,16 +172,16 @@ def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
 
 
 def test_a_table_without_size_is_refused_not_a_panic() -> None:
-    chain = Chain(CROSS)
-    rotary = np.zeros((1, 2))
     for radius, thickness in ((-1.0, 30.0), (150.0, -30.0), (float("nan"), 30.0)):
         with pytest.raises(tn.InputError, match=r"of the table in mm|table_(radius|thickness)_mm"):
-            _core.safe_levels(
-                chain.machine(),
+            _core.Arrangement(
+                Chain(CROSS).machine(),
                 standing_artefact(CROSS),
-                rotary,
                 ball_radius_mm=1.0,
-                clearance_mm=5.0,
+                stem_radius_mm=0.5,
+                stem_length_mm=100.0,
                 table_radius_mm=radius,
                 table_thickness_mm=thickness,
+                clearance_mm=5.0,
+                overtravel_mm=5.0,
             )

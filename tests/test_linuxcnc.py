@@ -160,3 +160,15 @@ def test_a_stopped_run_is_gone_on_with(tmp_path: Path) -> None:
     fit = tn.identify(whole, case.setup)
     for name in ERRORS:
         assert abs(fit.errors[name] - case.errors[name]) < 4 * fit.std_errors[name]
+
+
+def test_a_reading_that_is_not_renewed_stops_the_run(tmp_path: Path) -> None:
+    """The second probing move of touch 30 is left out, so that the reading of the first stays."""
+    case = hidden(14, clearance=3.0, kind="cuboid", slow_feed_mm_min=30 * SPEED)
+    text = tn.probing_program(case.plan, case.setup).text()
+    (move,) = (x for x in text.splitlines() if "G38.3 X" in x and x.endswith("F#<_slow>"))
+    left_out = f"o399 if [#1 NE 30]\n{move}\no399 endif"
+    report = run_program(case, tmp_path, text=text.replace(move, left_out))
+    assert any("touch 30: the control gave the reading" in said for said in report["messages"])
+    assert report["strikes"] == report["stem-strikes"] == 0
+    assert len(tn.read_probe_log(tmp_path / "touches.log", case.plan)) == 29

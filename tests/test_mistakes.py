@@ -118,7 +118,10 @@ def test_a_length_wrong_by_a_round_number_is_named(
 
 
 def test_errors_in_mm_and_places_off_by_more_than_1_mm_are_named() -> None:
-    data = tn.simulate(PLAN, SETUP, errors={"EX0C": 0.015})
+    with pytest.warns(UserWarning, match=r"got EX0C = 0.015: are these mm\?"):
+        data = tn.simulate(PLAN, SETUP, errors={"EX0C": 0.015})
+    with pytest.raises(tn.DataError, match="Likely cause: EZ0A = 30000 µm: errors are in µm"):
+        tn.simulate(PLAN, SETUP, errors={"EZ0A": 30_000.0})
     known = replace(SETUP, machine=tn.Machine(errors={"EX0C": 0.015}))
     far = tn.simulate(PLAN, SETUP, errors={"EX0C": 1500.0}, noise_um=0.3, seed=1)
     for method in METHODS:

@@ -146,6 +146,62 @@ def test_bad_requests_say_what_is_wrong(arguments: dict[str, object], message: s
         tn.plan(CROSS, **arguments)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("axis", "limits", "found"),
+    [
+        ("X", {"range_mm": (-50.0, 300.0)}, r"touch 7: got a move of X to -56\.0"),
+        ("Z", {"range_mm": (-100.0, 130.0)}, r"the way to the .*: got a move of Z to 161\.0"),
+        ("A", {"range_deg": (-120.0, 30.0)}, "touch 65: got a move of A to 90 deg"),
+        # C comes to 0 from the positive sense, by way of -5.
+        ("C", {"range_deg": (0.0, 360.0)}, "touch 1: got a move of C to -5 deg"),
+    ],
+)
+def test_a_plan_beyond_the_range_of_an_axis(
+    axis: str, limits: dict[str, tuple[float, float]], found: str
+) -> None:
+    setup = tn.Setup(artefact=tn.Artefact("cross"), axes={axis: tn.AxisSetup(**limits)})  # type: ignore[arg-type]
+    message = found + rf".* expected .* as axes\.{axis}\.range_"
+    with pytest.raises(tn.DataError, match=message):
+        tn.plan(setup)
+    with pytest.raises(tn.DataError, match=message):
+        tn.probing_program(tn.plan(CROSS), setup)
+    name, (low, high) = next(iter(limits.items()))
+    wide = tn.AxisSetup(**{name: (low - 200.0, high + 200.0)})  # type: ignore[arg-type]
+    assert len(tn.plan(tn.Setup(artefact=tn.Artefact("cross"), axes={axis: wide}))) == 72
+
+
+@pytest.mark.parametrize(
+    ("axis", "limits"),
+    [("X", {"range_deg": (0, 1)}), ("A", {"range_mm": (0, 1)}), ("A", {"range_deg": (1, 0)})],
+)
+def test_ranges_that_are_none(axis: str, limits: dict[str, tuple[float, float]]) -> None:
+    with pytest.raises(tn.InputError, match=rf"axes\.{axis}\.range_.* got .* expected"):
+        tn.Setup(artefact=tn.Artefact("cross"), axes={axis: tn.AxisSetup(**limits)})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("both_senses", [False, True])
+def test_times_are_those_of_the_program(both_senses: bool) -> None:
+    """Counted from the program's moves: each at its speed, approaches half way to their ends."""
+    plan = tn.plan(CROSS, c_deg=(0, 30, 200), both_senses=both_senses, dither=False)
+    moves = follow(tn.probing_program(plan, CROSS).moves)
+    clock, found, at = 0.0, [], moves.start[0]
+    for start, end, feed, code in zip(moves.start, moves.end, moves.feed, moves.code, strict=True):
+        approach = code == 38 and feed == 600.0
+        to = 0.5 * (start + end) if approach else end
+        way = to - at
+        speed = CROSS.plan.rapid_mm_min if code == 0 else feed
+        clock += 60 * max(
+            np.linalg.norm(way[:3]) / speed, np.abs(way[3:]).max() / CROSS.plan.rotary_deg_min
+        )
+        found += [clock] if approach else []
+        at = to
+    assert plan.time_s is not None
+    # Where the program begins is not known: its first moves are left out.
+    # Moves are written to 0.1 µm, half a step off: 6e-6 s at the feed of an approach.
+    assert np.diff(plan.time_s) == pytest.approx(np.diff(found), abs=1.2e-5)
+    assert plan.time_s[0] == pytest.approx(found[0], abs=3.0)
+
+
 def test_an_artefact_out_of_reach_is_an_error() -> None:
     thick = tn.Setup(
         artefact=tn.Artefact("cross"), probe=tn.Probe(ball_radius_mm=1.0, stem_radius_mm=0.9)

@@ -27,6 +27,10 @@ def plan_of(kind: str) -> tuple[tn.Touches, tn.Setup]:
     if kind == "turned senses":
         setup = tn.Setup(artefact=tn.Artefact("cross"), axes={"C": tn.AxisSetup(sense=-1)})
         return tn.plan(setup), setup
+    if kind == "next touches":
+        plan, backlash = plan_of("both senses")[0], {"c_backlash": {"b_arcsec": 20.0}}
+        d = tn.diagnose(tn.simulate(plan, CROSS, effects=backlash, noise_um=0.3, seed=1), CROSS)
+        return tn.next_touches(d, 40), CROSS
     return tn.plan(CROSS), CROSS
 
 
@@ -61,7 +65,9 @@ def test_a_dry_run_makes_no_approach(tmp_path: Path) -> None:
         assert np.abs(starts - end).max(axis=1).min() < PRINTED_MM
 
 
-@pytest.mark.parametrize("kind", ["paper", "both senses", "trt-bc", "turned senses"])
+@pytest.mark.parametrize(
+    "kind", ["paper", "both senses", "trt-bc", "turned senses", "next touches"]
+)
 def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
     """Senses are read off the moves: the last turn of each axis before each approach."""
     plan, setup = plan_of(kind)
@@ -81,6 +87,18 @@ def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
             row += 1
     assert row == len(plan)
     assert min(seen.values()) > 0
+    if kind == "next touches":
+        assert all((senses != 0).all() for senses in plan.rotary_dir.values())
+
+
+def test_a_plan_in_another_order_is_refused_where_its_senses_are_wrong() -> None:
+    plan = tn.plan(CROSS)
+    rows = np.r_[64:72, 0:64].astype(
+        np.int64
+    )  # tilted first: A has then turned before the touches at A0
+    with pytest.raises(tn.DataError, match=r"touch 9: got a_dir 0 .* but A turns before it"):
+        tn.probing_program(plan[rows], CROSS)
+    assert tn.probing_program(plan[rows].with_columns(a_dir=None), CROSS).seconds > 100
 
 
 def test_text_says_what_the_machine_must_be() -> None:

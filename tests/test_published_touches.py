@@ -113,3 +113,25 @@ def test_ticks_alone_leave_little() -> None:
     spread = np.array([bound[name] for name in model.names])
     assert np.all(np.abs(left.mean(axis=0)) < 4 * spread / np.sqrt(len(truths)))
     assert np.all(left.std(axis=0) < 1.5 * spread)
+
+
+def tilted_to(a_deg: float) -> tn.Touches:
+    """The paper's plan with touches 17 to 20 turned about the A axis to another tilt."""
+    columns = {k: np.array(v) for k, v in tn.plan(SETUP).columns.items()}
+    angle = np.radians(np.sign(columns["a_deg"]) * a_deg - columns["a_deg"])
+    angle[columns["a_deg"] == 0] = 0.0
+    columns["a_deg"] = np.sign(columns["a_deg"]) * a_deg
+    for y, z in (("y_mm", "z_mm"), ("dir_y", "dir_z"), ("start_y_mm", "start_z_mm")):
+        columns[y], columns[z] = (
+            np.cos(angle) * columns[y] - np.sin(angle) * columns[z],
+            np.sin(angle) * columns[y] + np.cos(angle) * columns[z],
+        )
+    return tn.simulate(tn.Touches(columns), SETUP, TABLE_2)
+
+
+@pytest.mark.parametrize("a_deg", [30.0, 45.0, 60.0])
+def test_tilts_at_which_equations_9_and_10_do_not_hold_are_refused(a_deg: float) -> None:
+    with pytest.raises(tn.DataError, match=rf"A = {a_deg:.3f}°, expected A = ±90° only.*identify"):
+        tn.closed_form(tilted_to(a_deg), SETUP, "printed")
+    found = tn.identify(tilted_to(a_deg), SETUP)
+    assert found.errors["EY0A"] == pytest.approx(TABLE_2["EY0A"], abs=1e-4)

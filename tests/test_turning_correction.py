@@ -234,3 +234,44 @@ def test_the_picture_draws() -> None:
     assert plot_correction(got).get_ylabel().endswith("µm")
     assert "bound" in got.summary()
     assert got.to_dict()["rule"] == "bounded"
+
+
+CONTOURS = {
+    "curve": "G3 X60 Z20 R10\nG1 Z0",
+    "fillet": "G2 X60 Z20 R10\nG1 Z0",
+    "curve and a steep line": "G3 X50 Z25 R5\nG1 X70 Z22\nZ0",
+    "steep line and a curve": "G1 X60 Z27\nG3 X64 Z25 R2\nG1 Z0",
+}
+
+
+@pytest.mark.parametrize("contour", CONTOURS)
+@pytest.mark.parametrize("rule", ["paper", "every-window", "mid-run", "bounded"])
+@pytest.mark.parametrize("look_ahead", [True, False])
+def test_what_is_not_measured_is_corrected_linearly_between_its_ends(
+    contour: str, rule: Rule, look_ahead: bool
+) -> None:
+    """Section 2.3(1): from the error of the line before to that of the line behind, no notch."""
+    program = Program.parse(
+        f"G7 G90\nG0 X40 Z50\nG1 Z30 F0.1\n{CONTOURS[contour]}\n", "linuxcnc-lathe"
+    )
+    z = np.concatenate([np.arange(49.0, 31.0, -0.5), np.arange(18.0, 1.0, -0.5)])
+    corrected = correct(
+        program, (z, np.where(z > 25, 10.0, 30.0)), rule=rule, look_ahead=look_ahead
+    )
+    between = np.linspace(29.9, 20.1, 99)
+    change, covered = change_um(program, corrected.program, between)
+    assert covered.all()
+    # Ends are written to a micrometre; along the arc the change follows its radius.
+    assert change.max() < -10.0 + 2.0
+    assert change.min() > -30.0 - 2.0
+    assert np.diff(change).max() < 1.0  # never back
+    assert np.abs(corrected.between_um).max() < 22.0
+    assert "not measured" in corrected.summary()
+
+
+def test_a_curve_behind_the_last_measured_line_keeps_its_correction() -> None:
+    program = Program.parse("G7 G90\nG0 X40 Z50\nG1 Z30 F0.1\nG3 X60 Z20 R10\n", "linuxcnc-lathe")
+    z = np.arange(49.0, 31.0, -0.5)
+    corrected = correct(program, (z, np.full(len(z), 10.0)), rule="paper")
+    change, _ = change_um(program, corrected.program, np.linspace(29.5, 20.5, 30))
+    np.testing.assert_allclose(change, -10.0, atol=1.0)

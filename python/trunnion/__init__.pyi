@@ -39,8 +39,13 @@ from .data.ballbar import Ballbar as Ballbar
 from .data.ballbar import read_ballbar as read_ballbar
 from .data.diameters import Diameters as Diameters
 from .data.diameters import read_diameters as read_diameters
+from .data.flatness import Flatness as Flatness
+from .data.flatness import Straightness as Straightness
+from .data.flatness import Twist as Twist
 from .data.iso230_2 import Iso2302 as Iso2302
 from .data.iso230_2 import Iso2302Rotary as Iso2302Rotary
+from .data.levels import Levels as Levels
+from .data.levels import read_levels as read_levels
 from .data.linuxcnc_log import read_probe_log as read_probe_log
 from .data.points import Points as Points
 from .data.points import read_points as read_points
@@ -50,6 +55,8 @@ from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches
 from .data.touches import read_touches as read_touches
+from .diagnosis.contributions import Contribution as Contribution
+from .diagnosis.contributions import Ladder as Ladder
 from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain
@@ -66,6 +73,8 @@ from .machine.kinematics import kinematic_jacobian as kinematic_jacobian
 from .models.axis_log import AxisLogModel as AxisLogModel
 from .models.axis_log import ExtendedServo as ExtendedServo
 from .models.ballbar import BallbarModel as BallbarModel
+from .models.changes import MachineComparison as MachineComparison
+from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
 
 # --- diagnosis of any kind of data

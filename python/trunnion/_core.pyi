@@ -14,18 +14,16 @@ __version__: str
 
 # --- trunnion
 __all__ += [
+    "Arrangement",
     "Artefact",
     "Machine",
     "Measurements",
     "Moves",
     "TouchModel",
     "artefact_kinds",
-    "blocked_moves",
     "catalogue",
     "closed_form_slips",
-    "plan",
     "presets",
-    "safe_levels",
 ]
 
 _Floats: TypeAlias = npt.NDArray[np.float64]
@@ -112,60 +110,47 @@ class _Plan(TypedDict):
     cycle: _Integers
     point: _Integers
     feed_mm_min: _Floats
-    time_s: _Floats
 
-def plan(
-    machine: Machine,
-    artefact: Artefact,
-    *,
-    c_deg: Sequence[float],
-    tilt_deg: Sequence[float],
-    pairs_deg: Sequence[tuple[float, float]],
-    feeds_mm_min: Sequence[float],
-    both_senses: bool,
-    repeats: int,
-    clearance_mm: float,
-    overtravel_mm: float,
-    linear_um: float,
-    rotary_arcsec: float,
-    rapid_mm_min: float,
-    rotary_deg_min: float,
-    ball_radius_mm: float,
-    stem_radius_mm: float,
-    stem_length_mm: float,
-    table_radius_mm: float,
-    table_thickness_mm: float,
-    layout: str,
-    all_faces: bool,
-) -> _Plan:
-    """Plan touches; see :func:`trunnion.plan`."""
+@final
+class Arrangement:
+    """Machine, artefact on its table, probe, and the measures of an approach."""
 
-def safe_levels(
-    machine: Machine,
-    artefact: Artefact,
-    rotary_deg: _Floats,
-    *,
-    ball_radius_mm: float,
-    clearance_mm: float,
-    table_radius_mm: float,
-    table_thickness_mm: float,
-) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """Z above all that swings, and above everything at each row's posture, mm."""
+    def __new__(
+        cls,
+        machine: Machine,
+        artefact: Artefact,
+        *,
+        ball_radius_mm: float,
+        stem_radius_mm: float,
+        stem_length_mm: float,
+        table_radius_mm: float,
+        table_thickness_mm: float,
+        clearance_mm: float,
+        overtravel_mm: float,
+    ) -> Arrangement: ...
+    def plan(
+        self,
+        *,
+        c_deg: Sequence[float],
+        tilt_deg: Sequence[float],
+        pairs_deg: Sequence[tuple[float, float]],
+        feeds_mm_min: Sequence[float],
+        both_senses: bool,
+        repeats: int,
+        linear_um: float,
+        rotary_arcsec: float,
+        layout: str,
+        all_faces: bool,
+    ) -> _Plan:
+        """Plan touches; see :func:`trunnion.plan`."""
 
-def blocked_moves(
-    machine: Machine,
-    artefact: Artefact,
-    moves: Moves,
-    reach_mm: Sequence[float],
-    *,
-    ball_radius_mm: float,
-    stem_radius_mm: float,
-    stem_length_mm: float,
-    clearance_mm: float,
-    table_radius_mm: float,
-    table_thickness_mm: float,
-) -> list[int]:
-    """Rows of moves from their starts that ball and stem cannot make."""
+    def safe_levels(
+        self, rotary_deg: _Floats
+    ) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
+        """Z above all that swings, and above everything at each row's posture, mm."""
+
+    def blocked_moves(self, moves: Moves, reach_mm: Sequence[float]) -> list[int]:
+        """Rows of moves from their starts that ball and stem cannot make."""
 
 @final
 class Moves:
@@ -578,7 +563,7 @@ def contour_path_margins(
 __all__ += ["Hybrid", "hybrid_example", "hybrid_parameter", "hybrid_parameters"]
 
 def hybrid_parameters() -> tuple[list[str], list[str]]:
-    """Names with units: the paper's 17, and every component at every place."""
+    """Names with units: the 17, and every component at every place."""
 
 def hybrid_parameter(name: str) -> str:
     """The name with unit that a spelling stands for."""

@@ -18,6 +18,13 @@ Small measurements of the project's own making, with what is in them written her
     X of a machine by ISO 230-2: 11 targets over 500 mm, both directions, 5 cycles. Scale 18 ppm, a
     reversal of 6 µm, a wave of the screw (pitch 10 mm seen at stops of 52.1 mm), 1.2 µm of drift a
     cycle, 0.7 µm noise.
+``levels/bed.csv``
+    A bed of 2.4 m, level moved in steps of its own 100 mm and back turned by 180 degrees: bow of
+    18 µm, twist of 40 µm/m per m, zero of the level 15 and -8 µm/m, 1 µm/m noise.
+``levels/plate.csv``
+    A plate of 400 x 250 mm on a grid of 50 mm, level turned for the way back: a bowl of 3 µm in x
+    and 2 µm in y, the last 100 mm in x worn down by 8 µm/m; zero of the level 40 and 25 µm/m,
+    0.8 µm/m noise.
 """
 
 from pathlib import Path
@@ -26,7 +33,7 @@ import numpy as np
 
 import trunnion as tn
 
-__all__ = ["make_axis", "make_ballbar", "make_plate", "make_positioning"]
+__all__ = ["make_axis", "make_ballbar", "make_levels", "make_plate", "make_positioning"]
 
 SEED = 2003
 ARCSEC = np.pi / 648000
@@ -69,6 +76,40 @@ def make_positioning(folder: Path) -> None:
         cycle=cycle,
         time_s=np.arange(len(target)) * 15.0,
     ).to_csv(folder / "axis.csv")
+
+
+def make_levels(folder: Path) -> None:
+    """Write the bed and the plate."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(SEED + 6)
+    there = 50.0 + 100.0 * np.arange(24)
+    p = np.concatenate([there, there[::-1]])
+    sense = np.repeat([1.0, -1.0], len(there))
+    rise = -2e3 * 18.0 * (p - 1200.0) / 1200.0**2
+    slopes = np.column_stack([80.0 + rise, -30.0 + 40e-3 * (p - 1200.0)])
+    read = sense[:, None] * slopes + [15.0, -8.0] + rng.normal(size=slopes.shape)
+    tn.Levels(
+        position_mm=p,
+        along_um_m=np.round(read[:, 0], 1),
+        across_um_m=np.round(read[:, 1], 1),
+        turn_deg=np.where(sense > 0, 0.0, 180.0),
+        time_s=25.0 * np.arange(len(p)),
+    ).to_csv(folder / "bed.csv")
+    x, y = (50.0 * a.ravel() for a in np.meshgrid(np.arange(9.0), np.arange(6.0)))
+    u, v = x / 200.0 - 1, y / 125.0 - 1
+    worn = np.where(u > 0.4, -8.0, 0.0)
+    slopes = np.column_stack([120.0 + 6e3 * u / 200.0 + worn, -60.0 + 4e3 * v / 125.0])
+    slopes = np.concatenate([slopes, slopes[::-1]])
+    sense = np.repeat([1.0, -1.0], len(x))
+    read = sense[:, None] * slopes + [40.0, 25.0] + 0.8 * rng.normal(size=slopes.shape)
+    tn.Levels(
+        x_mm=np.concatenate([x, x[::-1]]),
+        y_mm=np.concatenate([y, y[::-1]]),
+        along_um_m=np.round(read[:, 0], 1),
+        across_um_m=np.round(read[:, 1], 1),
+        turn_deg=np.where(sense > 0, 0.0, 180.0),
+        time_s=25.0 * np.arange(len(sense)),
+    ).to_csv(folder / "plate.csv")
 
 
 def make_axis(folder: Path) -> None:
@@ -148,3 +189,4 @@ if __name__ == "__main__":
     make_axis(SAMPLES / "axis")
     make_ballbar(SAMPLES / "ballbar")
     make_positioning(SAMPLES / "positioning")
+    make_levels(SAMPLES / "levels")

@@ -385,9 +385,10 @@ class Result:
         """
         values, where = read_json(source)
         try:
-            with fitting(cls.__name__):
+            with fitting(cls.__name__), np.errstate(over="raise", invalid="raise"):
                 found = cls.from_dict(values)
-                found.summary()  # arrays that do not fit each other are found here
+                # Arrays that do not fit each other, and no covariances, are found here.
+                found.summary()
                 return found
         except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error

@@ -16,6 +16,8 @@ ARCSEC = float(np.pi / 648_000)
 
 # Longest first: "rate_um_h" ends in both.
 _SUFFIXES = {
+    "um_m_m": "µm/m per m",
+    "um_m_h": "µm/m/h",
     "um_min": "µm/min",
     "um_h": "µm/h",
     "mm_min": "mm/min",

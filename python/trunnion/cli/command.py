@@ -11,7 +11,9 @@ from __future__ import annotations
 import functools
 import inspect
 import json
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +85,8 @@ def command(
         def run(*arguments: Any, json_: bool, quiet: bool, force: bool, **options: Any) -> None:
             reset = _FORCED.set(force)
             try:
-                answer = function(*arguments, **options)
+                with _warnings_as_notes():
+                    answer = function(*arguments, **options)
                 if not quiet:
                     typer.echo(answer.json() if json_ else answer.text())
             except BrokenPipeError:  # the reader has seen enough (| head)
@@ -103,6 +106,17 @@ def command(
         return function
 
     return decorate
+
+
+@contextmanager
+def _warnings_as_notes() -> Iterator[None]:
+    """Say on the error stream what the library warns of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for warning in caught:
+        if warning.category is UserWarning:
+            typer.echo(f"note: {warning.message}", err=True)
 
 
 def _message(error: Exception) -> str:

@@ -82,7 +82,7 @@ def diagnose_as(kind: str) -> Any:
 
 def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
-    read = _kind(data[0], kind).read(data[0])
+    read = kind_of_file(data[0], kind).read(data[0])
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if probe_log is not None:
         if not isinstance(read, tn.Touches):
@@ -98,7 +98,7 @@ def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosi
     return tn.diagnose(read, setup)
 
 
-def _kind(path: Path, name: str) -> Kind:
+def kind_of_file(path: Path, name: str) -> Kind:
     """Return the kind of this name, or by the header line of the file."""
     from trunnion.files.text import decode
     from trunnion.models.kinds import kind_of_columns, kinds

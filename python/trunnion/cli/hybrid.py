@@ -57,7 +57,7 @@ def sensitivity(
         typer.Option(help="instead: tool point x,y,z in mm, tool vertical; default: home point"),
     ] = "",
     parameters: Annotated[
-        str, typer.Option(help="errors by name, with commas; default: the 17 of the paper")
+        str, typer.Option(help="errors by name, with commas; default: all 17")
     ] = "",
 ) -> Answer:
     """Show how each error moves the tool at one pose, and the over-constraint there."""

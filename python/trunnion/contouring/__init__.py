@@ -4,7 +4,7 @@
 - `Servo`, `LinearAxis`, `RotaryAxis`, `Coupling`, `read_servo`: what moves and what controls it;
 - `simulate`, `sweep`: one run, or thousands in one call, with true errors;
 - `margins`: gain and stability margins of the coupled loop;
-- `compare`, `order_of_controller`, `offsets`: the paper's comparisons.
+- `compare`, `order_of_controller`, `position_models`, `offsets`: the paper's comparisons.
 
 What is wrong in a servo model is found from a log by ``tn.diagnose(tn.read_axis_log(...), setup)``.
 
@@ -31,6 +31,7 @@ from trunnion.contouring.reproduction import ContourComparison as ContourCompari
 from trunnion.contouring.reproduction import compare as compare
 from trunnion.contouring.reproduction import offsets as offsets
 from trunnion.contouring.reproduction import order_of_controller as order_of_controller
+from trunnion.contouring.reproduction import position_models as position_models
 from trunnion.contouring.servo import Controller as Controller
 from trunnion.contouring.servo import Coupling as Coupling
 from trunnion.contouring.servo import LinearAxis as LinearAxis

@@ -10,8 +10,9 @@ compared is ordering and ratio:
 - Fig. 9: the proposed controller has by far the smallest orientation error; with the earlier model
   it may be worse than with independent axes.
 
-`compare` runs it; `order_of_controller` and `offsets` show what the order of controller and inverse
-Jacobian and the unpublished place change.
+`compare` runs it; `order_of_controller`, `position_models` and `offsets` show what the order of
+controller and inverse Jacobian, the contour-error model of the earlier work and the unpublished
+place change.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -112,6 +113,22 @@ def order_of_controller(
     """Run C(z) after J⁻¹ (stable) beside J⁻¹ after C(z), in right units and as printed."""
     orders = (Coupling(), Coupling(order="jacobian_last"), Coupling(order="as_printed"))
     return compare(path=path, feeds_mm_min=(feed_mm_min,), controllers=orders)
+
+
+@checked
+def position_models(
+    *, path: Path | None = None, feeds_mm_min: Sequence[float] = (1000.0, 3000.0)
+) -> ContourComparison:
+    """Run the "existing" controller with either contour-error model beside independent axes.
+
+    The paper does not say which model of the contour error its existing controller has. "existing"
+    takes the circle, as the proposed one does, and differs in orientation alone. With the tangent
+    line for both the loop leaves more than independent axes, which contradicts Fig. 8.
+    """
+    tangent = Coupling(position="tangent", orientation="tangent")
+    return compare(
+        path=path, feeds_mm_min=feeds_mm_min, controllers=("independent", "existing", tangent)
+    )
 
 
 @checked

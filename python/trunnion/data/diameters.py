@@ -14,6 +14,8 @@ class Diameters(Table):
     ``pass``, in a file and in a mapping.
     """
 
+    in_order = False
+
     z_mm = Number("position along the part, from the chuck face outward")
     error_um = Number("measured minus nominal diameter")
     pass_ = OptionalLabel("which pass of the tool")

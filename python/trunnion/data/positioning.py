@@ -1,5 +1,6 @@
 """Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.files.columns import (
     ColumnError,
@@ -111,6 +112,23 @@ class Positioning(Table):
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
         return kind.of(targets, found[1], found[-1])
+
+    @property
+    def stations(self) -> tuple[Floats, Integers]:
+        """As `stops`."""
+        return self.stops
+
+    def results(self, others: Sequence["Positioning"] = ()) -> tuple[Iso2302 | Iso2302Rotary, ...]:
+        """Return the results of ISO 230-2, or nothing where stops are too few for it.
+
+        others: Measurements whose targets count: results are of those that all have.
+        """
+        shared = [np.isin(self.target, one.target) for one in (self, *others)]
+        common: Flags = np.all(shared, axis=0)
+        try:
+            return (self[common].iso230_2(),)
+        except DataError:
+            return ()
 
     @property
     def _suffix(self) -> str:

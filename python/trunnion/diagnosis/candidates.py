@@ -21,7 +21,7 @@ Piece: TypeAlias = tuple[int, Floats]  # candidate, some of its variants (v, n, 
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
 # real one (1e-3 rad), which helps nobody: the parameter would have to be a thousand times as large.
 DEPENDENT = 1e-5
-# The same where the model is known to be incomplete (3 % of its length): what it lacks decides then.
+# The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
 DEPENDENT_INCOMPLETE = 1e-3
 NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
@@ -76,7 +76,9 @@ class Candidates:
     penalty: Floats
     inflation: Floats
     dependent: float = DEPENDENT
-    positive: frozenset[int] = frozenset()  # candidates of one column that explain nothing if negative
+    positive: frozenset[int] = (
+        frozenset()
+    )  # candidates of one column that explain nothing if negative
     _banned: frozenset[int] = frozenset()
 
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:

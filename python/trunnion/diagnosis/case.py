@@ -47,6 +47,8 @@ class Case:
     given:
         Plain fit of the model as it was given, where ``model`` is that about a point nearer to the
         data; None: `plain`.
+    minor:
+        Effects that are significant and explain too little of what is left to be named.
     """
 
     model: Model
@@ -58,6 +60,7 @@ class Case:
     grid: Grid | None = None
     likely: Fit | None = None
     given: Fit | None = None
+    minor: set[str] = field(default_factory=set)
     _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
 
     @property
@@ -83,9 +86,8 @@ class Case:
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) for e in self.effects])
         found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
-        found.positive = frozenset(
-            j for j, e in enumerate(self.effects) if [p.bounds[0] for p in e.parameters if p.linear] == [0.0]
-        )
+        low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
+        found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
         if self.dependent:
             found.dependent = DEPENDENT_INCOMPLETE
         drawn = self.rounding(self.plain)
@@ -207,7 +209,7 @@ class Case:
 
     @property
     def segments(self) -> list[Integers]:
-        """Used readings in a row: indices into the used; from one to another noise is independent."""
+        """Used readings in a row, indices into the used: noise of different ones is independent."""
         if not isinstance(self.whiten, Whitener):
             return [np.arange(len(self.rows))]
         place = np.full(len(self.model.readings), -1)

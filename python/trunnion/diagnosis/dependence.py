@@ -56,11 +56,17 @@ def length(series: Sequence[Floats]) -> float:
     """Readings that count as one: long-run variance over variance, 1 at least."""
     width = bandwidth(series)
     variance = sum(float(x @ x) for x in series)
-    return max(1.0, float(long_run([x[:, None] for x in series], width)[0, 0]) / max(variance, 1e-300))
+    return max(
+        1.0, float(long_run([x[:, None] for x in series], width)[0, 0]) / max(variance, 1e-300)
+    )
 
 
 def growth(
-    jacobian: Floats, white: Floats, covariance: Floats, variance: float, segments: Sequence[Integers]
+    jacobian: Floats,
+    white: Floats,
+    covariance: Floats,
+    variance: float,
+    segments: Sequence[Integers],
 ) -> Floats:
     """How many times larger standard errors are than of independent readings, shape (p,).
 

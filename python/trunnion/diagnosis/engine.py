@@ -45,6 +45,7 @@ MAX_REVISIONS = 3
 MAX_STEP_SIGMAS = 7.0  # twice √12
 MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
+MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
@@ -67,9 +68,15 @@ def diagnose(model: Model) -> Diagnosis:
     with one_blas_thread():
         nearer = model.near()
         # A model that was far from its data is not complete either: what it leaves is no noise.
-        case = _case(nearer, dependent=nearer is not model)
+        case = case_of(nearer, dependent=nearer is not model)
+        if case.dependent and nearer is model:
+            case = case_of(model.near(always=True), dependent=True)
         choice = _choose(case)
-        if nearer is not model:
+        if not case.dependent and _worse(case, choice):
+            # The noise was estimated beside something else than what the causes leave.
+            case = case_of(model.near(always=True), dependent=True)
+            choice = _choose(case)
+        if case.dependent:
             case, choice = _settled(_plain(model), case, choice)
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
@@ -94,10 +101,19 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
         near = rms(exact - found.residuals) <= MAX_NONLINEAR * rms(found.residuals)
         if near and case.model.inside <= found.effects.keys():
             break
-        case = _case(case.model.about(found.nuisance, found.effects), dependent=True)
+        case = case_of(case.model.about(found.nuisance, found.effects), dependent=True)
         choice = _choose(case)
     case.given = given
     return case, choice
+
+
+def _worse(case: Case, choice: Choice) -> bool:
+    """Whether causes leave a larger rms of the readings of a unit than the plain model does."""
+    rows = kept_rows(len(case.rows), choice[2])
+    _, index = units_of(case.model.readings)
+    before, after = case.without(choice[2]).plain.residuals, choice[1].fit.residuals
+    units = [rows & (index == i) for i in range(index.max() + 1)]
+    return any(rms(after[u]) > MAX_WORSE * rms(before[u]) for u in units if np.any(u))
 
 
 def _plain(model: Model) -> Fit:
@@ -106,7 +122,7 @@ def _plain(model: Model) -> Fit:
     return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
 
 
-def _case(model: Model, *, dependent: bool = False) -> Case:
+def case_of(model: Model, *, dependent: bool = False) -> Case:
     """Fit the model without effects, and linearise the candidates there.
 
     ``dependent``: whether to take no residuals for stationary noise.

@@ -9,6 +9,7 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
@@ -20,6 +21,8 @@ MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
+EXPECTED_P = 0.05  # of an effect that costs nothing to name
+MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
@@ -55,8 +58,8 @@ def explain(case: Case) -> Explanation:
 def _demanded(case: Case) -> tuple[Found, list[Found], Fit, Alarm]:
     """Search the sets of causes: none at all, those that explain best, and the fit of the first.
 
-    The plain fit where no cause is demanded; with the test of all candidates. An effect that nothing determines when its set is
-    fitted exactly is no cause: the search is repeated without it.
+    The plain fit where no cause is demanded; with the test of all candidates. An effect that
+    nothing determines when its set is fitted exactly is no cause: the search is repeated without.
     """
     plain, candidates = case.plain, case.candidates
     # Which readings to leave out is a choice of its own, and takes half of the level.
@@ -87,14 +90,33 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
     out = set()
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
-            _, wald, k = case.size(effect, f, variance)
+            std, wald, k = case.size(effect, f, variance)
+            nonlinear = [not p.linear for p in effect.parameters]
+            if np.any(np.isinf(std[nonlinear])):
+                out.add(j)
+                continue
             chance = special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY))
             places = case.candidates.places[case.candidates.owner == j]
             count = case.candidates.multiplicity * float(places.max(initial=1.0))
-            if chance > 0.05 if effect.expected else chance * count > UNDETERMINED_P:
+            if (
+                case.dependent
+                and not effect.expected
+                and _share(case, f, effect, wald) < MIN_EXPLAINED
+            ):
+                case.minor.add(effect.id)
+                out.add(j)
+            elif chance > EXPECTED_P if effect.expected else chance * count > UNDETERMINED_P:
                 out.add(j)
     # What is expected to differ gives way last.
     return {j for j in out if not case.effects[j].expected} or out
+
+
+def _share(case: Case, f: Fit, effect: Effect, wald: float) -> float:
+    """Share of the variance of the readings that an effect changes, that it explains after all."""
+    at = [len(f.nuisance) + i for i, (name, _) in enumerate(f.names) if name == effect.id]
+    own = np.any(f.jacobian[case.rows][:, at] != 0, axis=1)
+    left = float(f.white[own] @ f.white[own])
+    return wald / max(left + wald, TINY)
 
 
 def best_score(case: Case) -> float:

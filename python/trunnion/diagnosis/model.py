@@ -215,6 +215,10 @@ class Model:
         """Return the same model on other data."""
         raise NotImplementedError
 
+    def differing(self, other: Model) -> frozenset[str]:  # noqa: ARG002
+        """Ids of effects whose parameters mean something else in a model of other data: none."""
+        return frozenset()
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of any diagnosis of these data should know, in sentences."""
@@ -304,11 +308,12 @@ class Model:
         """Whitener of residuals that are no stationary noise (:mod:`.dependence`)."""
         return self.whitener(residuals)
 
-    def near(self) -> Model:
+    def near(self, *, always: bool = False) -> Model:  # noqa: ARG002
         """Return the model with its candidates linearised near the data; itself where it is so.
 
         Its readings are these less what is not linear: values of nuisance and effects mean the
-        same. For a kind whose effects are strong: a servo that is 20 % off.
+        same. For a kind whose effects are strong: a servo that is 20 % off. ``always``: even if
+        they are weak, for the model is not complete.
         """
         return self
 

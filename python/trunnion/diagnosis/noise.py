@@ -141,7 +141,7 @@ def whitener(
         segments = [s for s in segments if len(s)]
         q = _absorbed(y, channel, Autoregression(), segments)
         left = y - q @ (q.T @ y)
-        if all_dependent or changes(_innovations([left[s] for s in segments])):
+        if all_dependent or changes(innovations([left[s] for s in segments])):
             noise = _long_run_noise([left[s] for s in segments], q.shape[1])
             dependent += range(len(filters), len(filters) + len(segments))
             filters += [(channel.rows[s], noise) for s in segments]
@@ -156,7 +156,7 @@ def whitener(
     return Whitener(tuple(filters), tuple(dependent))
 
 
-def _innovations(series: Sequence[Array]) -> Array:
+def innovations(series: Sequence[Array]) -> Array:
     """What an autoregression leaves of series, one after the other."""
     ar = _autoregression(series)
     parts = [_predicted_off(x[:, None], ar, len(ar))[:, 0] for x in series if len(x) > len(ar)]

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
-from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.explain import MIN_EXPLAINED
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
@@ -62,6 +63,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     std = _errors_std(model, f, variance)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
+    contributions, ladder = contributions_of(kept, case.given or plain, f, rows)
     return Diagnosis(
         verdict=verdict,
         causes=_causes(case, e, f, variance, alternatives),
@@ -86,8 +88,19 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
-        notes=(*model.remarks, *_notes(case, variance)),
+        notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
+        contributions=contributions,
+        ladder=ladder,
     )
+
+
+def _minor(kept: Case) -> tuple[str, ...]:
+    """Say which effects are there but explain too little to be named."""
+    if not kept.minor:
+        return ()
+    names = ", ".join(sorted(kept.minor))
+    least = f"{100 * MIN_EXPLAINED:.0f} %"
+    return (f"Not named, as each explains less than {least} of what is left: {names}.",)
 
 
 def _notes(case: Case, variance: float) -> tuple[str, ...]:
@@ -179,9 +192,7 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
 
 
 def _verdict(unexplained: str | None, gain: Gain, sets: int, outliers: int) -> Verdict:
-    clear = sets and all(
-        g.rms_after_um <= CLEAR * g.rms_before_um for g in gain.by_unit().values()
-    )
+    clear = sets and all(g.rms_after_um <= CLEAR * g.rms_before_um for g in gain.by_unit().values())
     if unexplained is not None and not clear:
         return "unexplained"
     if sets > 1:

@@ -25,6 +25,12 @@ from trunnion.base.report import (
 )
 from trunnion.base.stored import fitting
 from trunnion.base.units import unit_of
+from trunnion.diagnosis.contributions import (
+    Contribution,
+    Ladder,
+    bias_table,
+    contributions_table,
+)
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
     MAX_PARAMETERS,
@@ -95,6 +101,10 @@ class Diagnosis(Result):
         The readings with what the models leave of them.
     notes:
         What else a reader should know, in sentences.
+    contributions:
+        What each named cause explains, and what it had biased, in descending order.
+    ladder:
+        Residual rms after each cause.
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
         user's own candidates the ids only.
@@ -119,6 +129,8 @@ class Diagnosis(Result):
     model: Any
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
+    contributions: tuple[Contribution, ...] = ()
+    ladder: Ladder | None = None
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -273,6 +285,7 @@ class Diagnosis(Result):
             verb = "falls" if falls else "changes"
             lines += [
                 *self._bias(),
+                *(() if self.ladder is None else self.ladder.sentences()),
                 f"Cross-validated rms {verb} {self.gain.fall()}; "
                 f"the plain model alone has {chance(self.p_value)}.",
             ]
@@ -367,6 +380,10 @@ class Diagnosis(Result):
         if len(self.evidence) > 1:
             unit = self.gain.unit if not self.gain.others else "relative to the noise"
             tables.append(alternatives_table(self.evidence[: MAX_SETS + 1], unit))
+        if self.contributions:
+            tables.append(contributions_table(self.contributions))
+            biases = bias_table(self.contributions, self.errors_std)
+            tables += [biases] if biases.rows else []
         tables.append(self._residual_table())
         if self.not_identifiable:
             rows = [(name, why) for name, why in self.not_identifiable.items()]

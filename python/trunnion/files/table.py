@@ -118,6 +118,7 @@ class Table:
 
     kinds: ClassVar[Mapping[str, Column[Any]]] = {}
     choice: ClassVar[str] = ""  # columns of which a table needs some, in words
+    in_order: ClassVar[bool] = True  # rows stand in the order of measurement
     __slots__ = ("_columns", "_origin")
 
     _columns: Mapping[str, NDArray[Any]]

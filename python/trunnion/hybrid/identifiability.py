@@ -119,7 +119,7 @@ def identifiability(
     mechanism
         The machine around which derivatives are taken.
     parameters
-        Errors to estimate; the paper's 17 by default.
+        Errors to estimate; the 17 by default.
     sigma_um
         Noise of one reading (1 σ).
 

@@ -20,12 +20,15 @@ paper's, which prints no dimensions)::
     closure_mm = [1000, 1000, 1000, 1000]   # weights of the angle equations, see below
     [hybrid.errors]          # known beforehand, µm and arcsec, by name: e5_um, base3_y_um, ...
 
-Errors: ``e1_um`` .. ``e15_um``, ``e16_arcsec``, ``e17_arcsec`` are the paper's 17; e5, e6, e7, e16,
-e17 are zero offsets of the active joints L1, L2, L3, q4, q5. Any other error is a component x, y, z
-(µm) or a, b, c (arcsec) of the displacement translate(x, y, z) R(a, b, c) at a place: ``base1`` ..
-``base3`` (joint on the base), ``cross1`` .. (between u and v axis), ``leg1`` .. (before the
-telescopic travel), ``end1`` .. (after it), ``platform1`` .. (revolute in the platform), ``wrist4``
-(before q4), ``wrist5`` (before q5), ``tool``; thus ``base3_y_um``, ``wrist5_b_arcsec``.
+Errors: ``e1_um`` .. ``e15_um``, ``e16_arcsec``, ``e17_arcsec`` stand for the paper's 17. Its Fig.
+1, which defines them, is not in the text at hand; the text fixes e5, e6, e7 and two angles (zero
+offsets of the active joints L1, L2, L3, q4, q5; taken as e16, e17), the column of e2 at fixed
+joints, and that e1's is zero. The meanings of e1, e3, e4 and e8 to e15 are a reconstruction. Any
+other error is a component x, y, z (µm) or a, b, c (arcsec) of the displacement translate(x, y, z)
+R(a, b, c) at a place: ``base1`` .. ``base3`` (joint on the base), ``cross1`` .. (between u and v
+axis), ``leg1`` .. (before the telescopic travel), ``end1`` .. (after it), ``platform1`` ..
+(revolute in the platform), ``wrist4`` (before q4), ``wrist5`` (before q5), ``tool``; thus
+``base3_y_um``, ``wrist5_b_arcsec``.
 
 Closure: the loops give ten equations for eight passive joints. The 17 satisfy all ten; other errors
 strain the loops, and then the joints are found by least squares in which an angle misfit of the
@@ -220,7 +223,7 @@ class Mechanism:
         joints
             L1, L2, L3 (mm), q4, q5 (deg), (n, 5) or (5,).
         parameters
-            Names of errors; the paper's 17 by default.
+            Names of errors; the 17 by default.
         threads
             How many; None: all cores.
         """

@@ -8,7 +8,7 @@ import trunnion._core as _core
 from trunnion.base.errors import InputError, UnknownNameError
 
 _PAPER, _OUTSIDE = _core.hybrid_parameters()
-#: Names of the paper's 17 errors, with units.
+#: Names that stand for the paper's 17 errors, with units; which are reconstructed: `.mechanism`.
 PAPER_ERRORS: tuple[str, ...] = tuple(_PAPER)
 #: Names of every component at every place, with units.
 OUTSIDE_ERRORS: tuple[str, ...] = tuple(_OUTSIDE)

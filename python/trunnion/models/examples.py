@@ -17,6 +17,7 @@ from trunnion.contouring.simulation import simulate as simulate_contour
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.diameters import Diameters
+from trunnion.data.levels import Levels
 from trunnion.data.points import Points
 from trunnion.data.positioning import Positioning
 from trunnion.data.sweep import Sweep
@@ -72,6 +73,37 @@ def positioning() -> tuple[Positioning, None]:
         cycle=np.repeat(np.arange(1, 6), len(run)),
         time_s=20.0 * np.arange(n),
         temperature_c=20.0 + 0.02 * np.arange(n) ** 0.5,
+    )
+    return data, None
+
+
+def levels() -> tuple[Levels, None]:
+    """Twelve places of a line with the instrument one way, and again with it turned."""
+    there = 100.0 * np.arange(1, 13)
+    sense = np.repeat([1.0, -1.0], len(there))
+    noise = NOISE_UM * _normal((2, 2 * len(there)))
+    data = Levels(
+        position_mm=np.concatenate([there, there]),
+        along_um_m=30.0 * sense + noise[0],
+        across_um_m=-12.0 * sense + noise[1],
+        turn_deg=np.where(sense > 0, 0.0, 180.0),
+        time_s=20.0 * np.arange(len(sense)),
+    )
+    return data, None
+
+
+def surface_levels() -> tuple[Levels, None]:
+    """Seven by six places of a surface, with the instrument one way, then turned."""
+    x, y = (100.0 * a.ravel() for a in np.meshgrid(np.arange(7.0), np.arange(6.0)))
+    sense = np.repeat([1.0, -1.0], len(x))
+    noise = NOISE_UM * _normal((2, 2 * len(x)))
+    data = Levels(
+        x_mm=np.concatenate([x, x]),
+        y_mm=np.concatenate([y, y]),
+        along_um_m=30.0 * sense + noise[0],
+        across_um_m=-12.0 * sense + noise[1],
+        turn_deg=np.where(sense > 0, 0.0, 180.0),
+        time_s=20.0 * np.arange(len(sense)),
     )
     return data, None
 

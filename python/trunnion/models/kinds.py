@@ -44,7 +44,7 @@ class Kind:
     build
         Function that binds a model with its whole catalogue to the data, a `Builder`.
     columns
-        Columns by which a file is known.
+        Columns by which a file is known; ``one|other``: at least one of these.
     examples
         Functions that return a small measurement of the kind with every column that it may have,
         and its set-up: :func:`catalogue` lists the kind's effects from these.
@@ -62,10 +62,13 @@ class Kind:
         return resolve_name(self.reader)(path)
 
 
+_MORE_EXAMPLES = {"ballbar": ("hybrid_ballbar",), "levels": ("surface_levels",)}
+
+
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     """Return a kind that comes with the package."""
     files, models = f"trunnion.data.{module}", f"trunnion.models.{model}"
-    examples = [module] if module != "ballbar" else [module, "hybrid_ballbar"]
+    examples = [module, *_MORE_EXAMPLES.get(module, ())]
     return Kind(
         name,
         f"{files}:{data}",
@@ -83,6 +86,7 @@ _KINDS = [
     _kind("diameters", "Diameters", "diameters", "diameters", "z_mm", "error_um"),
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
+    _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
     _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s"),
 ]
 
@@ -114,7 +118,7 @@ def add_kind(kind: Kind) -> None:
 
 def kind_of_columns(names: set[str]) -> Kind | None:
     """Return the kind of a file with these columns: of several the one that asks for most."""
-    fitting = [kind for kind in _KINDS if names.issuperset(kind.columns)]
+    fitting = [kind for kind in _KINDS if all(names & set(one.split("|")) for one in kind.columns)]
     return max(fitting, key=lambda kind: len(kind.columns), default=None)
 
 
@@ -131,7 +135,6 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
 
 
-@checked
 def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     """Return the data without rows that repeat others in every column; which rows, or None."""
     if not isinstance(data, Table) or len(data) < 2:
@@ -142,6 +145,26 @@ def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     return (data, None) if len(first) == len(data) else (data[first], first)
 
 
+def _time_notes(data: Any) -> tuple[str, ...]:
+    """Say that times do not rise; those of a log or a circular test that fall are errors."""
+    time = data.columns.get("time_s") if isinstance(data, Table) else None
+    if time is None or len(time) < MIN_TIMES or not data.in_order:
+        return ()
+    steps = np.diff(time)
+    if not steps.any():
+        return (f"time_s is {time[0]:g} in every row: no change with time can be found.",)
+    if (steps < 0).all():
+        return (
+            "time_s falls from every row to the next: rows are taken to be made at these times, "
+            "the last row first. If they count down, a drift has the other sign.",
+        )
+    return ()
+
+
+MIN_TIMES = 3
+
+
+@checked
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
 
@@ -206,6 +229,11 @@ def diagnose(
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
+    found = replace(found, notes=(*_time_notes(data), *found.notes))
+    if isinstance(setup, Setup) and setup.machine.tolerance:
+        tolerance = setup.machine.tolerance
+        contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
+        found = replace(found, contributions=contributions)
     if first is None:
         return found
     note = (

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import instance, whole
-from trunnion.base.errors import InputError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.stored import fitting
 from trunnion.base.units import Flags, Floats, Integers, unit_of
@@ -21,6 +21,8 @@ from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
+from trunnion.probing.steps import cycle_of, in_ranges
+from trunnion.setup import Setup
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,9 +170,8 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
         chosen = _sharpest(nuisance, sets[0].columns, is_old, n)
         chance, enough, alike = 1.0, None, ()
     before, after = _std(d, model.effects, nuisance, sets[0].columns, is_old, chosen)
-    return ExpectedDiscrimination(
-        _ordered(pool[chosen - len(old)], old), len(sets), chance, enough, alike, before, after
-    )
+    ordered = _ordered(pool[chosen - len(old)], old, model.setup)
+    return ExpectedDiscrimination(ordered, len(sets), chance, enough, alike, before, after)
 
 
 def _pool(model: TouchDiagnosisModel) -> Touches:
@@ -182,8 +183,9 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     tilts = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
     pairs = [(t, c) for t in (-60.0, -30.0, 30.0, 60.0) for c in (45.0, 90.0, 180.0, 270.0)]
     turn = {f"{tilting}_deg": tilts} if tilting else {}
+    free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
     made = plan(
-        setup,
+        replace(setup, axes=free),
         c_deg=tuple(float(c) for c in range(0, 360, 30)),
         feeds_mm_min=(usual, usual / 3),
         both_senses=True,
@@ -191,7 +193,15 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
         all_faces=True,
         **turn,  # type: ignore[arg-type]
     )
-    if model.data.time_s is None or made.time_s is None:
+    # In whichever order they are made, each comes from its sense; an axis that the plan has not
+    # turned before comes from the positive one.
+    senses = {f"{x}_dir": np.where(way == 0, 1, way) for x, way in made.rotary_dir.items()}
+    made = made.with_columns(**senses)
+    inside = in_ranges(made, setup)
+    if not inside.any():
+        raise DataError("no touch of the artefact stays within the ranges of [axes] in the set-up")
+    made = made[inside]
+    if model.data.time_s is None:
         return made
     end = float(np.max(model.data.time_s))
     pace = (end - float(np.min(model.data.time_s))) / max(len(model.data) - 1, 1)
@@ -275,12 +285,11 @@ def _std(
     return out[0], out[1]
 
 
-def _ordered(chosen: Touches, old: Touches) -> Touches:
-    """Sort by position of the axes; let time run on."""
-    rows = np.lexsort([chosen.rotary_deg[x] for x in chosen.rotary_deg])
-    out = chosen[rows]
+def _ordered(chosen: Touches, old: Touches, setup: Setup) -> Touches:
+    """Sort by position of the axes and sense; time runs on as the program needs it."""
+    senses = list(chosen.rotary_dir.values())
+    out = chosen[np.lexsort([*senses, *chosen.rotary_deg.values()])]
     if old.time_s is None:
         return out.with_columns(time_s=None)
     end = float(np.max(np.asarray(old.time_s)))
-    pace = (end - float(np.min(np.asarray(old.time_s)))) / max(len(old) - 1, 1)
-    return out.with_columns(time_s=end + PAUSE_S + pace * np.arange(1, len(out) + 1))
+    return out.with_columns(time_s=end + PAUSE_S + cycle_of(out, setup).times()[0])

@@ -93,6 +93,11 @@ class PositioningModel(LinearModel):
             raise InputError(f"other data: got {type(data).__name__}, expected Positioning")
         return PositioningModel(data, self._given)
 
+    def differing(self, other: Model) -> frozenset[str]:
+        """Return what has one parameter a target, where the targets are others."""
+        same = np.array_equal(self.data.stops[0], other.data.stops[0])
+        return frozenset() if same else frozenset(("reversal_of_position", "curve"))
+
     def extended(
         self,
         nuisance: Floats,

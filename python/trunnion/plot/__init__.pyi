@@ -1,4 +1,6 @@
 # Every picture; read at run time, too (lazy_loader), so each name stands once.
+from .changes import plot_changes as plot_changes
+from .changes import plot_comparison as plot_comparison
 from .contouring import plot_contour_error as plot_contour_error
 from .contouring import plot_contour_sweep as plot_contour_sweep
 from .contouring import plot_margins as plot_margins
@@ -16,6 +18,8 @@ from .hybrid import plot_cube as plot_cube
 from .hybrid import plot_cubes as plot_cubes
 from .hybrid import plot_identifiability as plot_identifiability
 from .hybrid import plot_sensitivity as plot_sensitivity
+from .levels import plot_flatness as plot_flatness
+from .levels import plot_straightness as plot_straightness
 from .positioning import plot_positioning as plot_positioning
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates

@@ -21,14 +21,17 @@ PICTURES = {
     "CubeChange": "plot_ballbar_view",
     "CubeStudy": "plot_cubes",
     "Diagnosis": "plot_diagnosis",
+    "Flatness": "plot_flatness",
     "Identifiability": "plot_identifiability",
     "Iso2302": "plot_positioning",
     "Iso2302Rotary": "plot_positioning",
     "IdentificationResult": "plot_estimates",
+    "MachineComparison": "plot_comparison",
     "Margins": "plot_margins",
     "Observability": "plot_observability",
     "ProbePath": "plot_probe_path",
     "Sensitivity": "plot_sensitivity",
+    "Straightness": "plot_straightness",
     "VolumetricError": "plot_volumetric",
 }
 """Class of a result → function of :mod:`trunnion.plot`."""

@@ -54,15 +54,17 @@ def closed_form(
     setup
         Machine, artefact and probe; half a tick of the trigger is taken off.
     method
-        "printed": equations (3) to (20) for any steps of C and A, as printed but for the
-        corrections listed in `slips`. "separating": closed forms derived from the same 72 touches
-        (C = 0°, 90°, 180°, 270° and A = ±90°) for the eight errors and the six placement
-        parameters, applied once to the readings and once to what the exact model leaves of them.
+        "printed": equations (3) to (20) for any steps of C and A = ±90°, as printed but for the
+        corrections listed in `slips`; other tilts are refused, as (9) and (10) do not hold there.
+        "separating": closed forms derived from the same 72 touches (C = 0°, 90°, 180°, 270° and
+        A = ±90°) for the eight errors and the six placement parameters, applied once to the
+        readings and once to what the exact model leaves of them.
 
     Raises
     ------
     DataError
-        Touches that the forms need are missing or lie off the modelled surface; no labels.
+        Touches that the forms need are missing or lie off the modelled surface; no labels; touches
+        17 to 20 at another tilt than ±90° with "printed".
     UnknownNameError
         Another method.
 

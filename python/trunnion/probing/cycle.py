@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
 from trunnion.setup import Setup
 
@@ -45,13 +46,13 @@ class Cycle:
 
     setup: Setup
     letters: tuple[str, ...]
-    name: str
-    plan_hash: str
-    log: str
     swing: float
     steps: Sequence[Step]
-    start_at: int
-    dry_run: bool
+    name: str = "plan"
+    plan_hash: str = ""
+    log: str = "touches.log"
+    start_at: int = 1
+    dry_run: bool = False
 
     @property
     def checks_tcp(self) -> bool:
@@ -156,6 +157,20 @@ class Cycle:
             for axis, value in to.items():
                 found.setdefault(axis, []).append(value)
         return {axis: (min(values), max(values)) for axis, values in found.items()}
+
+    def check_ranges(self) -> None:
+        """Refuse moves beyond the ranges of the axes in the set-up."""
+        ranges = self.setup.axis_ranges()
+        for number, (_, to, _) in self.moves():
+            for axis, value in to.items():
+                low, high = ranges.get(axis, (-math.inf, math.inf))
+                if not low <= value <= high:
+                    unit = "deg" if axis in "ABC" else "mm"
+                    where = f"touch {number}" if number else "the way to the touches and back"
+                    raise DataError(
+                        f"plan, {where}: got a move of {axis} to {value:g} {unit}, expected "
+                        f"{low:g} to {high:g} {unit} as axes.{axis}.range_{unit} of the set-up says"
+                    )
 
 
 def _turns(step: Step, at: dict[str, float], sense: dict[str, int]) -> Iterator[dict[str, float]]:

@@ -13,6 +13,10 @@ ROTARY_OFFSET_DEG = 1.0
 """Rotary work offsets beyond this are left over, not the zero of an axis."""
 
 
+SAME_READING_MM = "0.000000001"
+"""Readings of two approaches never agree so far; one that was not renewed agrees exactly."""
+
+
 def program_text(cycle: Cycle) -> str:
     """Return the program of a cycle."""
     parts = (_header, _settings, _state, _turn_sub, _touch_sub, _begin, _calls, _finish)
@@ -209,20 +213,38 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield f"o302 if [#5422 - {z} GT {_n(SHORTEST_PROBE_MM)}]"
     yield f"  G38.3 Z{z} F#<_down>"
     yield "  o303 if [[#<_task> EQ 1] AND [#5070 EQ 1]]"
-    yield "    G0 Z#<_swing>"
-    yield "    M66 E0 L0"
-    yield "    (LOGCLOSE)"
-    yield "    (ABORT,%d touch #1: contact on the way down to its start, Z %.3f#5063)"
+    yield from _end("touch #1: contact on the way down to its start, Z %.3f#5063", "    ")
     yield "  o303 endif"
     yield f"o302 elseif [#5422 - {z} GT 0.00005]"
     yield f"  G0 Z{z}"
     yield "o302 endif"
+    yield from _approach(x, y, z, to_x, to_y, to_z, feed)
+    yield f"o307 if [{level} - {z} GT 0.00005]"
+    yield f"  G0 Z{level}"
+    yield "o307 endif"
+    yield "o308 if [#<stale> EQ 1]"
+    why = "the control gave the reading of the approach before it, start again from this touch"
+    yield from _end(f"touch #1: {why}")
+    yield "o308 endif"
+    yield "o309 if [#<hit> EQ 0]"
+    yield "  o310 if [#<_on_miss> EQ 0]"
+    yield from _end("touch #1: no contact up to the end of its approach", "    ")
+    yield "  o310 endif"
+    yield "  (DEBUG,%d touch #1: no contact up to the end of its approach, going on)"
+    yield "o309 endif"
+    yield "o<touch> endsub"
+
+
+def _approach(x: str, y: str, z: str, to_x: str, to_y: str, to_z: str, feed: str) -> Iterator[str]:
+    """The approach, once or twice, its line of the log, and the way back to the start."""
     yield "#<hit> = 1"
+    yield "#<stale> = 0"
     yield "o304 if [#<_dry> EQ 0]"
     yield f"  G38.3 X{to_x} Y{to_y} Z{to_z} F{feed}"
     yield "  #<hit> = [[#<_task> EQ 0] OR [#5070 EQ 1]]"
+    yield from _renewed()
     yield f"  #<feed> = {feed}"
-    yield "  o305 if [#<hit> AND [#<_task> EQ 1] AND [#<_slow> GT 0]]"
+    yield "  o305 if [#<hit> AND [#<_task> EQ 1] AND [#<_slow> GT 0] AND [#<stale> EQ 0]]"
     yield f"    #<x> = [{x} - {to_x}]"
     yield f"    #<y> = [{y} - {to_y}]"
     yield f"    #<z> = [{z} - {to_z}]"
@@ -230,27 +252,30 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield "    G0 X[#5061 + #<way> * #<x>] Y[#5062 + #<way> * #<y>] Z[#5063 + #<way> * #<z>]"
     yield f"    G38.3 X{to_x} Y{to_y} Z{to_z} F#<_slow>"
     yield "    #<hit> = #5070"
+    yield from _renewed()
     yield "    #<feed> = #<_slow>"
     yield "  o305 endif"
     positions = " ".join(f"#{5061 + i}" for i in range(6))
-    yield "  o306 if [#<hit> AND [#<_task> EQ 1]]"
+    yield "  o306 if [#<hit> AND [#<_task> EQ 1] AND [#<stale> EQ 0]]"
     yield f"    (LOG,%d#1 %.6f#<feed> {positions})"
     yield "  o306 endif"
     yield f"  G0 X{x} Y{y} Z{z}"
     yield "o304 endif"
-    yield f"o307 if [{level} - {z} GT 0.00005]"
-    yield f"  G0 Z{level}"
-    yield "o307 endif"
-    yield "o308 if [#<hit> EQ 0]"
-    yield "  o309 if [#<_on_miss> EQ 0]"
-    yield "    G0 Z#<_swing>"
-    yield "    M66 E0 L0"
-    yield "    (LOGCLOSE)"
-    yield "    (ABORT,%d touch #1: no contact up to the end of its approach)"
-    yield "  o309 endif"
-    yield "  (DEBUG,%d touch #1: no contact up to the end of its approach, going on)"
-    yield "o308 endif"
-    yield "o<touch> endsub"
+
+
+def _renewed() -> Iterator[str]:
+    """See whether a contact has its own reading, not that of the approach before it."""
+    far = " + ".join(f"ABS[#{5061 + i} - #<_{axis}_read>]" for i, axis in enumerate("xyz"))
+    yield f"  #<stale> = [[#<_task> EQ 1] AND #<hit> AND [[{far}] LT {SAME_READING_MM}]]"
+    yield from (f"  #<_{axis}_read> = #{5061 + i}" for i, axis in enumerate("xyz"))
+
+
+def _end(message: str, indent: str = "  ") -> Iterator[str]:
+    """Rise and stop with a message; the log is kept."""
+    yield f"{indent}G0 Z#<_swing>"
+    yield f"{indent}M66 E0 L0"
+    yield f"{indent}(LOGCLOSE)"
+    yield f"{indent}(ABORT,%d {message})"
 
 
 def _begin(cycle: Cycle) -> Iterator[str]:
@@ -265,6 +290,7 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     yield "(MSG,spindle at rest, TCP off? then cycle start)"
     yield "M0"
     yield from (line.strip() for line in _own(control.probe_on))
+    yield from (f"#<_{axis}_read> = 999999 (no reading yet)" for axis in "xyz")
     for letter in cycle.letters:
         yield f"#<_{letter.lower()}_at> = 0"
         yield f"#<_{letter.lower()}_sense> = 0"

@@ -6,7 +6,7 @@ where the residuals are no touch probe's, or where the touches are off the model
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
@@ -76,12 +76,32 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += _by_size(result, setup)
-    known = setup.machine.errors
-    lengths = {name: value for name, value in known.items() if name[1] in "XYZ" and value}
-    if lengths and max(map(abs, lengths.values())) < TINY_UM[1]:
-        given = ", ".join(f"{n} = {v:g}" for n, v in lengths.items())
-        said.append(f"[machine.errors] has {given}: are these mm? They are expected in µm.")
+    if doubt := in_mm(setup.machine.errors):
+        said.append(f"[machine.errors] has {doubt}")
     return tuple(said)
+
+
+def in_mm(errors: Mapping[str, float]) -> str:
+    """Ask whether position errors are in mm; empty where they are no doubt in µm."""
+    lengths = {name: float(value) for name, value in errors.items() if name[1] in "XYZ" and value}
+    if not lengths or max(map(abs, lengths.values())) >= TINY_UM[1]:
+        return ""
+    given = ", ".join(f"{name} = {value:g}" for name, value in lengths.items())
+    return f"{given}: are these mm? They are expected in µm."
+
+
+@contextmanager
+def large_errors_named(errors: Mapping[str, float]) -> Iterator[None]:
+    """Add errors of more than 1 mm to a DataError about moves that miss the artefact."""
+    try:
+        yield
+    except DataError as error:
+        large = [
+            f"{k} = {v:g} µm" for k, v in errors.items() if k[1] in "XYZ" and abs(v) > LARGE_UM
+        ]
+        if not large:
+            raise
+        raise DataError(f"{error}. Likely cause: {', '.join(large)}: errors are in µm") from None
 
 
 @contextmanager

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.machine.chain import Chain
+from trunnion.probing.steps import arrangement, cycle_of
 from trunnion.setup import Setup
 
 MAX_DEG = 3600.0
@@ -80,9 +80,10 @@ def plan(
     -------
     Touches
         In the order of measurement: commanded positions, expected ball centre at the trigger,
-        approach direction and start, `cycle`, `point`, feed, time and senses of turning. C is
-        always approached from the same sense (of a round); a tilting axis goes the straight way
-        unless `both_senses`.
+        approach direction and start, `cycle`, `point`, feed, senses of turning, and the time at
+        which the program touches, pauses not counted (:func:`probing_program`). C is always
+        approached from the same sense (of a round); a tilting axis goes the straight way unless
+        `both_senses`.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def plan(
         Angles, feeds or repeats that are no numbers or missing, an axis that the machine lacks; a
         clearance or an overtravel within the tolerance of the artefact's place.
     DataError
-        No face can be reached.
+        No face can be reached; a move beyond the range of an axis in the set-up.
     """
     chain = Chain(setup)
     tilting = chain.tilting
@@ -111,30 +112,22 @@ def plan(
     tilt_sense = sense.get(tilting or "", 1.0)
     stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
     _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), tilting or "A")
-    found = _core.plan(
-        chain.machine(),
-        standing_artefact(setup),
+    found = arrangement(setup).plan(
         c_deg=_angles("c_deg", c_deg, sense.get("C", 1.0)),
         tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
         pairs_deg=[(t * tilt_sense, c * sense.get("C", 1.0)) for t, c in positions_deg],
         feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
         both_senses=both_senses,
         repeats=_count(repeats),
-        clearance_mm=setup.plan.clearance_mm,
-        overtravel_mm=setup.plan.overtravel_mm,
         linear_um=setup.resolution.linear_um,
         rotary_arcsec=setup.resolution.rotary_arcsec,
-        rapid_mm_min=setup.plan.rapid_mm_min,
-        rotary_deg_min=setup.plan.rotary_deg_min,
-        ball_radius_mm=setup.probe.ball_radius_mm,
-        stem_radius_mm=setup.probe.effective_stem_radius_mm,
-        stem_length_mm=setup.probe.length_mm,
-        table_radius_mm=setup.table.radius_mm,
-        table_thickness_mm=setup.table.thickness_mm,
         layout=layout,
         all_faces=all_faces,
     )
-    return _touches(chain, _dithered(setup, found) if dither else found)
+    touches = _touches(chain, _dithered(setup, found) if dither else found)
+    cycle = cycle_of(touches, setup)
+    cycle.check_ranges()
+    return touches.with_columns(time_s=cycle.times()[0])
 
 
 def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
@@ -148,7 +141,7 @@ def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
         columns[f"{axis}_mm"] = found["contact_mm"][:, index]
         columns[f"dir_{axis}"] = found["direction"][:, index] + 0.0
         columns[f"start_{axis}_mm"] = found["start_mm"][:, index]
-    for name in ("cycle", "point", "feed_mm_min", "time_s"):
+    for name in ("cycle", "point", "feed_mm_min"):
         columns[name] = found[name]
     return Touches(columns)
 

@@ -8,28 +8,20 @@ frame (centre of the table top), in mm, with tool length compensation to the cen
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
-import trunnion._core as _core
 from trunnion.base.checks import instance
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
-from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.nc import Program
-from trunnion.probing.cycle import Cycle, Step
+from trunnion.probing.cycle import Cycle
 from trunnion.probing.linuxcnc import program_text
-from trunnion.probing.model import TouchModel
+from trunnion.probing.steps import check_clear, cycle_of, with_starts
 from trunnion.setup import Setup
 
-DECIMALS = 4
-MAX_NAMED = 10
-"""Touches that a message names."""
 FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
 
 
@@ -117,7 +109,8 @@ def probing_program(
     ------
     DataError
         A plan without feeds, and none given; a touch that ball and stem cannot make, or that finds
-        nothing, with the artefact anywhere within its tolerance.
+        nothing, with the artefact anywhere within its tolerance; a move beyond the range of an axis
+        in the set-up; an axis "not turned" that turns before in the order of the plan.
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
         a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
@@ -137,109 +130,33 @@ def probing_program(
         raise InputError(f"start_at: got {start_at!r}, expected the number of a touch, from 1")
     if start_at > len(plan):
         raise InputError(f"start_at: got {start_at}, expected a touch of the plan's {len(plan)}")
-    ready = _with_starts(plan, setup, feed_mm_min)
-    _check_clear(ready, setup)
-    swing, levels = safe_levels(ready, setup)
-    cycle = Cycle(
-        setup=setup,
-        letters=tuple(Chain(setup).letters),
+    ready = with_starts(plan, setup, feed_mm_min)
+    check_clear(ready, setup)
+    cycle = replace(
+        cycle_of(ready, setup),
         name=re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60] or "plan",
         plan_hash=plan_hash(plan),
         log=log,
-        swing=_up(swing),
-        steps=_steps(ready, setup, levels),
         start_at=start_at,
         dry_run=dry_run,
     )
+    _check_senses(plan, cycle)
+    cycle.check_ranges()
     return ProbingProgram(cycle)
 
 
-def _with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
-    """Return the plan with starts and feeds."""
-    added: dict[str, Floats] = {}
-    if plan.feed_mm_min is None:
-        if feed is None:
-            raise DataError("plan: got no column feed_mm_min, expected it, or a feed_mm_min given")
-        added["feed_mm_min"] = np.full(len(plan), float(feed))
-    if plan.start_mm is None:
-        starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
-        added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}
-    return plan.with_columns(**added) if added else plan
-
-
-def _check_clear(plan: Touches, setup: Setup) -> None:
-    """Refuse a plan of another set-up, or of no planner, that runs into something."""
-    chain, starts = Chain(setup), plan.start_mm
-    assert starts is not None
-    found = _core.blocked_moves(
-        chain.machine(),
-        standing_artefact(setup),
-        TouchModel(setup).moves(plan, from_start=True),
-        np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm,
-        ball_radius_mm=setup.probe.ball_radius_mm,
-        stem_radius_mm=setup.probe.effective_stem_radius_mm,
-        stem_length_mm=setup.probe.length_mm,
-        clearance_mm=setup.plan.clearance_mm,
-        table_radius_mm=setup.table.radius_mm,
-        table_thickness_mm=setup.table.thickness_mm,
-    )
-    if found:
-        which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
-        more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
-        artefact = setup.artefact
-        raise DataError(
-            f"plan: got touches that run into something or find nothing with the artefact within "
-            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: number "
-            f"{which}{more}; expected a plan of this set-up (artefact, place, tolerance, table, "
-            "probe, clearance)"
-        )
-
-
-def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
-    starts, feeds = plan.start_mm, plan.feed_mm_min
-    assert starts is not None
-    assert feeds is not None
-    ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
-    rotary: Mapping[str, Floats] = plan.rotary_deg
-    senses = plan.rotary_dir
-    steps = []
-    for row in range(len(plan)):
-        angles = {x.upper(): _round(float(values[row])) for x, values in rotary.items()}
-        sense = {x: int(senses[x.lower()][row]) if x.lower() in senses else 0 for x in angles}
-        start = tuple(_round(float(v)) for v in starts[row])
-        steps.append(
-            Step(
-                angles=angles,
-                senses=sense,
-                start=start,
-                contact=tuple(float(v) for v in plan.position_mm[row]),
-                end=tuple(_round(float(v)) for v in ends[row]),
-                level=max(_up(float(levels[row])), start[2]),
-                feed=float(feeds[row]),
-            )
-        )
-    return tuple(steps)
-
-
-def _round(value: float) -> float:
-    return float(round(value, DECIMALS)) + 0.0
-
-
-def _up(value: float) -> float:
-    return float(np.ceil(value * 1e4 - 1e-6)) / 1e4
-
-
-def safe_levels(
-    plan: Touches, setup: Setup
-) -> tuple[float, np.ndarray[tuple[int], np.dtype[np.float64]]]:
-    """Z above all that swings, and Z above everything at each row's posture, mm."""
-    chain = Chain(setup)
-    return _core.safe_levels(
-        chain.machine(),
-        standing_artefact(setup),
-        chain.to_machine(plan.rotary_deg, len(plan)),
-        ball_radius_mm=setup.probe.ball_radius_mm,
-        clearance_mm=setup.plan.clearance_mm,
-        table_radius_mm=setup.table.radius_mm,
-        table_thickness_mm=setup.table.thickness_mm,
-    )
+def _check_senses(plan: Touches, cycle: Cycle) -> None:
+    """Refuse "not turned" of an axis that has turned before, as in a plan in another order."""
+    at = dict.fromkeys(cycle.letters, 0.0)
+    turned: set[str] = set()
+    for number, step in enumerate(cycle.steps, start=1):
+        turned |= {letter for letter, angle in step.angles.items() if angle != at[letter]}
+        at |= step.angles
+        for letter in sorted(turned):
+            column = f"{letter.lower()}_dir"
+            if column in plan.columns and step.senses[letter] == 0:
+                raise DataError(
+                    f"plan, touch {number}: got {column} 0 (not turned), but {letter} turns "
+                    "before it in this order; expected the sense of that turn, 1 or -1 (was the "
+                    f"plan sorted anew?), or a plan without {column}"
+                )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
+from trunnion.probing.mistakes import in_mm, large_errors_named
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
@@ -73,6 +75,11 @@ def simulate(
         Noise without a seed, negative noise or tick, unknown names.
     DataError
         A move that does not meet the artefact, a column that an effect needs and the plan lacks.
+
+    Warns
+    -----
+    UserWarning
+        No position error reaches 0.1 µm: they may be in mm.
     """
     if isinstance(errors, Estimate):
         placement = errors.placement if placement is None else placement
@@ -100,15 +107,19 @@ def simulate(
     if plan.start_mm is not None:
         way = np.linalg.norm(plan.position_mm - plan.start_mm, axis=1)
         reach += float(way.max(initial=0.0))
-    travel = model.core.simulate(
-        moves,
-        values,
-        from_start=from_start,
-        reach_mm=reach,
-        noise_um=noise_um,
-        seed=_whole("seed", seed or 0),
-        sample=_whole("sample", sample),
-    )
+    named_values = dict(zip(model.error_names, values, strict=False))
+    if doubt := in_mm(named_values):
+        warnings.warn(f"simulate, errors: got {doubt}", UserWarning, stacklevel=3)
+    with large_errors_named(named_values):
+        travel = model.core.simulate(
+            moves,
+            values,
+            from_start=from_start,
+            reach_mm=reach,
+            noise_um=noise_um,
+            seed=_whole("seed", seed or 0),
+            sample=_whole("sample", sample),
+        )
     for effect in own:
         travel = travel + 1e-3 * effect.change(plan, effects[effect])
     start = plan.start_mm if plan.start_mm is not None else plan.position_mm

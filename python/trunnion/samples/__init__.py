@@ -4,8 +4,9 @@
 Table 2, simulated by ``samples/make_samples.py`` (an artefact 50 µm and 60" off its place, 0.3 µm
 repeatability, 0.1 µm ticks).
 ``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
-``ballbar/circle.csv``, ``positioning/axis.csv``: points, sweeps, a ball-bar test and stops of an
-axis, made by ``samples/make_measured.py``, which says what is in them.
+``ballbar/circle.csv``, ``positioning/axis.csv``, ``levels/bed.csv``, ``levels/plate.csv``: points,
+sweeps, a ball-bar test, stops of an axis and a level on a bed and on a plate, made by
+``samples/make_measured.py``, which says what is in them.
 ``contour/setup.toml``, ``contour/axislog.csv``: a servo and a log of five axes at two feeds, made
 by ``samples/make_contour.py``.
 ``turning/part.ngc``, ``turning/setup.toml``, ``turning/diameters.csv``, ``turning/passes.csv``: a

@@ -60,7 +60,7 @@ def iso_codes(effect: str) -> tuple[str, ...]:
         kind, direction, axis = match.groups()
         letter = _TILT[direction] if kind == "angular" else direction.upper()
         return (f"E{letter}{axis.upper()}",)
-    if effect != "scale" and (match := _ROTARY.fullmatch(effect)):
+    if effect not in ("scale", "twist") and (match := _ROTARY.fullmatch(effect)):
         return _rotary_codes((match[1] or "c").upper(), match[2])
     return ()
 

@@ -1,8 +1,9 @@
 """The set-up: machine, artefact and probe of a measurement, as it stands in ``setup.toml``.
 
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
-unit and meaning. Tables ``[machine]`` (with ``[machine.errors]``), ``[axes.X]`` and so on,
-``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``, ``[control]`` are its own.
+unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
+``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
+``[control]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -16,7 +17,7 @@ from typing import Any, ClassVar
 
 import trunnion._core as _core
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, entry, instance, named, within
+from trunnion.base.checks import choose, entry, instance, named, positive, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import unit_of
@@ -56,6 +57,7 @@ MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
 """Location errors beyond a tenth of a metre or half a turn are typos."""
 
 UNCERTAINTY = Number(0.0, 1e4)
+ANGLE = Number(-1e5, 1e5)
 SPEED = Number(1e-3, 1e7)
 
 
@@ -76,6 +78,7 @@ class _LocationErrors:
     """Location errors by name, in any spelling."""
 
     words: str = "a table of location errors, µm and arcsec"
+    positive: bool = False
 
     def __call__(self, what: str, value: Any) -> FrozenMapping[float]:
         errors: dict[str, float] = {}
@@ -85,7 +88,10 @@ class _LocationErrors:
                 if name in errors:
                     raise InputError(f"{what}.{name}: got {spelling!r}, expected each error once")
                 limit = MAX_ERROR[unit_of(name)]
-                errors[name] = within(f"{what}.{name}", size, -limit, limit, unit_of(name))
+                full = f"{what}.{name}"
+                if self.positive:
+                    positive(full, size)
+                errors[name] = within(full, size, -limit, limit, unit_of(name))
         return FrozenMapping(errors)
 
 
@@ -100,20 +106,25 @@ def _canonical(what: str, spelling: str) -> str:
 class Machine(Part):
     """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
 
-    Results are totals that include the known errors.
+    Results are totals that include the known errors. `tolerance`: of location errors by name, above
+    0; a diagnosis states biases in units of it.
     """
 
     table: ClassVar[str] = "machine"
     preset: str = key("trt-ca", _Presets(), "chain of axes")
     errors: Mapping[str, float] = key(FrozenMapping({}), _LocationErrors(), "errors known before")
+    tolerance: Mapping[str, float] = key(
+        FrozenMapping({}), _LocationErrors(positive=True), "tolerances of location errors"
+    )
 
     def __post_init__(self) -> None:
         """Check every field, and that the machine has these errors."""
         super().__post_init__()
         known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
-        for name in self.errors:
-            with entry("errors", name):
-                choose(f"machine.errors of {self.preset}", name, known)
+        for table in ("errors", "tolerance"):
+            for name in getattr(self, table):
+                with entry(table, name):
+                    choose(f"machine.{table} of {self.preset}", name, known)
 
 
 @dataclass(frozen=True)
@@ -123,12 +134,21 @@ class AxisSetup(Part):
     `point_mm` says where a rotary axis nominally is: any point of it at zero of all axes, in the
     machine frame, whose origin is the centre of the table top, on the axis of the table. A
     trunnion whose A axis lies 30 mm below the table top and 5 mm towards +Y has (0, 5, -30).
+
+    A plan or program with a move beyond `range_mm` (linear axes: the ball's centre in the machine
+    frame) or `range_deg` (rotary axes: as the control counts) is refused.
     """
 
     table: ClassVar[str] = "axes"
     sense: int = key(1, Sign(), "-1: the control counts the axis the other way round")
     point_mm: tuple[float, float, float] | None = key(
         None, Vector(3, COORDINATE), "nominal point of a rotary axis; else through the origin"
+    )
+    range_mm: tuple[float, float] | None = key(
+        None, Vector(2, COORDINATE), "lowest and highest position of a linear axis, machine frame"
+    )
+    range_deg: tuple[float, float] | None = key(
+        None, Vector(2, ANGLE), "lowest and highest position of a rotary axis"
     )
 
 
@@ -324,6 +344,8 @@ class Setup:
         for axis, point in self.axis_points().items():
             with entry("axes", axis, "point_mm"):
                 self._check_point(axis, point)
+        for axis, made in self.axes.items():
+            _check_range(axis, made)
         for name in PROCESS_TABLES:
             object.__setattr__(self, name, Section.of(name, getattr(self, name)))
 
@@ -336,6 +358,11 @@ class Setup:
         """Return the nominal points of axes that are stated, by letter, mm."""
         stated = {letter: axis.point_mm for letter, axis in self.axes.items()}
         return {letter: point for letter, point in stated.items() if point is not None}
+
+    def axis_ranges(self) -> dict[str, tuple[float, float]]:
+        """Return the ranges of axes that are stated, by letter, mm or degrees."""
+        stated = {letter: axis.range_mm or axis.range_deg for letter, axis in self.axes.items()}
+        return {letter: limits for letter, limits in stated.items() if limits is not None}
 
     def _check_point(self, axis: str, point: tuple[float, float, float]) -> None:
         """Refuse a point of an axis that cannot have one or is somewhere else."""
@@ -362,6 +389,21 @@ class Setup:
 
     def _repr_html_(self) -> str:
         return report_of(self).html()
+
+
+def _check_range(axis: str, given: AxisSetup) -> None:
+    """Refuse a range in the other unit, or one from high to low."""
+    own, other = ("range_mm", "range_deg") if axis in "XYZ" else ("range_deg", "range_mm")
+    limits = getattr(given, own)
+    with entry("axes", axis, other):
+        if getattr(given, other) is not None:
+            got = list(getattr(given, other))
+            raise InputError(f"axes.{axis}.{other}: got {got}, expected {own} for axis {axis}")
+    with entry("axes", axis, own):
+        if limits is not None and not limits[0] < limits[1]:
+            raise InputError(
+                f"axes.{axis}.{own}: got {list(limits)}, expected the lower limit first"
+            )
 
 
 def _article(kind: type) -> str:

@@ -23,8 +23,9 @@ def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
     tables = {name: getattr(setup, name).to_dict() for name in PARTS}
     tables["axes"] = {letter: axis.to_dict() for letter, axis in setup.axes.items()}
     tables |= {name: thawed(getattr(setup, name)) for name in PROCESSES}
-    if not setup.machine.errors:
-        del tables["machine"]["errors"]
+    for name in ("errors", "tolerance"):
+        if not tables["machine"][name]:
+            del tables["machine"][name]
     if setup.table.is_assumed:
         del tables["table"]
     return {name: table for name, table in tables.items() if table}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,9 @@ from trunnion.data.diameters import Diameters
 from trunnion.turning.profile import Follows
 
 Rule: TypeAlias = Literal["paper", "every-window", "mid-run", "bounded"]
+
+GAP_STEPS = 3.0  # a gap so many times as wide as readings are apart holds something unmeasured
+PLACES_IN_A_GAP = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +43,9 @@ class Correction(Result):
         diameter there, replayed from the text of the new program.
     covered : ndarray of bool, shape (n,)
         Does the program cut at this reading? Where not, the remaining error is the reading.
+    between_z_mm, between_um : ndarray, shape (m,)
+        Places between measured lines (curves, steep lines, gaps in the readings), and the error
+        predicted there if it runs straight from window to window and repeats.
     bound_um : float or None
         No window mean is left with more; only the rule ``"bounded"`` has one. Between
         two means the error may leave their straight line by its own curvature, and so may what
@@ -60,6 +66,8 @@ class Correction(Result):
     error_um: Floats
     remaining_um: Floats
     covered: Flags
+    between_z_mm: Floats
+    between_um: Floats
     bound_um: float | None
 
     @property
@@ -83,6 +91,11 @@ class Correction(Result):
         if not self.covered.all():
             count = int((~self.covered).sum())
             lines.append(f"{count} readings lie where the program does not cut.")
+        if len(self.between_um):
+            lines.append(
+                "Curves and steep lines are not measured: the correction runs linearly between "
+                "the lines beside them."
+            )
         return lines
 
     def tables(self) -> tuple[Table, ...]:
@@ -92,6 +105,8 @@ class Correction(Result):
             _extent("before", self.error_um[on]),
             _extent("left if it repeats", self.remaining_um[on]),
         ]
+        if len(self.between_um):
+            rows.append(_extent("left where not measured", self.between_um))
         columns = ("", "least", "greatest", "rms")
         return (Table.of("Error of the diameter, µm", columns, rows, digits=2),)
 
@@ -163,6 +178,12 @@ def correct(
         For readings of several passes or numbers that are not usable.
     """
     z, error = _columns(readings)
+    start: dict[str, Any] = {
+        "follows": follows,
+        "nose_mm": nose_mm,
+        "feed": feed,
+        "machine_codes": list(machine_codes),
+    }
     got = turning_correct(
         program,
         z,
@@ -172,18 +193,17 @@ def correct(
         rule=rule,
         bound_um=bound_um,
         look_ahead=look_ahead,
-        follows=follows,
-        nose_mm=nose_mm,
         position=None,
-        feed=feed,
-        machine_codes=list(machine_codes),
         keep_numbers=keep_numbers,
+        **start,
     )
-    text, change = got.pop("program").text(), got.pop("change_um")
+    after, change = got.pop("program"), got.pop("change_um")
     got["inserted"] = got["inserted"].astype(np.int64)
+    between, expected = _between(z, got["window_z_mm"], got["window_mean_um"])
+    replayed, cut = turning_change(program, after, between, position=None, **start)
     return Correction(
         dialect=program.dialect,
-        text=text,
+        text=after.text(),
         original_text=program.text(),
         rule=rule,
         unit_um=unit_um,
@@ -191,8 +211,26 @@ def correct(
         z_mm=z,
         error_um=error,
         remaining_um=error + change,
+        between_z_mm=between[cut],
+        between_um=(expected + replayed)[cut],
         **got,
     )
+
+
+def _between(z_mm: Floats, window_z_mm: Floats, mean_um: Floats) -> tuple[Floats, Floats]:
+    """Places in wide gaps of the readings, and the error there, straight from window to window."""
+    places = np.unique(z_mm)
+    steps = np.diff(places)
+    if not len(steps):
+        return places[:0], places[:0]
+    typical = float(np.median(steps))
+    wide = np.flatnonzero(steps > GAP_STEPS * typical)
+    inner = [np.linspace(places[i], places[i + 1], PLACES_IN_A_GAP + 2)[1:-1] for i in wide]
+    found = np.concatenate([places[:0], *inner])
+    order = np.argsort(window_z_mm)
+    known = window_z_mm[order]
+    found = found[(found > known[0]) & (found < known[-1])]
+    return found, np.interp(found, known, mean_um[order])
 
 
 @checked

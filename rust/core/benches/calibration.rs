@@ -45,8 +45,6 @@ impl Paper {
             overtravel: 5.0,
             linear_resolution: 1e-4,
             rotary_resolution: 1e-4 * DEG,
-            rapid: 100.0,
-            rotary_speed: 1.0,
             stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
             layout: Layout::Side,
             all_faces: false,

@@ -47,7 +47,7 @@ mod _core {
     #[pymodule_export]
     use crate::machine::{Machine, presets};
     #[pymodule_export]
-    use crate::plan::{blocked_moves, plan, safe_levels};
+    use crate::plan::Arrangement;
     #[pymodule_export]
     use crate::studies::Measurements;
     #[pymodule_export]

@@ -363,6 +363,7 @@ impl TouchModel {
         let found = py.detach(|| -> Result<(closed_form::Printed, Vec<f64>)> {
             self.inner.check(&moves)?;
             let rows = closed_form::PaperRows::find(&self.inner, &moves, &labels)?;
+            rows.upright()?;
             let found = closed_form::printed(&self.inner, &rows, &moves);
             Ok((found, closed_form::printed_operator(&self.inner, &rows, &moves)))
         });

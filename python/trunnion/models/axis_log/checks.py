@@ -148,8 +148,8 @@ def check_reference(signal: AxisSignal) -> None:
     if expected > MIN_ERROR and found < MAX_AGREEMENT * expected:
         raise DataError(
             f"axis log, {name}_act_{units.large}: got positions that agree with "
-            f"{name}_cmd_{units.large} within {found:.2g} {units.small_symbol} rms, where the servo "
-            f"model says {expected:.3g}: both look like the same counter"
+            f"{name}_cmd_{units.large} within {found:.2g} {units.small_symbol} rms, where the "
+            f"servo model says {expected:.3g}: both look like the same counter"
         )
 
 

@@ -25,6 +25,7 @@ from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import Located, catalogue, changed_servo, servo_effects
+from trunnion.models.axis_log.inputs import Inputs
 from trunnion.models.axis_log.near import Point, near
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
 from trunnion.setup import Setup
@@ -110,7 +111,20 @@ class AxisLogModel(Model):
         """The catalogue, and the values at which its columns are taken."""
         amounts = {} if self._point is None else self._point.effects
         places = Places(self._design, self._off.values, self._chords, amounts)
-        return catalogue(self._signals, places), places.found
+        made = catalogue(self._signals, places)
+        axes = range(len(self.axes))
+        made += [Located(e, axes) for e in self._inputs.effects(self._signals)]
+        return made, places.found
+
+    @cached_property
+    def _inputs(self) -> Inputs:
+        """Further columns of the log."""
+        return Inputs.of(self.data, self._signals.axes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say which further columns are no inputs."""
+        return self._inputs.remarks()
 
     @cached_property
     def _located(self) -> tuple[Located, ...]:
@@ -166,9 +180,9 @@ class AxisLogModel(Model):
         starts = [point.starts.get(letter, rest).ravel() for letter in self.axes]
         return replace(self.readings, values=values + self._design @ np.concatenate(starts))
 
-    def near(self) -> "AxisLogModel":
-        """Return the model about a point near its log; itself where that is the plain model."""
-        point = near(self._signals.axes)
+    def near(self, *, always: bool = False) -> "AxisLogModel":
+        """Return the model about a point near its log; itself where chords are exact enough."""
+        point = near(self._signals.axes, self._inputs.columns.values(), always=always)
         return self if point is None else self._about(point)
 
     def about(self, nuisance: Floats, effects: EffectValues) -> "AxisLogModel":

@@ -15,6 +15,8 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis
+from trunnion.diagnosis.dependence import changes
+from trunnion.diagnosis.noise import innovations
 from trunnion.models.axis_log.effects import servo_effects
 from trunnion.models.axis_log.signals import AxisSignal
 
@@ -24,7 +26,8 @@ MAX_STEPS = 12
 MAX_HALVINGS = 5
 SETTLED = 1e-6  # of the variance left, by which a step still gains
 DEPENDENT = 1e-6  # of a squared unit column
-NONLINEAR = 0.1  # of the rms left, by which chords are off from the exact response
+NONLINEAR = 1.0  # of the rms left, by which chords are off from the exact response
+SLIGHTLY_NONLINEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,20 @@ class Point:
     starts: Mapping[str, Floats] = field(default_factory=dict)
 
 
-def near(axes: Iterable[AxisSignal]) -> Point | None:
-    """Return the point near a log; None where sums of chords are exact enough."""
+def near(
+    axes: Iterable[AxisSignal], inputs: Iterable[Floats], *, always: bool = False
+) -> Point | None:
+    """Return the point near a log; None where sums of chords are exact enough.
+
+    ``inputs``: further columns of the log, (rows,) each, that may act on each axis. ``always``:
+    return it anyway.
+    """
     effects: dict[str, float] = {}
     starts: dict[str, Floats] = {}
-    far = False
+    far = always
+    inputs = list(inputs)
     for axis in axes:
-        found = _Search(axis)
+        found = _Search(axis, inputs)
         found.take_in()
         far = far or found.nonlinear()
         effects |= dict(zip(found.taken, found.at[: len(found.taken)].tolist(), strict=True))
@@ -56,12 +66,16 @@ def near(axes: Iterable[AxisSignal]) -> Point | None:
 class _Search:
     """Effects of one axis taken in one after the other."""
 
-    def __init__(self, axis: AxisSignal) -> None:
+    def __init__(self, axis: AxisSignal, inputs: Sequence[Floats]) -> None:
         self.axis = axis
+        # What inputs can make of the readings is taken out of everything, through the nominal loop.
+        columns = [axis.mean(axis.through_loop(one)) for one in inputs]
+        size = (len(axis.blocks), len(columns))
+        self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.entries = servo_effects(axis)
         self.taken: list[str] = []
         self.runs = len(axis.runs)
-        self.y = axis.mean(axis.units.scale * (axis.actual - axis.commanded))
+        self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
         self.at = np.zeros(2 * self.runs)
         self.left = self.y - self.predicted([self.at])[0]
@@ -82,7 +96,11 @@ class _Search:
         k = len(self.taken)
         servos = [self.servo(self.taken, p[:k]) for p in points]
         starts = np.stack([p[k:].reshape(self.runs, 2) for p in points])
-        return self.axis.readings_of(servos, starts)
+        return self.rest(self.axis.readings_of(servos, starts))
+
+    def rest(self, values: Floats) -> Floats:
+        """Values (..., blocks) less what inputs can make of them."""
+        return np.asarray(values - (values @ self.acted) @ self.acted.T)
 
     def step(self, name: str) -> float:
         """Step over which the response is differenced."""
@@ -176,7 +194,7 @@ class _Search:
         here = self.servo(self.taken, self.at[: len(self.taken)])
         servos = [self.entries[n].added(here, self.axis, self.step(n)) for n in others]
         starts = np.broadcast_to(self.starts(), (len(others), self.runs, 2))
-        rise = (self.axis.readings_of(servos, starts) - (self.y - self.left)).T
+        rise = (self.rest(self.axis.readings_of(servos, starts)) - (self.y - self.left)).T
         size = np.einsum("ij,ij->j", rise, rise)
         rise = rise - basis @ (basis.T @ rise)
         own = np.einsum("ij,ij->j", rise, rise)
@@ -188,12 +206,18 @@ class _Search:
         return others[int(np.argmax(gain))] if enough else ""
 
     def nonlinear(self) -> bool:
-        """Whether chords, one an effect, are off by a good part of what is left."""
+        """Whether chords, one an effect, are off by more than what is left.
+
+        By less, if what is left is no stationary noise: the model is not complete then.
+        """
         k = len(self.taken)
         alone = np.zeros((k + 1, len(self.at)))
         alone[:, k:] = self.at[k:]
         alone[np.arange(k), np.arange(k)] = self.at[:k]
         each = self.predicted(list(alone))
         off = (self.y - self.left) - each[k] - (each[:k] - each[k]).sum(axis=0)
-        return bool(off @ off > NONLINEAR**2 * (self.left @ self.left))
-
+        share = np.sqrt(float(off @ off) / max(float(self.left @ self.left), 1e-300))
+        if share < SLIGHTLY_NONLINEAR:
+            return False
+        series = [self.left[self.run_of == i] for i in range(self.runs)]
+        return share > NONLINEAR or changes(innovations(series))

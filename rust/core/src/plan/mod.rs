@@ -3,16 +3,15 @@
 //! - [`targets`]: the places on the artefact that are worth a touch, with the paper's labels;
 //! - [`collision`]: whether ball and stem get there and back without touching anything else;
 //! - `approach`: one touch after the other with the artefact anywhere within its tolerance;
-//! - `clock`: when each touch happens, and from which sense its axes come;
-//! - here: positions of the axes, senses of turning, feeds and times; commands rounded to the
-//!   resolution of the axes.
+//! - `senses`: from which sense the axes come;
+//! - here: positions of the axes and feeds; commands rounded to the resolution of the axes.
 //!
 //! Between touches the probe retracts to the start of its approach, moves along the stem to a
 //! level above everything at this position of the axes, across, and down to the next start.
 
 mod approach;
-mod clock;
 pub mod collision;
+mod senses;
 
 use nalgebra::Vector3;
 
@@ -22,8 +21,8 @@ use crate::pose::Direction;
 use crate::{Error, Result};
 
 use approach::{Approach, Approaches};
-use clock::Clock;
 use collision::{Stylus, Surroundings};
+use senses::Senses;
 
 pub use approach::blocked;
 
@@ -38,10 +37,6 @@ pub struct PlanOptions {
     pub linear_resolution: f64,
     /// Resolution of rotary commands; 0: exact.
     pub rotary_resolution: f64,
-    /// Speed of moves between touches.
-    pub rapid: f64,
-    /// Speed of the rotary axes, rad/s.
-    pub rotary_speed: f64,
     /// Ball and stem.
     pub stylus: Stylus,
     /// Where the touches 17 and 20 of the tilted cross lie.
@@ -93,8 +88,6 @@ pub struct PlannedTouch {
     pub direction: Vector3<f64>,
     /// Feed of the approach, mm/s.
     pub feed: f64,
-    /// When it happens, s after the start.
-    pub time: f64,
 }
 
 /// Machine and artefact as they are known to stand before anything is measured.
@@ -245,7 +238,7 @@ pub fn plan(
         ));
     }
     let rounds = request.feeds.len().max(if request.both_senses { 2 } else { 1 });
-    let mut clock = Clock::new(options, arrangement.swing_level(options.above()));
+    let mut senses = Senses::new();
     let mut touches = Vec::new();
     for round in 0..rounds * request.repeats {
         let upward = !request.both_senses || round % 2 == 0;
@@ -257,13 +250,12 @@ pub fn plan(
         for index in order {
             let Some(first) = reached[index].first() else { continue };
             let sense = sense_of_round(upward);
-            clock.turn(&axes, &first.rotary, sense, request.both_senses);
+            senses.turn(&axes, &first.rotary, sense, request.both_senses);
             let feed = request.feeds[(round + index) % request.feeds.len()];
             for touch in &reached[index] {
                 let mut touch = touch.clone();
-                touch.sense = clock.sense;
+                touch.sense = senses.last;
                 touch.feed = feed;
-                touch.time = clock.touch(&touch);
                 touches.push(touch);
             }
         }
@@ -383,7 +375,6 @@ impl Planner<'_> {
             contact,
             direction,
             feed: 0.0,
-            time: 0.0,
         })
     }
 }
@@ -408,8 +399,6 @@ mod tests {
             overtravel: 5.0,
             linear_resolution: 1e-4,
             rotary_resolution: 0.36 * crate::units::ARCSEC,
-            rapid: 10_000.0 / 60.0,
-            rotary_speed: 3600.0 / 60.0 * DEG,
             stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
             layout: Layout::Side,
             all_faces: false,
@@ -452,7 +441,6 @@ mod tests {
                 let labels: Vec<i64> = position.iter().map(|touch| touch.label).collect();
                 assert_eq!(labels, [17, 18, 19, 20]);
             }
-            assert!(touches.windows(2).all(|pair| pair[0].time < pair[1].time));
         }
     }
 

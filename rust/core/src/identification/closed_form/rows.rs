@@ -150,6 +150,21 @@ impl PaperRows {
         Ok(())
     }
 
+    /// Checks that touches 17 to 20 were taken where equations (9) and (10) hold.
+    ///
+    /// # Errors
+    /// A tilt other than ±90°: distances from the A axis do not give EB0A and EY0A there.
+    pub fn upright(&self) -> Result<()> {
+        let off = |position: &&Tilted| (position.angle.abs() - 90.0 * DEG).abs() > SAME_ANGLE;
+        let Some(position) = self.tilted.iter().find(off) else { return Ok(()) };
+        Err(Error::Data(format!(
+            "printed forms: got touches 17 to 20 at A = {:.3}°, expected A = ±90° only: equations (9) \
+             and (10) hold only there. Leave these touches out, or use least squares (identify), \
+             which takes any position of A",
+            position.angle / DEG
+        )))
+    }
+
     /// Positions 0°, 90°, 180°, 270° of C and ±90° of A, in this order; others are no part of the
     /// separating forms.
     pub(super) fn quarters(&self) -> Option<([&Turned; 4], [&Tilted; 2])> {

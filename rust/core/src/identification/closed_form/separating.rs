@@ -261,8 +261,6 @@ mod tests {
                 overtravel: 5.0,
                 linear_resolution: 0.0,
                 rotary_resolution: 0.0,
-                rapid: 100.0,
-                rotary_speed: 1.0,
                 stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
                 layout: Layout::Side,
                 all_faces: false,

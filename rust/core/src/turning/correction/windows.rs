@@ -81,6 +81,11 @@ pub(super) fn measurable(m: &Move) -> Option<f64> {
     (m.motion == Motion::Feed && dz.abs() > MIN_LENGTH_MM).then(|| dx / dz)
 }
 
+/// Chord of a move in Z and X, mm.
+fn way(m: &Move) -> f64 {
+    (m.to.axes[2] - m.from.axes[2]).hypot(m.to.axes[0] - m.from.axes[0])
+}
+
 /// z as programmed minus z of contact.
 pub(super) fn programmed_shift(follows: Follows, slope: f64) -> f64 {
     match follows {
@@ -144,6 +149,46 @@ impl<'a> Plan<'a> {
         index.checked_sub(1).map_or(self.begin, |previous| self.end[previous])
     }
 
+    /// The last measured line before move `index`, with no wall between: a wall begins anew, as
+    /// N15 of Fig. 14 does.
+    fn measured_before(&self, index: usize) -> Option<usize> {
+        (1..=index)
+            .rev()
+            .take_while(|&i| self.joined(i))
+            .map(|i| i - 1)
+            .take_while(|&i| self.runs(i))
+            .find(|&i| !self.lines[i].is_empty())
+    }
+
+    /// The first measured line behind move `index`, with no wall between.
+    fn measured_behind(&self, index: usize) -> Option<usize> {
+        (index + 1..self.moves.len())
+            .take_while(|&i| self.joined(i) && self.runs(i))
+            .find(|&i| !self.lines[i].is_empty())
+    }
+
+    /// Does z change along move `index`?
+    fn runs(&self, index: usize) -> bool {
+        self.moves.get(index).is_some_and(|m| (m.to.axes[2] - m.from.axes[2]).abs() > MIN_LENGTH_MM)
+    }
+
+    /// Let the correction run linearly along what is not measured, from the end of line `from` to
+    /// `k` where line `to` begins: the curves of section 2.3(1), and lines that are too steep.
+    fn bridge(&mut self, from: usize, to: usize, k: i64) {
+        let moves = self.moves.get(from + 1..to).unwrap_or_default();
+        let total: f64 = moves.iter().map(way).sum();
+        let start = self.end[from];
+        let mut run = 0.0;
+        for (index, m) in (from + 1..to).zip(moves) {
+            run += way(m);
+            let share = if index + 1 == to || total <= 0.0 { 1.0 } else { run / total };
+            #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation)] // few units
+            {
+                self.end[index] = start + ((k - start) as f64 * share).round() as i64;
+            }
+        }
+    }
+
     /// Is move `index` the straight continuation of the contour behind `index - 1`, both at feed?
     pub(super) fn joined(&self, index: usize) -> bool {
         let (Some(a), Some(b)) =
@@ -160,9 +205,8 @@ pub(super) fn by_windows(plan: &mut Plan<'_>) {
     for index in 0..plan.moves.len() {
         let line = &plan.lines[index];
         let (Some(m), Some(last)) = (plan.moves.get(index), line.last()) else { continue };
-        let behind_measured = plan.joined(index)
-            && index > 0
-            && plan.lines.get(index - 1).is_some_and(|l| !l.is_empty());
+        let measured = plan.measured_before(index);
+        let behind_measured = measured.is_some_and(|at| at + 1 == index);
         // What the path carries where the line begins.
         let carried = if behind_measured { plan.end[index - 1] } else { 0 };
         let cone = measurable(m).is_some_and(|slope| slope.abs() > 1e-9);
@@ -192,13 +236,24 @@ pub(super) fn by_windows(plan: &mut Plan<'_>) {
                 }
             }
         }
-        let first = knots.first().map_or(last.k, |knot| knot.1);
+        let (first, last) = (knots.first().map_or(last.k, |knot| knot.1), last.k);
         let ahead = plan.options.start_corner == StartCorner::LookAhead
             || plan.options.rule == Rule::MidRun;
-        if ahead && !behind_measured && plan.joined(index) {
-            plan.end[index - 1] = first;
+        match measured {
+            Some(at) if at + 1 < index => plan.bridge(at, index, first),
+            None if ahead && plan.joined(index) => plan.end[index - 1] = first,
+            _ => {}
         }
-        plan.end[index] = last.k;
+        plan.end[index] = last;
         plan.knots[index] = knots;
+    }
+    for index in 0..plan.moves.len() {
+        let curve = plan.moves.get(index).is_some_and(|m| matches!(m.motion, Motion::Arc { .. }));
+        if curve && plan.measured_behind(index).is_none() {
+            // No measured line behind it: the error of the line before holds to the end of the curve.
+            if let Some(at) = plan.measured_before(index).filter(|at| at + 1 == index) {
+                plan.end[index] = plan.end[at];
+            }
+        }
     }
 }

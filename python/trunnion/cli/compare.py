@@ -1,0 +1,54 @@
+"""``trunnion compare``: what changed between measurements of one machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import trunnion as tn
+from trunnion.cli.command import Answer, command, save, sort_files
+from trunnion.cli.diagnose import kind_of_file
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the application."""
+    command(app)(compare)
+
+
+def compare(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="BEFORE AFTER [MORE] [SETUP]",
+            help="measured data (CSV) or estimates (JSON) of one kind in order of time, and the "
+            "set-up (TOML) where the kind of data needs one",
+        ),
+    ],
+    dates: Annotated[
+        str, typer.Option(help="of each, separated by commas: 2026-01-31,2026-06-30")
+    ] = "",
+    level: Annotated[
+        float, typer.Option(help="chance that anything is said to have changed wrongly")
+    ] = 0.05,
+    html: Annotated[Path | None, typer.Option(help="write a page with a picture here")] = None,
+) -> Answer:
+    """Say what changed between measurements of one machine, and what did not."""
+    data, set_ups = sort_files(files, (2, 1000), (0, 1), "measurements")
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    when = [part.strip() for part in dates.split(",")] if dates else None
+    names = None if when else [path.stem for path in data]
+    if names is not None and len(set(names)) < len(names):
+        names = [str(path) for path in data]
+    found = tn.compare(*map(_read, data), setup=setup, dates=when, names=names, level=level)
+    shown: list[Any] = [found]
+    if html is not None:
+        shown.append(save(html, found.to_html))
+    return Answer(found, tuple(shown))
+
+
+def _read(path: Path) -> Any:
+    if path.suffix.lower() == ".json":
+        return tn.read_estimate(path)
+    return kind_of_file(path, "").read(path)

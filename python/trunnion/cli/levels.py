@@ -1,0 +1,37 @@
+"""``trunnion levels``: straightness, twist and flatness from the angles of a level."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import trunnion as tn
+from trunnion.cli.command import Answer, command
+from trunnion.cli.diagnose import diagnose_as
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group to the application."""
+    group = typer.Typer(
+        help="Levels along a line or on a grid: results, diagnose.", no_args_is_help=True
+    )
+    command(group)(results)
+    command(group, "diagnose")(diagnose_as("levels"))
+    app.add_typer(group, name="levels")
+
+
+def results(
+    readings: Annotated[Path, typer.Argument(metavar="READINGS", help="angles of a level (CSV)")],
+) -> Answer:
+    """Print straightness and twist of a line, or flatness and twist of a surface."""
+    data = tn.read_levels(readings)
+    found = data.results()
+    if not found:
+        count = len(data.stations[0])
+        raise tn.DataError(
+            f"{readings}: got {count} places with {' and '.join(data.components)}, expected at "
+            "least 3 of a line, or 4 of a grid with along and across"
+        )
+    return Answer({type(one).__name__.lower(): one.to_dict() for one in found}, found)

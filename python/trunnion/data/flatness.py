@@ -1,0 +1,477 @@
+"""Straightness, twist and flatness of slopes that a level read.
+
+Heights are linear in slopes, so that their covariance is exact. The deviation from straightness
+(flatness) is the largest less the smallest distance from a reference line (plane): of least squares
+(LSLI, LSPL), or the one for which it is smallest (minimum zone, MZLI, MZPL; ISO 1101). Its
+uncertainty is that of the points which limit it, at first order; noise itself widens the zone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from trunnion.base.errors import DataError
+from trunnion.base.report import Cell, Result, Table, measured
+from trunnion.base.units import Floats
+
+SAME_STEP = 0.01  # relative difference of steps that are one
+MIN_TRIPLES = 3
+MM_UM_M = 1e-3  # a slope of 1 µm/m over 1 mm, µm
+LEAST_SQUARES, MINIMUM_ZONE = "least squares", "minimum zone"
+
+
+class SlopesLike(Protocol):
+    """Slopes (m,) at places (m, d), µm/m, their covariance per unit of noise, the zero."""
+
+    @property
+    def places(self) -> Floats:
+        """(m, d)."""
+        ...
+
+    @property
+    def values(self) -> Floats:
+        """(m,)."""
+        ...
+
+    @property
+    def cofactor(self) -> Floats:
+        """(m, m)."""
+        ...
+
+    @property
+    def zero(self) -> float | None:
+        """None: not known."""
+        ...
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of a reading, µm/m (1 σ; inf: not known), and where it is from."""
+
+    sigma: float
+    source: str
+
+    @classmethod
+    def of_neighbours(cls, places: Floats, slopes: Floats) -> Noise:
+        """Of slopes off the line between their neighbours along x: structure counts as noise."""
+        squares = []
+        rows = np.unique(places[:, 1:], axis=0) if places.shape[1] > 1 else np.zeros((1, 0))
+        for row in rows:
+            mine = np.flatnonzero((places[:, 1:] == row).all(axis=1))
+            x, r = places[mine, 0], slopes[mine]
+            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
+            off = r[1:-1] - (1 - w) * r[:-2] - w * r[2:]
+            squares += (off**2 / (1 + w**2 + (1 - w) ** 2)).tolist()
+        if len(squares) < MIN_TRIPLES:
+            return cls(np.inf, "not known: too few readings")
+        return cls(float(np.sqrt(np.mean(squares))), "of second differences, structure included")
+
+
+def heights_of_line(places: Floats, foot_mm: float | None) -> tuple[Floats, Floats, bool]:
+    """Where heights follow from slopes at places (m,), (n,), how, (n, m), and whether by a chain.
+
+    A chain: each reading stands on the places where its neighbours stand.
+    """
+    steps = np.diff(places)
+    foot = float(np.median(steps)) if foot_mm is None else foot_mm
+    if not foot > 0:
+        raise DataError(f"foot_mm: got {foot:g}, expected a distance above 0")
+    m = len(places)
+    if np.all(np.abs(steps - foot) <= SAME_STEP * foot):
+        at = np.append(places - foot / 2, places[-1] + foot / 2)
+        return at, MM_UM_M * foot * np.tri(m + 1, m, -1), True
+    rise = np.zeros((m, m))
+    rows = np.arange(m - 1)
+    rise[rows + 1, rows] = rise[rows + 1, rows + 1] = steps / 2
+    return places, MM_UM_M * np.cumsum(rise, axis=0), False
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Neighbours on a grid of m places: slope between them by heights, and by slopes in x and y.
+
+    differences: (e, m). means: mean slope of two neighbours, (e, 2 m).
+    """
+
+    differences: Floats
+    means: Floats
+
+    @classmethod
+    def of(cls, places: Floats) -> Mesh:
+        """Neighbours along x and along y of places (m, 2)."""
+        m = len(places)
+        differences, means = [], []
+        for axis in (0, 1):
+            order = np.lexsort((places[:, axis], places[:, 1 - axis]))
+            one, other = order[:-1], order[1:]
+            joined = places[one, 1 - axis] == places[other, 1 - axis]
+            one, other = one[joined], other[joined]
+            rows = np.arange(len(one))
+            length = MM_UM_M * (places[other, axis] - places[one, axis])
+            difference, mean = np.zeros((len(one), m)), np.zeros((len(one), 2 * m))
+            difference[rows, other], difference[rows, one] = 1 / length, -1 / length
+            mean[rows, axis * m + one] = mean[rows, axis * m + other] = 0.5
+            differences.append(difference)
+            means.append(mean)
+        made = cls(np.concatenate(differences), np.concatenate(means))
+        if np.linalg.matrix_rank(made.differences) < m - 1:
+            raise DataError(
+                "flatness: got places that are not connected along x and y, expected a grid"
+            )
+        return made
+
+    def heights(self) -> Floats:
+        """Heights by slopes: least squares, (m, 2 m)."""
+        return np.asarray(np.linalg.pinv(self.differences) @ self.means)
+
+    def closure(self, heights: Floats, slopes: Floats) -> float:
+        """What heights (m,) leave of slopes (2 m,) between neighbours, rms."""
+        left = self.differences @ heights - self.means @ slopes
+        return float(np.sqrt(np.mean(left**2)))
+
+
+@dataclass(frozen=True)
+class _Zone:
+    """Heights (n,) above their line or plane, with both zones."""
+
+    heights: Floats
+    std: Floats
+    widths: tuple[float, float]
+    std_errors: tuple[float, float]
+
+    @classmethod
+    def of(cls, places: Floats, heights: Floats, covariance: Floats) -> _Zone:
+        size = np.ptp(places, axis=0)
+        plane = np.column_stack([np.ones(len(places)), (places - places.mean(axis=0)) / size])
+        off = np.eye(len(places)) - plane @ np.linalg.pinv(plane)
+        left, spread = off @ heights, off @ covariance @ off.T
+        ends = np.zeros(len(places))
+        ends[np.argmax(left)] += 1.0
+        ends[np.argmin(left)] -= 1.0
+        width, by = _minimum_zone(plane, left)
+        return cls(
+            left,
+            np.sqrt(np.maximum(np.diag(spread), 0.0)),
+            (float(np.ptp(left)), width),
+            (_std(ends, spread), _std(by, spread)),
+        )
+
+
+def _std(by: Floats, covariance: Floats) -> float:
+    return float(np.sqrt(np.maximum(by @ covariance @ by, 0.0)))
+
+
+def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
+    """Width of the narrowest zone between parallel lines or planes; its derivative by heights."""
+    from scipy.optimize import linprog
+
+    half = np.full((len(heights), 1), -0.5)
+    above, below = np.hstack([-plane, half]), np.hstack([plane, half])
+    cost = np.append(np.zeros(plane.shape[1]), 1.0)
+    solved = linprog(
+        cost,
+        A_ub=np.concatenate([above, below]),
+        b_ub=np.concatenate([-heights, heights]),
+        bounds=[(None, None)] * len(cost),
+        method="highs",
+    )
+    up, down = np.split(np.asarray(solved.ineqlin.marginals), 2)
+    return float(np.asarray(solved.fun)), np.asarray(down - up)
+
+
+def _covariance(slopes: SlopesLike, noise: Noise) -> Floats:
+    """Covariance of slopes; of a noise that is not known as if it were 1."""
+    return slopes.cofactor * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
+
+
+def _known(std: float, noise: Sequence[Noise]) -> float:
+    return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Straightness(Result):
+    """Profile of a line, and its straightness.
+
+    Attributes
+    ----------
+    positions_mm, heights_um
+        Profile above its line of least squares, (n,).
+    heights_std_um
+        Standard uncertainty of the heights by noise of the readings, (n,).
+    straightness_um, minimum_zone_um
+        Deviation from straightness: from the line of least squares, and the minimum zone.
+    std_errors
+        Standard uncertainty of both, and of the zero if there is one, by noise of the readings.
+    instrument_zero_um_m
+        Of the instrument; None where it was not turned.
+    noise_um_m, noise_source
+        Of one reading, and where it is from.
+    chained
+        Whether each reading stood where its neighbour stood; otherwise the trapezoidal rule.
+    notes
+        What a reader should know.
+    """
+
+    positions_mm: Floats
+    heights_um: Floats
+    heights_std_um: Floats
+    straightness_um: float
+    minimum_zone_um: float
+    std_errors: Mapping[str, float]
+    instrument_zero_um_m: float | None
+    noise_um_m: float
+    noise_source: str
+    chained: bool
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        at: Floats,
+        heights: Floats,
+        slopes: SlopesLike,
+        noise: Noise,
+        chained: bool,
+        note: str,
+    ) -> Straightness:
+        """Of slopes (m,), and how heights at n places follow from them, (n, m)."""
+        covariance = heights @ _covariance(slopes, noise) @ heights.T
+        zone = _Zone.of(at[:, None], heights @ slopes.values, covariance)
+        return cls(
+            positions_mm=at,
+            heights_um=zone.heights,
+            heights_std_um=zone.std,
+            straightness_um=zone.widths[0],
+            minimum_zone_um=zone.widths[1],
+            std_errors=_errors("straightness_um", zone, [noise]),
+            instrument_zero_um_m=slopes.zero,
+            noise_um_m=noise.sigma,
+            noise_source=noise.source,
+            chained=chained,
+            notes=(note,) if note else (),
+        )
+
+    def headline(self) -> str:
+        """Both zones."""
+        return (
+            f"straightness {self.straightness_um:.3g} µm, minimum zone "
+            f"{self.minimum_zone_um:.3g} µm"
+        )
+
+    def sentences(self) -> tuple[str, ...]:
+        """What is not known."""
+        return self.notes
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return both zones, and the profile."""
+        rows: list[tuple[Cell, ...]] = [
+            (float(x), round(float(z), 3), round(float(s), 3))
+            for x, z, s in zip(self.positions_mm, self.heights_um, self.heights_std_um, strict=True)
+        ]
+        heads = ("position, mm", "height, µm", "standard uncertainty, µm")
+        widths = {
+            LEAST_SQUARES: (self.straightness_um, self.std_errors["straightness_um"]),
+            MINIMUM_ZONE: (self.minimum_zone_um, self.std_errors["minimum_zone_um"]),
+        }
+        noise = Noise(self.noise_um_m, self.noise_source)
+        zones = _zones("Straightness", widths, [self.instrument_zero_um_m], [noise])
+        return zones, Table.of(f"Profile, {LEAST_SQUARES}", heads, rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flatness(Result):
+    """Heights of a surface, and its flatness.
+
+    Attributes
+    ----------
+    x_mm, y_mm, heights_um
+        Heights above the plane of least squares, (n,).
+    heights_std_um
+        Their standard uncertainty by noise of the readings, (n,).
+    flatness_um, minimum_zone_um
+        Deviation from flatness: from the plane of least squares, and the minimum zone.
+    std_errors
+        Standard uncertainty of both by noise of the readings.
+    closure_um_m
+        What differences of height around the grid's meshes leave of the slopes, rms.
+    instrument_zero_um_m
+        Of the instrument along and across; None where it was not turned.
+    noise_um_m, noise_source
+        Of one reading, along and across, and where it is from.
+    notes
+        What a reader should know.
+    """
+
+    x_mm: Floats
+    y_mm: Floats
+    heights_um: Floats
+    heights_std_um: Floats
+    flatness_um: float
+    minimum_zone_um: float
+    std_errors: Mapping[str, float]
+    closure_um_m: float
+    instrument_zero_um_m: tuple[float, float] | None
+    noise_um_m: tuple[float, float]
+    noise_source: str
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise], note: str) -> Flatness:
+        """Of slopes in x and in y."""
+        places, m = slopes[0].places, len(slopes[0].places)
+        mesh = Mesh.of(places)
+        heights = mesh.heights()
+        both = np.concatenate([s.values for s in slopes])
+        covariance = np.zeros((2 * m, 2 * m))
+        for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
+            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = _covariance(s, n)
+        z = heights @ both
+        zone = _Zone.of(places, z, heights @ covariance @ heights.T)
+        zeros = [s.zero for s in slopes if s.zero is not None]
+        return cls(
+            x_mm=places[:, 0],
+            y_mm=places[:, 1],
+            heights_um=zone.heights,
+            heights_std_um=zone.std,
+            flatness_um=zone.widths[0],
+            minimum_zone_um=zone.widths[1],
+            std_errors=_errors("flatness_um", zone, noise),
+            closure_um_m=mesh.closure(z, both),
+            instrument_zero_um_m=(zeros[0], zeros[1]) if len(zeros) > 1 else None,
+            noise_um_m=(noise[0].sigma, noise[1].sigma),
+            noise_source=noise[0].source,
+            notes=(note,) if note else (),
+        )
+
+    def headline(self) -> str:
+        """Both zones."""
+        return f"flatness {self.flatness_um:.3g} µm, minimum zone {self.minimum_zone_um:.3g} µm"
+
+    def sentences(self) -> tuple[str, ...]:
+        """What is not known."""
+        return self.notes
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return both zones, and the heights."""
+        rows: list[tuple[Cell, ...]] = [
+            (float(x), float(y), round(float(z), 3), round(float(s), 3))
+            for x, y, z, s in zip(
+                self.x_mm, self.y_mm, self.heights_um, self.heights_std_um, strict=True
+            )
+        ]
+        heads = ("x, mm", "y, mm", "height, µm", "standard uncertainty, µm")
+        widths = {
+            LEAST_SQUARES: (self.flatness_um, self.std_errors["flatness_um"]),
+            MINIMUM_ZONE: (self.minimum_zone_um, self.std_errors["minimum_zone_um"]),
+        }
+        noise = [Noise(n, self.noise_source) for n in self.noise_um_m]
+        zones = _zones("Flatness", widths, self.instrument_zero_um_m or (None, None), noise)
+        return zones, Table.of(f"Heights, {LEAST_SQUARES}", heads, rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Twist(Result):
+    """How fast the slope across changes along a line, or over a grid: height k x y.
+
+    Attributes
+    ----------
+    twist_um_m_m
+        µm/m per m, by a line of least squares through the slopes.
+    roll_um_m
+        Largest less smallest slope across.
+    std_errors
+        Standard uncertainty by noise of the readings; what is not straight about the roll is not
+        in it.
+    residual_um_m
+        What a constant twist leaves of the slopes, rms.
+    noise_um_m, noise_source
+        Of one reading, and where it is from.
+    """
+
+    twist_um_m_m: float
+    roll_um_m: float
+    std_errors: Mapping[str, float]
+    residual_um_m: float
+    noise_um_m: float
+    noise_source: str
+
+    @classmethod
+    def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
+        """Of slopes across a line, or in x and y."""
+        columns, spread = [], []
+        for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
+            # on a grid the slope in x changes along y, and the other way round
+            lever = s.places[:, (1 - i) if len(slopes) > 1 else 0] * 1e-3
+            own = np.zeros((len(lever), 1 + len(slopes)))
+            own[:, 0], own[:, 1 + i] = lever - lever.mean(), 1.0
+            columns.append(own)
+            spread.append(_covariance(s, n))
+        inverse = np.linalg.pinv(np.concatenate(columns))
+        values = np.concatenate([s.values for s in slopes])
+        found = inverse @ values
+        left = values - np.concatenate(columns) @ found
+        parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
+        variance = sum(float(p @ c @ p) for p, c in zip(parts, spread, strict=True))
+        roll, last = slopes[-1].values, spread[-1]
+        ends = np.zeros(len(roll))
+        ends[np.argmax(roll)] += 1.0
+        ends[np.argmin(roll)] -= 1.0
+        return cls(
+            twist_um_m_m=float(found[0]),
+            roll_um_m=float(np.ptp(roll)),
+            std_errors={
+                "twist_um_m_m": _known(float(np.sqrt(variance)), noise),
+                "roll_um_m": _known(_std(ends, last), noise),
+            },
+            residual_um_m=float(np.sqrt(np.mean(left**2))),
+            noise_um_m=noise[-1].sigma,
+            noise_source=noise[-1].source,
+        )
+
+    def headline(self) -> str:
+        """Twist."""
+        return f"twist {self.twist_um_m_m:.3g} µm/m per m"
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return twist and roll."""
+        rows: list[tuple[Cell, ...]] = [
+            (
+                "twist",
+                *measured(self.twist_um_m_m, self.std_errors["twist_um_m_m"]),
+                "µm/m per m",
+            ),
+            (
+                "range of the slope across",
+                *measured(self.roll_um_m, self.std_errors["roll_um_m"]),
+                "µm/m",
+            ),
+            ("left by a constant twist, rms", round(self.residual_um_m, 3), None, "µm/m"),
+            (f"noise of a reading, {self.noise_source}", round(self.noise_um_m, 3), None, "µm/m"),
+        ]
+        return (Table.of("Twist", ("", "value", "standard uncertainty", "unit"), rows),)
+
+
+def _errors(name: str, zone: _Zone, noise: Sequence[Noise]) -> dict[str, float]:
+    names = (name, "minimum_zone_um")
+    return {k: _known(s, noise) for k, s in zip(names, zone.std_errors, strict=True)}
+
+
+def _zones(
+    title: str,
+    widths: Mapping[str, tuple[float, float]],
+    zeros: Sequence[float | None],
+    noise: Sequence[Noise],
+) -> Table:
+    """Table of both zones with their uncertainty, and of the instrument."""
+    rows: list[tuple[Cell, ...]] = [
+        (f"{title.lower()}, {text}", *measured(*width), "µm") for text, width in widths.items()
+    ]
+    for text, zero, one in zip(("along", "across"), zeros, noise, strict=False):
+        if zero is not None:
+            rows.append((f"instrument zero {text}", round(zero, 3), None, "µm/m"))
+        rows.append((f"noise of a reading {text}, {one.source}", round(one.sigma, 3), None, "µm/m"))
+    return Table.of(title, ("", "value", "standard uncertainty", "unit"), rows)

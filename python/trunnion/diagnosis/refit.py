@@ -1,0 +1,88 @@
+"""A model fitted again with causes that are given, to compare measurements like with like."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.engine import case_of
+from trunnion.diagnosis.model import Model
+
+MAX_STEPS = 8
+SETTLED = 1e-9  # of the residual's squares
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Linear parameters of a model with some effects, its nonlinear ones held.
+
+    names: nuisance, then effects' as "id.parameter", p of them. values: (p,). covariance: (p, p).
+    not_identifiable: (p,). degrees_of_freedom: of the noise. columns: of every reading, (n, p).
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    covariance: Floats
+    not_identifiable: Floats
+    degrees_of_freedom: int
+    columns: Floats
+
+
+def refit(model: Model, effects: Mapping[str, Mapping[str, float]], outliers: Integers) -> Refit:
+    """Fit nuisance and the linear parameters of effects.
+
+    effects: Id → values, of which the nonlinear ones are held. outliers: data rows left out.
+    """
+    bad = np.flatnonzero(np.isin(model.readings.rows, outliers))
+    case = case_of(model).without(bad)
+    used = [model.effect(name) for name in effects]
+    linear = [[i for i, p in enumerate(e.parameters) if p.linear] for e in used]
+    count = len(model.nuisance)
+    at = np.concatenate([case.plain.nuisance, np.zeros(sum(map(len, linear)))])
+
+    def split(x: Floats) -> tuple[Floats, dict[str, Values]]:
+        left = iter(x[count:].tolist())
+        values = {
+            e.id: Values(
+                {p.name: next(left) if p.linear else effects[e.id][p.name] for p in e.parameters}
+            )
+            for e in used
+        }
+        return x[:count], values
+
+    def columns(x: Floats) -> Floats:
+        nuisance, values = split(x)
+        own = [
+            model.effect_jacobian(nuisance, e, values[e.id])[:, k]
+            for e, k in zip(used, linear, strict=True)
+        ]
+        return np.concatenate([model.jacobian(nuisance, values), *own], axis=1)
+
+    held = linear_fit(
+        case.white(model.jacobian(model.start, {})),
+        np.zeros(len(case.rows)),
+        tolerance=model.rank_tolerance,
+    )
+    hold = np.concatenate([held.held, np.zeros(len(at) - count, dtype=bool)])
+    for _ in range(MAX_STEPS):
+        every = columns(at)
+        white = case.white(model.readings.values - model.predict(*split(at)))
+        solved = linear_fit(case.white(every), white, hold=hold, tolerance=model.rank_tolerance)
+        gained = float(np.sum((case.white(every) @ solved.solution) ** 2))
+        at = at + solved.solution
+        if gained <= SETTLED * float(white @ white):
+            break
+    left = case.white(model.readings.values - model.predict(*split(at)))
+    dof = max(len(case.rows) - solved.rank, 1)
+    lost = solved.not_identifiable | np.append(
+        held.not_identifiable, np.zeros(len(at) - count, dtype=bool)
+    )
+    names = [x.name for x in model.nuisance]
+    names += [f"{e.id}.{p.name}" for e in used for p in e.parameters if p.linear]
+    variance = float(case.floor.noise(float(left @ left), dof))
+    return Refit(tuple(names), at, solved.cofactor * variance, lost, dof, every)

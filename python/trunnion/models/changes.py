@@ -1,0 +1,229 @@
+"""What changed between measurements of one machine: the records."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from trunnion.base.report import Cell, Result, Shown, Table, measured, number, significant
+from trunnion.diagnosis.records import chance, with_unit
+
+MAX_NAMED = 8  # in a sentence
+FEW = 8  # measurements, below which control limits say little
+
+
+@dataclass(frozen=True)
+class Change:
+    """One quantity before and after.
+
+    Attributes
+    ----------
+    name, unit, owner
+        As results and diagnoses call it ("EX0C", "twist_um_m_m", "scale.ppm"); whose it is. Of an
+        effect of many parameters ("field (rms)") before, after and change are rms of what it does
+        to the readings, and the change is never negative.
+    before, after, change, std_error
+        Values, and the standard uncertainty of the change.
+    low, high
+        95 % interval of the change, of this quantity by itself.
+    p_value
+        That it did not change, corrected for the number of quantities (Holm).
+    changed
+        Whether that is below the level of the comparison.
+    """
+
+    name: str
+    unit: str
+    owner: str
+    before: float
+    after: float
+    change: float
+    std_error: float
+    low: float
+    high: float
+    p_value: float
+    changed: bool
+
+    @property
+    def within(self) -> float:
+        """Largest size that the change may have, 95 %."""
+        return max(abs(self.low), abs(self.high))
+
+    def sentence(self) -> str:
+        """Say both values and the change."""
+        value, std = (_text(cell) for cell in measured(self.change, self.std_error))
+        ends = f"{self.before:.4g} → {self.after:.4g}".replace("-", "−")
+        return with_unit(f"{self.name} {ends} (change {value} ± {std})", self.unit)
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One quantity over time.
+
+    Attributes
+    ----------
+    name, unit
+        Of the quantity.
+    rate, std_error
+        By weighted regression, a day (or a measurement, where there are no dates).
+    p_value, changing
+        That there is no trend, corrected for the number of quantities (Holm).
+    centre, lower, upper
+        Control limits of an individuals chart: mean ± 2.66 mean moving ranges (ISO 7870-2).
+    outside
+        Measurements (from 0) outside the limits.
+    """
+
+    name: str
+    unit: str
+    rate: float
+    std_error: float
+    p_value: float
+    changing: bool
+    centre: float
+    lower: float
+    upper: float
+    outside: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MachineComparison(Result):
+    """What changed between measurements of one machine, and what did not. See :func:`compare`.
+
+    Attributes
+    ----------
+    names
+        Of the measurements, in order.
+    quantities
+        From the first measurement to the last: those that changed first, strongest first.
+    trends
+        Of three or more measurements.
+    values, std_errors
+        Name → value of each measurement and its standard uncertainty.
+    days
+        When the measurements were made, from the first; without dates their numbers.
+    dated
+        Whether there were dates.
+    level
+        Chance that anything is said to have changed where nothing did.
+    notes
+        What else a reader should know.
+    """
+
+    names: tuple[str, ...]
+    quantities: tuple[Change, ...]
+    trends: tuple[Trend, ...]
+    values: Mapping[str, tuple[float, ...]]
+    std_errors: Mapping[str, tuple[float, ...]]
+    days: tuple[float, ...]
+    dated: bool
+    level: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def changes(self) -> dict[str, tuple[float, float]]:
+        """Name → change from the first measurement to the last, and its standard error."""
+        return {q.name: (q.change, q.std_error) for q in self.quantities}
+
+    @property
+    def changed(self) -> frozenset[str]:
+        """Names of what changed."""
+        return frozenset(q.name for q in self.quantities if q.changed)
+
+    def derived(self) -> Mapping[str, Any]:
+        """Changes by name."""
+        return {"changes": self.changes}
+
+    def headline(self) -> str:
+        """How much changed."""
+        return f"{len(self.changed)} of {len(self.quantities)} quantities changed"
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say what changed, then what did not and how well that is known."""
+        moved = [q for q in self.quantities if q.changed]
+        still = [q for q in self.quantities if not q.changed]
+        level = f"{100 * self.level:.3g} %"
+        ends = f"from {self.names[0]} to {self.names[-1]}"
+        if not self.quantities:
+            return (f"Nothing to compare {ends}: no quantity is known of both.", *self.notes)
+        lines = []
+        if moved:
+            lines.append(f"Changed {ends}: {_listed([q.sentence() for q in moved])}.")
+        else:
+            lines.append(f"Nothing changed {ends}, as far as the measurements show.")
+        if still:
+            parts = [with_unit(f"{q.name} within ±{q.within:.2g}", q.unit) for q in still]
+            lines.append(f"Not changed, 95 % each: {_listed(parts)}.")
+        lines.append(
+            f"Level {level} over all {len(self.quantities)} quantities together (Holm); errors "
+            "that all measurements share cancel."
+        )
+        going = [t for t in self.trends if t.changing]
+        if going:
+            each = "day" if self.dated else "measurement"
+            parts = [f"{t.name} {_rate(t)} a {each}" for t in going]
+            lines.append(f"Trend: {_listed(parts)}.")
+        out = [
+            f"{t.name} at {', '.join(self.names[i] for i in t.outside)}"
+            for t in self.trends
+            if t.outside
+        ]
+        if out:
+            lines.append(f"Outside its control limits: {_listed(out)}.")
+        return (*lines, *self.notes)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Return changes and trends."""
+        rows = [_row(q) for q in self.quantities]
+        columns = ("", self.names[0], self.names[-1], "change", "standard error", "unit", "p")
+        tables = [Table.of("Changes", (*columns, "changed"), rows)]
+        if self.trends:
+            each = "day" if self.dated else "measurement"
+            heads = ("", f"trend a {each}", "standard error", "p", "lower limit", "upper limit")
+            lines = [
+                (
+                    t.name,
+                    *measured(t.rate, t.std_error),
+                    _chance(t.p_value),
+                    significant(t.lower, 4),
+                    significant(t.upper, 4),
+                )
+                for t in self.trends
+            ]
+            title = "Trends"
+            if len(self.names) < FEW:
+                title += f" (limits of {len(self.names)} measurements say little)"
+            tables.append(Table.of(title, heads, lines))
+        return tuple(tables)
+
+
+def _row(q: Change) -> tuple[Cell, ...]:
+    ends = (significant(q.before, 4), significant(q.after, 4))
+    changed = "yes" if q.changed else "no"
+    return (
+        q.name,
+        *ends,
+        *measured(q.change, q.std_error),
+        q.unit,
+        _chance(q.p_value),
+        changed,
+    )
+
+
+def _chance(p: float) -> Shown:
+    return Shown(p, chance(p).removeprefix("p ").removeprefix("= "))
+
+
+def _rate(t: Trend) -> str:
+    value, std = (_text(cell) for cell in measured(t.rate, t.std_error))
+    return with_unit(f"{value} ± {std}", t.unit)
+
+
+def _text(cell: Cell) -> str:
+    return cell.text if isinstance(cell, Shown) else number(None if cell is None else float(cell))
+
+
+def _listed(parts: Sequence[str]) -> str:
+    more = len(parts) - MAX_NAMED
+    return "; ".join(parts[:MAX_NAMED]) + (f"; and {more} more" if more > 0 else "")

@@ -1,0 +1,453 @@
+"""Compare measurements of one machine: what changed, by how much, and what did not.
+
+Two diagnoses may name different causes for what is alike. So each measurement is fitted again with
+the causes that any of them names, nonlinear parameters (a pitch, a place, a time constant) held at
+one value for all, and the same parameters are compared. Beside these stand the figures of the
+standard that a kind of data has, and the machine's location errors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.arguments import checked
+from trunnion.base.errors import InputError
+from trunnion.base.report import Result
+from trunnion.base.units import Floats, unit_of
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.refit import Refit, refit
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.files.table import Table
+from trunnion.machine.effects import Owner
+from trunnion.machine.estimate import Estimate
+from trunnion.models.changes import Change, MachineComparison, Trend
+from trunnion.models.kinds import diagnose
+
+COVERAGE = 0.95
+MOST_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
+INDIVIDUALS = 2.66  # 3 / 1.128: limits by the mean moving range of two
+MIN_STD = 1e-12  # relative to the values: of data without noise
+SINGULAR = 1e-9
+
+
+@dataclass(frozen=True)
+class _Value:
+    """A quantity of one measurement; `free` is of its standard uncertainty."""
+
+    value: float
+    std: float
+    free: float = math.inf
+    unit: str = ""
+    owner: str = Owner.MACHINE.value
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What is known of one measurement."""
+
+    kind: str
+    values: dict[str, _Value]
+    diagnosis: Diagnosis | None = None
+
+
+@dataclass(frozen=True)
+class _Vector:
+    """Many parameters of one effect in one measurement, and what they do to its readings."""
+
+    values: Floats
+    covariance: Floats
+    columns: Floats
+    free: float
+    unit: str
+
+
+@checked
+def compare(
+    before: Any,
+    after: Any,
+    *more: Any,
+    setup: Any = None,
+    dates: Sequence[Any] | None = None,
+    names: Sequence[str] | None = None,
+    uncertainty: Mapping[str, float] | None = None,
+    level: float = 0.05,
+) -> MachineComparison:
+    """Say what changed between measurements of one machine, by how much, and what did not.
+
+    Parameters
+    ----------
+    before, after, *more
+        Measurements of one kind, their diagnoses, estimates (identifications), or results with
+        standard errors (``.iso230_2()``, ``.straightness()``), in order of time. Changes are from
+        the first to the last; of three or more, trends too.
+    setup
+        The set-up of measured data, where the kind needs one.
+    dates
+        Of each: ``date``, ``datetime``, text as ISO 8601, or days.
+    names
+        What sentences call each; by default the dates, or "before" and "after", or numbers.
+    uncertainty
+        Standard uncertainty by name of a quantity that its scatter does not show and that the
+        measurements do not share (another artefact, another instrument): added to each. What they
+        share cancels.
+    level
+        Chance that anything is said to have changed where nothing did (Holm, 1979).
+
+    Raises
+    ------
+    InputError
+        Measurements of different kinds, or dates out of order.
+    """
+    if not 0 < level < 1:
+        raise InputError(f"level: got {level:g}, expected a chance between 0 and 1")
+    sources = [_source(item, setup) for item in (before, after, *more)]
+    kinds = {s.kind: None for s in sources}
+    if len(kinds) > 1:
+        raise InputError(f"compare: got {' and '.join(kinds)}, expected measurements of one kind")
+    days = _days(dates, len(sources))
+    diagnosed = [s.diagnosis for s in sources if s.diagnosis is not None]
+    notes: list[str] = []
+    vectors: dict[str, tuple[_Vector, ...]] = {}
+    if diagnosed:
+        found = _joined(_of_standard([d.data for d in diagnosed], notes))
+        fitted, vectors = _fitted(diagnosed, notes)
+        found = {**found, **fitted}
+    else:
+        found = _joined([s.values for s in sources])
+    known = {
+        name: tuple(_with(v, (uncertainty or {}).get(name, 0.0)) for v in values)
+        for name, values in found.items()
+    }
+    wrong = sorted(set(uncertainty or {}) - set(known))
+    if wrong:
+        raise InputError(f"uncertainty: got {wrong[0]!r}, expected one of {', '.join(known)}")
+    tested = [_change(name, v[0], v[-1]) for name, v in known.items()]
+    tested += [_of_many(name, v[0], v[-1]) for name, v in vectors.items()]
+    shown = _names(names, dates, len(sources))
+    return MachineComparison(
+        names=shown,
+        quantities=_judged(tested, level),
+        trends=_trends(known, days, level) if len(sources) > 2 else (),
+        values={k: tuple(x.value for x in v) for k, v in known.items()},
+        std_errors={k: tuple(x.std for x in v) for k, v in known.items()},
+        days=days,
+        dated=dates is not None,
+        level=level,
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+# --- what each measurement says
+
+
+def _source(item: Any, setup: Any) -> _Source:
+    """Quantities of one measurement that need no other."""
+    if isinstance(item, Table):
+        item = diagnose(item, setup)
+    if isinstance(item, Diagnosis):
+        if item.data is None:
+            if isinstance(item.model, Estimate):
+                return _Source("estimates", _of_estimate(item.model))
+            raise InputError("compare: got a diagnosis without its data, expected one with them")
+        return _Source(type(item.data).__name__, {}, item)
+    if isinstance(item, Estimate):
+        return _Source("estimates", _of_estimate(item))
+    if isinstance(item, Result) and isinstance(getattr(item, "std_errors", None), Mapping):
+        return _Source(type(item).__name__, _of_result(item))
+    raise InputError(
+        f"compare: got {type(item).__name__}, expected measured data, a diagnosis, an estimate or "
+        "a result with standard errors"
+    )
+
+
+def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value]]:
+    """Figures of the standard for each measurement, of the places that all of them have."""
+    if not all(hasattr(d, "results") for d in data):
+        return [{} for _ in data]
+    places = [d.stations[0] for d in data]
+    if any(not np.array_equal(p, places[0]) for p in places[1:]):
+        notes.append(
+            f"The measurements have other places ({', '.join(str(len(p)) for p in places)}): "
+            "what depends on the stretch is compared over the places that all of them have."
+        )
+    return [
+        {k: v for result in d.results(data) for k, v in _of_result(result).items()} for d in data
+    ]
+
+
+def _of_result(result: Any) -> dict[str, _Value]:
+    return {
+        name: _Value(float(getattr(result, name)), float(std), unit=unit_of(name))
+        for name, std in result.std_errors.items()
+    }
+
+
+def _of_estimate(estimate: Estimate) -> dict[str, _Value]:
+    return {
+        p.name: _Value(
+            p.value,
+            math.inf if p.std_error is None else p.std_error,
+            estimate.degrees_of_freedom,
+            p.unit,
+            p.owner.value,
+        )
+        for p in estimate.parameters
+        if not p.owner.of_setup
+    }
+
+
+def _joined(values: Sequence[dict[str, _Value]]) -> dict[str, tuple[_Value, ...]]:
+    """Quantities that every measurement has and knows."""
+    names = [n for n in values[0] if all(n in v and np.isfinite(v[n].std) for v in values)]
+    return {name: tuple(v[name] for v in values) for name in names}
+
+
+def _with(v: _Value, more: float) -> _Value:
+    if not more:
+        return v
+    std = math.hypot(v.std, more)
+    return _Value(v.value, std, v.free * (std / max(v.std, 1e-300)) ** 4, v.unit, v.owner)
+
+
+# --- like with like
+
+
+def _fitted(
+    diagnoses: Sequence[Diagnosis], notes: list[str]
+) -> tuple[dict[str, tuple[_Value, ...]], dict[str, tuple[_Vector, ...]]]:
+    """Every measurement with the causes of all of them: few parameters by name, many by effect."""
+    models = _models(diagnoses)
+    causes: dict[str, tuple[float, Mapping[str, float]]] = {}
+    for d in diagnoses:
+        for c in d.causes:
+            if c.id not in causes or c.p_value < causes[c.id][0]:
+                causes[c.id] = c.p_value, c.parameters
+    effects = {}
+    for name, (_, values) in causes.items():
+        if all(name in {e.id for e in m.effects} for m in models) and not any(
+            name in models[0].differing(m) for m in models[1:]
+        ):
+            effects[name] = values
+        else:
+            notes.append(f"Not compared, as not all measurements show it alike: {name}.")
+    fits = [
+        refit(m, effects, np.asarray(d.outliers, dtype=np.intp))
+        for m, d in zip(models, diagnoses, strict=True)
+    ]
+    owners = {e.id: e.owner for e in models[0].effects}
+    few, many = _parts(models[0], effects, owners)
+    errors = set(models[0].location_errors(models[0].start, {}))
+    named = [n for n in fits[0].names if n in errors or n in few]
+    each = [
+        {
+            n: _Value(
+                float(f.values[i]),
+                math.inf if f.not_identifiable[i] else math.sqrt(max(f.covariance[i, i], 0.0)),
+                f.degrees_of_freedom,
+                unit_of(n),
+                owners.get(n.partition(".")[0], Owner.MACHINE).value,
+            )
+            for n in named
+            for i in (f.names.index(n),)
+        }
+        for f in fits
+    ]
+    vectors = {}
+    for name in many:
+        for part, mine in _split(models[0], fits[0], name).items():
+            text = f"{name} (rms{f', {part}' if part else ''})"
+            vectors[text] = tuple(_vector(f, mine, models[0]) for f in fits)
+    return _joined(each), vectors
+
+
+def _models(diagnoses: Sequence[Diagnosis]) -> list[Model]:
+    """Models of the data that share what they take from the first (a field, a travel)."""
+    first = diagnoses[0].rebuilt_model()
+    return [
+        first,
+        *(
+            first.bind(d.data) if d.setup == diagnoses[0].setup else d.rebuilt_model()
+            for d in diagnoses[1:]
+        ),
+    ]
+
+
+def _parts(
+    model: Model, effects: Mapping[str, Any], owners: Mapping[str, Owner]
+) -> tuple[list[str], list[str]]:
+    """Parameters that are compared by name, and effects that are compared as a whole."""
+    few, many = [], []
+    for name in effects:
+        linear = [p.name for p in model.effect(name).parameters if p.linear]
+        if owners[name].of_setup:
+            continue
+        if len(linear) > MOST_PARAMETERS:
+            many.append(name)
+        else:
+            few += [f"{name}.{p}" for p in linear]
+    return few, many
+
+
+def _split(model: Model, f: Refit, effect: str) -> dict[str, list[int]]:
+    """Parameters of an effect, by the component of the readings that each acts on alone."""
+    at = [i for i, n in enumerate(f.names) if n.startswith(f"{effect}.")]
+    parts: dict[str, list[int]] = {}
+    for i in at:
+        acts = f.columns[:, i] != 0
+        alone = [k for k, c in model.components.items() if not np.any(acts & (c == 0))]
+        parts.setdefault(alone[0] if len(alone) == 1 else "", []).append(i)
+    return {"": at} if "" in parts else parts
+
+
+def _vector(f: Refit, at: list[int], model: Model) -> _Vector:
+    columns = f.columns[:, at]
+    unit = model.readings.unit
+    return _Vector(
+        f.values[at],
+        f.covariance[np.ix_(at, at)],
+        columns[np.any(columns != 0, axis=1)],
+        f.degrees_of_freedom,
+        unit if isinstance(unit, str) else "",
+    )
+
+
+# --- changes
+
+
+def _change(name: str, one: _Value, other: _Value) -> Change:
+    """Change of one quantity, its p-value by itself."""
+    change = other.value - one.value
+    std = max(math.hypot(one.std, other.std), MIN_STD * max(abs(one.value), abs(other.value), 1))
+    free = _free((one.std, one.free), (other.std, other.free))
+    p = 2 * float(special.stdtr(free, -abs(change) / std))
+    half = std * float(special.stdtrit(free, (1 + COVERAGE) / 2))
+    return Change(
+        name, one.unit, one.owner, one.value, other.value, change, std,
+        change - half, change + half, p, False,
+    )  # fmt: skip
+
+
+def _free(*parts: tuple[float, float]) -> float:
+    """Degrees of freedom of a sum (Welch-Satterthwaite), within what tables have."""
+    total = sum(s**2 for s, _ in parts)
+    each = sum(s**4 / f for s, f in parts)
+    return float(np.clip(total**2 / each, 1.0, 1e6)) if each > 0 else 1e6
+
+
+def _of_many(name: str, one: _Vector, other: _Vector) -> Change:
+    """Change of an effect of many parameters: rms of what it does to the first readings."""
+    change, covariance = other.values - one.values, one.covariance + other.covariance
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    inverse = np.linalg.pinv(covariance / np.outer(size, size), rcond=SINGULAR, hermitian=True)
+    wald = float((change / size) @ inverse @ (change / size))
+    rank = max(int(np.linalg.matrix_rank(inverse, hermitian=True)), 1)
+    p = float(special.fdtrc(rank, max(min(one.free, other.free), 1.0), wald / rank))
+    before, after, moved = (
+        float(np.sqrt(np.mean((one.columns @ v) ** 2))) for v in (one.values, other.values, change)
+    )
+    spread = np.einsum("ij,jk,ik->i", one.columns, covariance, one.columns)
+    std = float(np.sqrt(np.mean(spread)))
+    half = std * float(special.ndtri((1 + COVERAGE) / 2))
+    return Change(
+        name, one.unit, Owner.MACHINE.value, before, after, moved, std,
+        max(moved - half, 0.0), moved + half, p, False,
+    )  # fmt: skip
+
+
+def _judged(changes: Sequence[Change], level: float) -> tuple[Change, ...]:
+    """Correct p-values for their number (Holm), and order."""
+    corrected = _holm([c.p_value for c in changes])
+    out = [
+        replace(c, p_value=p, changed=p < level) for c, p in zip(changes, corrected, strict=True)
+    ]
+    return tuple(sorted(out, key=lambda c: (not c.changed, -abs(c.change) / c.std_error)))
+
+
+def _holm(p: Sequence[float]) -> list[float]:
+    order = np.argsort(p, kind="stable")
+    out, largest = [1.0] * len(p), 0.0
+    for rank, i in enumerate(order):
+        largest = max(largest, min(1.0, (len(p) - rank) * p[i]))
+        out[i] = largest
+    return out
+
+
+def _trends(
+    values: Mapping[str, tuple[_Value, ...]], days: Sequence[float], level: float
+) -> tuple[Trend, ...]:
+    """Weighted regression over time; where it leaves more than the uncertainties, these grow."""
+    rows = []
+    t = np.asarray(days)
+    for name, v in values.items():
+        y = np.array([x.value for x in v])
+        std = np.maximum([x.std for x in v], MIN_STD * max(float(np.abs(y).max()), 1.0))
+        design = np.column_stack([np.ones_like(t), t - t.mean()]) / std[:, None]
+        cofactor = np.linalg.inv(design.T @ design)
+        found = cofactor @ design.T @ (y / std)
+        free = len(t) - 2
+        birge = float(np.sum((y / std - design @ found) ** 2)) / free
+        error = math.sqrt(cofactor[1, 1] * max(birge, 1.0))
+        # of uncertainties that hold the normal law; of scatter beyond them Student's
+        dof = 1e6 if birge <= 1 else float(free)
+        p = 2 * float(special.stdtr(dof, -abs(found[1]) / error))
+        reach = INDIVIDUALS * float(np.mean(np.abs(np.diff(y))))
+        centre = float(y.mean())
+        outside = tuple(int(i) for i in np.flatnonzero(np.abs(y - centre) > reach))
+        rows.append(
+            (name, v[0].unit, float(found[1]), error, p, centre, centre - reach, centre + reach,
+             outside)
+        )  # fmt: skip
+    corrected = _holm([r[4] for r in rows])
+    return tuple(Trend(*r[:4], p, p < level, *r[5:]) for r, p in zip(rows, corrected, strict=True))
+
+
+# --- when
+
+
+def _days(dates: Sequence[Any] | None, count: int) -> tuple[float, ...]:
+    """Days from the first measurement; without dates their numbers."""
+    if dates is None:
+        return tuple(map(float, range(count)))
+    if len(dates) != count:
+        raise InputError(f"dates: got {len(dates)}, expected one a measurement, {count}")
+    days = [_day(d) for d in dates]
+    found = tuple(d - days[0] for d in days)
+    if any(b < a for a, b in pairwise(found)) or found[-1] <= 0:
+        raise InputError("dates: got some out of order, expected them in order of time")
+    return found
+
+
+def _day(when: Any) -> float:
+    if isinstance(when, bool):
+        raise InputError(f"dates: got {when!r}, expected a date, text as ISO 8601, or days")
+    if isinstance(when, int | float) and math.isfinite(when):
+        return float(when)
+    try:
+        if isinstance(when, str):
+            when = datetime.fromisoformat(when)
+        if isinstance(when, datetime):
+            zoned = when if when.tzinfo else when.replace(tzinfo=UTC)
+            return zoned.timestamp() / 86400.0
+    except ValueError:
+        pass
+    if isinstance(when, date):
+        return float(when.toordinal() - date(1970, 1, 1).toordinal())
+    raise InputError(f"dates: got {when!r}, expected a date, text as ISO 8601, or days")
+
+
+def _names(names: Sequence[str] | None, dates: Sequence[Any] | None, count: int) -> tuple[str, ...]:
+    if names is not None:
+        if len(names) != count:
+            raise InputError(f"names: got {len(names)}, expected one a measurement, {count}")
+        return tuple(names)
+    if dates is not None:
+        return tuple(str(d) for d in dates)
+    return ("before", "after") if count == 2 else tuple(str(i + 1) for i in range(count))

@@ -1,0 +1,350 @@
+"""Levels along a line or on a grid, on the diagnosis engine.
+
+Readings are row by row: along, then across, where both were read, in µm/m. The plain model is the
+inclination of the surface as a whole, along and across. The surface enters a reading with the sense
+of the instrument, s = ±1, its zero and its drift without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.smooth import Modes
+from trunnion.base.units import Flags, Floats
+from trunnion.data.levels import COMPONENTS, Levels
+from trunnion.diagnosis.effect import (
+    Effect,
+    EffectLike,
+    EffectValues,
+    Parameter,
+    for_compensation,
+    gridded,
+    linear,
+    with_own,
+)
+from trunnion.diagnosis.model import (
+    Covariate,
+    LinearModel,
+    Model,
+    Nuisance,
+    Readings,
+    Uncertainty,
+    repeats,
+)
+from trunnion.machine.effects import Owner
+from trunnion.machine.estimate import Estimate
+
+MIN_PLACES = 4
+FOLDS = 5
+MAX_DEGREE = 4
+PLACES_PER_DEGREE = 4
+MIN_APART = 0.05  # of the variance of time, beside the place, from which a drift is looked for
+SURFACE = "levels say how a surface is, not how an axis moves"
+IDS = ("instrument_zero", "drift", "twist", "bow", "kink", "kink_x", "kink_y", "field")
+NOT_TURNED = (
+    "The instrument was not turned by 180 degrees: its zero and the inclination of the surface are "
+    "not told apart."
+)
+NO_DRIFT = (
+    "Places were read in their order, once or there and back with the instrument turned: a drift "
+    "of the instrument would look like a twist and a bow, and is not looked for. Read them twice "
+    "in the same order to tell."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """What is the same on all data of one surface: centre and half length (mm), smooth modes."""
+
+    centre: Floats
+    half: Floats
+    smooth: Modes | _Polynomials | None
+
+    @classmethod
+    def of(cls, data: Levels) -> _Frame:
+        places = data.stations[0]
+        low, high = places.min(axis=0), places.max(axis=0)
+        if np.any(high <= low):
+            raise DataError(
+                f"places: got {len(places)} on one line of a grid, expected both directions, or "
+                "position_mm"
+            )
+        frame = cls((low + high) / 2, (high - low) / 2, None)
+        u = frame.scaled(places)
+        slopes = np.stack([data.slopes(c).values for c in data.components], axis=1)
+        smooth = Modes.of(u, slopes) or _Polynomials.of(u)
+        return cls(frame.centre, frame.half, smooth)
+
+    def scaled(self, places: Floats) -> Floats:
+        """Places from -1 to 1."""
+        return (places - self.centre) / self.half
+
+
+@dataclass(frozen=True)
+class _Polynomials:
+    """Products of Legendre polynomials from the second degree on, of few places."""
+
+    powers: tuple[tuple[int, ...], ...]
+
+    @classmethod
+    def of(cls, places: Floats) -> _Polynomials | None:
+        most = min(MAX_DEGREE, len(places) // PLACES_PER_DEGREE)
+        if places.shape[1] == 1:
+            powers: list[tuple[int, ...]] = [(k,) for k in range(2, most + 1)]
+        else:
+            most = min(most, min(len(np.unique(c)) for c in places.T) - 1)
+            powers = [(i, j) for i in range(most + 1) for j in range(most + 1 - i) if i + j > 1]
+        return cls(tuple(powers)) if powers else None
+
+    @property
+    def count(self) -> int:
+        """How many."""
+        return len(self.powers)
+
+    def at(self, places: Floats) -> Floats:
+        """Values at places (n, d), (n, count)."""
+        top = max(max(p) for p in self.powers)
+        each = [np.polynomial.legendre.legvander(c, top) for c in places.T]
+        columns = [
+            np.prod([e[:, k] for e, k in zip(each, p, strict=True)], axis=0) for p in self.powers
+        ]
+        return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Readings of the data: place (N, d), sense, component, row of each."""
+
+    data: Levels
+    place: Floats
+    sense: Floats
+    component: Floats
+    row: Any
+
+    @classmethod
+    def of(cls, data: Levels) -> _Rows:
+        count, n = len(data.components), len(data)
+        which = [COMPONENTS.index(c) for c in data.components]
+        return cls(
+            data,
+            np.repeat(data.places_mm, count, axis=0),
+            np.repeat(data.sense, count),
+            np.tile(np.asarray(which, dtype=np.float64), n),
+            np.repeat(np.arange(n), count),
+        )
+
+    def has(self, component: str) -> Flags:
+        """Whether each reading is of this component."""
+        return np.asarray(self.component == COMPONENTS.index(component))
+
+    def each(self, values: Floats | float = 1.0) -> Floats:
+        """Columns (N, c): values (N,) in the readings of each component."""
+        return np.stack([np.where(self.has(c), values, 0.0) for c in self.data.components], axis=1)
+
+
+class LevelsModel(LinearModel):
+    """Readings of a level, as the diagnosis engine asks for them.
+
+    data: Measured angles. effects: further candidates, a user's own effects, or ids. frame: that of
+        other data of the same surface (``bind``).
+
+    Raises DataError: fewer than four places.
+    """
+
+    def __init__(
+        self,
+        data: Levels,
+        effects: Sequence[EffectLike | str] = (),
+        frame: _Frame | None = None,
+    ) -> None:
+        if len(data.stations[0]) < MIN_PLACES and frame is None:
+            count = len(data.stations[0])
+            raise DataError(f"places: got {count}, expected at least {MIN_PLACES}")
+        self._given = tuple(effects)
+        self._frame = _Frame.of(data) if frame is None else frame
+        rows = _Rows.of(data)
+        values = np.stack([data.columns[f"{c}_um_m"] for c in data.components], axis=1).reshape(-1)
+        count = len(data.components)
+        super().__init__(
+            data=data,
+            readings=Readings(values.astype(np.float64), rows.row, "µm/m"),
+            nuisance=[Nuisance(f"tilt_{c}_um_m", "µm/m") for c in data.components],
+            design=rows.each(rows.sense),
+            effects=with_own(_catalogue(rows, self._frame), effects, data, known=IDS),
+            covariates=_covariates(rows),
+            components={c: rows.has(c).astype(float) for c in data.components},
+            groups=np.repeat(data.stations[1] % FOLDS, count),
+            replicates=repeats([data.stations[1], data.sense], count),
+        )
+
+    def bind(self, data: Any) -> Model:
+        """Return the same model on other readings."""
+        if not isinstance(data, Levels) or data.grid != self.data.grid:
+            raise InputError(
+                f"other data: got {type(data).__name__}, expected Levels of the same kind of places"
+            )
+        return LevelsModel(data, self._given, self._frame)
+
+    def extended(
+        self,
+        nuisance: Floats,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None = None,
+    ) -> ExtendedLevels:
+        """Return inclination and effects."""
+        names = (x.name for x in self.nuisance)
+        return ExtendedLevels(
+            inclination_um_m=dict(zip(names, map(float, nuisance), strict=True)),
+            effects={k: dict(v) for k, v in effects.items()},
+            **for_compensation(self.effects, effects, (), SURFACE),
+            **({} if uncertainty is None else uncertainty.fields()),
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say what one orientation, and one pass without times, do not tell."""
+        data = self.data
+        out = [] if data.reversed else [NOT_TURNED]
+        if _elapsed(data) is None:
+            out.append(NO_DRIFT)
+        return tuple(out)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedLevels(Estimate):
+    """What a diagnosis of levels says of the surface and the instrument.
+
+    Attributes
+    ----------
+    inclination_um_m
+        Of the surface as a whole, along and across; with the instrument's zero in it where this is
+        no effect.
+    """
+
+    inclination_um_m: dict[str, float]
+
+
+def _elapsed(data: Levels) -> tuple[str, Floats] | None:
+    """Name of a rate and time of each row in its unit: hours, or 0 to 1 over the rows.
+
+    None where the time runs with the place: once along a line, or there, and back with the
+    instrument turned. A drift is the same as a twist and a bow then.
+    """
+    unit, time = "um_m", np.linspace(0.0, 1.0, len(data))
+    if data.time_s is not None:
+        unit, time = "um_m_h", (data.time_s - data.time_s.min()) / 3600.0
+    s = data.sense[:, None]
+    shape = np.hstack([np.ones_like(s), s, s * data.places_mm])
+    off = time - shape @ np.linalg.lstsq(shape, time, rcond=None)[0]
+    return (unit, time) if off @ off > MIN_APART * len(time) * float(np.var(time)) else None
+
+
+def _covariates(rows: _Rows) -> tuple[Covariate, ...]:
+    data = rows.data
+    names = ("x", "y") if data.grid else ("position",)
+    out = [Covariate(name, rows.place[:, i], "mm") for i, name in enumerate(names)]
+    if len(data.components) > 1:
+        out.append(Covariate("component", rows.component.astype(int), classes=True))
+    if data.turn_deg is not None:
+        out.append(Covariate("turn of the instrument", rows.sense.astype(int), classes=True))
+    out.append(Covariate("order of measurement", rows.row.astype(float), sequence=True))
+    if data.time_s is not None:
+        out.append(Covariate("time", np.asarray(data.time_s)[rows.row], "s", sequence=True))
+    return tuple(out)
+
+
+def _catalogue(rows: _Rows, frame: _Frame) -> list[Effect]:
+    """Effects for which the readings have what it takes."""
+    data = rows.data
+    each = [f"{c}_um_m" for c in data.components]
+    out = [
+        linear("instrument_zero", each, rows.each(), "zero of the level", owner=Owner.INSTRUMENT)
+    ]
+    elapsed = _elapsed(data)
+    if elapsed is not None:
+        unit, time = elapsed
+        names = [f"{c}_{unit}" for c in data.components]
+        columns = rows.each(time[rows.row])
+        out.append(linear("drift", names, columns, "drift of the level", owner=Owner.TIME))
+    out += _of_shape(rows, frame)
+    out += _kinks(rows)
+    if frame.smooth is not None:
+        modes = frame.smooth.at(frame.scaled(rows.place))
+        columns = np.concatenate(
+            [modes * rows.each(rows.sense)[:, [i]] for i in range(len(data.components))], axis=1
+        )
+        names = [f"{c}{k + 1}_um_m" for c in data.components for k in range(frame.smooth.count)]
+        label = "smooth shape of the surface without a name"
+        out.append(linear("field", names, columns, label))
+    return out
+
+
+def _of_shape(rows: _Rows, frame: _Frame) -> list[Effect]:
+    """Twist and bow: heights k x y, and h (1 - u²) along each direction."""
+    data, out = rows.data, []
+    metres = 1e-3 * (rows.place - frame.centre)
+    along, across = rows.has("along"), rows.has("across")
+    if data.grid:
+        lever = np.where(along, metres[:, 1], metres[:, 0])
+    else:
+        lever = np.where(across, metres[:, 0], 0.0)
+    if data.grid or "across" in data.components:
+        out.append(linear("twist", ["k_um_m_m"], rows.sense * lever, "twist of the surface"))
+    steep = -2.0 * rows.sense[:, None] * frame.scaled(rows.place) / (1e-3 * frame.half)
+    if data.grid:
+        directions = [c for c in COMPONENTS if c in data.components]
+        columns = [np.where(rows.has(c), steep[:, COMPONENTS.index(c)], 0.0) for c in directions]
+        names = [f"h{'xy'[COMPONENTS.index(c)]}_um" for c in directions]
+        out.append(linear("bow", names, np.stack(columns, axis=1), "bow of the surface"))
+    elif "along" in data.components:
+        out.append(linear("bow", ["h_um"], np.where(along, steep[:, 0], 0.0), "bow of the line"))
+    return out
+
+
+def _kinks(rows: _Rows) -> list[Effect]:
+    """A step of the slope: of a line in both components, of a grid along x or along y."""
+    data, out = rows.data, []
+    for axis in range(rows.place.shape[1]):
+        if data.grid and COMPONENTS[axis] not in data.components:
+            continue
+        places = np.unique(rows.place[:, axis])
+        between = (places[1:] + places[:-1]) / 2
+        if len(between) < 5:
+            continue
+        at = Parameter("at_mm", grid=tuple(map(float, between[1:-1])))
+        if data.grid:
+            id_, names = f"kink_{'xy'[axis]}", ["angle_um_m"]
+            enters = np.where(rows.has(COMPONENTS[axis]), rows.sense, 0.0)[:, None]
+            label = f"kink of the surface along {'XY'[axis]}"
+        else:
+            id_, names = "kink", [f"{c}_um_m" for c in data.components]
+            enters, label = rows.each(rows.sense), "kink of the line"
+        shape = _Step(rows.place[:, axis], enters)
+        out.append(gridded(id_, [*names, at], shape.columns, label, slopes=shape.slopes))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """Columns from a place on; the place lies between readings."""
+
+    place: Floats
+    enters: Floats
+
+    def columns(self, values: Mapping[str, float]) -> Floats:
+        """Columns of the step, (N, k)."""
+        return np.where(self.place[:, None] >= values["at_mm"], self.enters, 0.0)
+
+    def slopes(self, _: Mapping[str, float]) -> Floats:
+        """No derivative by the place, (N, 1)."""
+        return np.zeros((len(self.place), 1))
+
+
+def build(data: Levels, _: Any = None, effects: Sequence[EffectLike | str] = ()) -> LevelsModel:
+    """Build the model of levels; it needs no set-up."""
+    return LevelsModel(data, effects)

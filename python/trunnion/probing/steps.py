@@ -1,0 +1,131 @@
+"""From a plan to the steps of a probing cycle: starts, levels between touches, ranges, times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import trunnion._core as _core
+from trunnion.base.errors import DataError
+from trunnion.base.units import Flags, Floats
+from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.probing.cycle import BACK_OFF_DEG, Cycle, Step
+from trunnion.probing.model import TouchModel
+from trunnion.setup import Setup
+
+DECIMALS = 4
+MAX_NAMED = 10
+"""Touches that a message names."""
+
+
+def arrangement(setup: Setup) -> _core.Arrangement:
+    """Return the core's machine, artefact, table and probe of a set-up."""
+    return _core.Arrangement(
+        Chain(setup).machine(),
+        standing_artefact(setup),
+        ball_radius_mm=setup.probe.ball_radius_mm,
+        stem_radius_mm=setup.probe.effective_stem_radius_mm,
+        stem_length_mm=setup.probe.length_mm,
+        table_radius_mm=setup.table.radius_mm,
+        table_thickness_mm=setup.table.thickness_mm,
+        clearance_mm=setup.plan.clearance_mm,
+        overtravel_mm=setup.plan.overtravel_mm,
+    )
+
+
+def cycle_of(plan: Touches, setup: Setup) -> Cycle:
+    """Return what a program of a plan with starts and feeds does."""
+    chain = Chain(setup)
+    rotary = chain.to_machine(plan.rotary_deg, len(plan))
+    swing, levels = arrangement(setup).safe_levels(rotary)
+    return Cycle(
+        setup=setup,
+        letters=tuple(chain.letters),
+        swing=_up(swing),
+        steps=_steps(plan, setup, levels),
+    )
+
+
+def in_ranges(plan: Touches, setup: Setup) -> Flags:
+    """Which touches stay in the ranges of the set-up whatever is touched before them, (n,)."""
+    starts = plan.start_mm
+    assert starts is not None
+    ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
+    reached = {axis: np.stack([starts[:, i], ends[:, i]]) for i, axis in enumerate("XYZ")}
+    for letter, angles in plan.rotary_deg.items():
+        over = BACK_OFF_DEG * plan.rotary_dir.get(letter, np.zeros(len(plan)))
+        reached[letter.upper()] = np.stack([angles, angles - over])
+    inside = np.full(len(plan), True)
+    for axis, (low, high) in setup.axis_ranges().items():
+        if axis in reached:
+            inside &= ((reached[axis] >= low) & (reached[axis] <= high)).all(axis=0)
+    return inside
+
+
+def with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
+    """Return the plan with starts and feeds."""
+    added: dict[str, Floats] = {}
+    if plan.feed_mm_min is None:
+        if feed is None:
+            raise DataError("plan: got no column feed_mm_min, expected it, or a feed_mm_min given")
+        added["feed_mm_min"] = np.full(len(plan), float(feed))
+    if plan.start_mm is None:
+        starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
+        added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}
+    return plan.with_columns(**added) if added else plan
+
+
+def check_clear(plan: Touches, setup: Setup) -> None:
+    """Refuse a plan of another set-up, or of no planner, that runs into something."""
+    starts = plan.start_mm
+    assert starts is not None
+    found = arrangement(setup).blocked_moves(
+        TouchModel(setup).moves(plan, from_start=True),
+        (np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm).tolist(),
+    )
+    if found:
+        which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
+        more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
+        artefact = setup.artefact
+        raise DataError(
+            f"plan: got touches that run into something or find nothing with the artefact within "
+            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: number "
+            f"{which}{more}; expected a plan of this set-up (artefact, place, tolerance, table, "
+            "probe, clearance)"
+        )
+
+
+def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
+    starts, feeds = plan.start_mm, plan.feed_mm_min
+    assert starts is not None
+    assert feeds is not None
+    ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
+    rotary: Mapping[str, Floats] = plan.rotary_deg
+    senses = plan.rotary_dir
+    steps = []
+    for row in range(len(plan)):
+        angles = {x.upper(): _round(float(values[row])) for x, values in rotary.items()}
+        sense = {x: int(senses[x.lower()][row]) if x.lower() in senses else 0 for x in angles}
+        start = tuple(_round(float(v)) for v in starts[row])
+        steps.append(
+            Step(
+                angles=angles,
+                senses=sense,
+                start=start,
+                contact=tuple(float(v) for v in plan.position_mm[row]),
+                end=tuple(_round(float(v)) for v in ends[row]),
+                level=max(_up(float(levels[row])), start[2]),
+                feed=float(feeds[row]),
+            )
+        )
+    return tuple(steps)
+
+
+def _round(value: float) -> float:
+    return float(round(value, DECIMALS)) + 0.0
+
+
+def _up(value: float) -> float:
+    return float(np.ceil(value * 1e4 - 1e-6)) / 1e4

@@ -1,0 +1,158 @@
+"""Measurements of one machine compared: what changed, by how much, what did not."""
+
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from promise import kept, needed_runs
+from result_examples import diagnosis_of
+from test_levels import bed, measured
+from test_positioning import axis
+from trunnion.cli import app
+from trunnion.models.kinds import kinds
+
+
+def stops(seed: int, reversal: float, scale: float = 0.0) -> tn.Positioning:
+    """An axis with a reversal (µm) and a scale error (ppm)."""
+    rng = np.random.default_rng([11, seed])
+    plain = axis(np.random.default_rng(5), targets=7, cycles=3)  # the same targets every time
+    error = reversal / 2 * plain.direction + 1e-3 * scale * plain.target
+    noise = 0.7 * rng.standard_normal(len(plain))
+    return plain.with_columns(measured_mm=plain.target + 1e-3 * (error + noise))
+
+
+def test_a_change_is_found_with_its_size() -> None:
+    """Reversal 3 → 7 µm, scale as it was: the interval holds the change in 95 of 100 cases."""
+    runs, held, sure = needed_runs(0.95), 0, 0
+    for seed in range(runs):
+        found = tn.compare(stops(2 * seed, 3.0, 20.0), stops(2 * seed + 1, 7.0, 20.0))
+        q = next(q for q in found.quantities if q.name == "reversal.b_um")
+        held += q.low <= 4.0 <= q.high
+        sure += "reversal.b_um" in found.changed and "scale.ppm" not in found.changed
+    assert kept(held, runs, 0.95)
+    assert kept(sure, runs, 0.95)
+
+
+def test_nothing_changed_where_nothing_did() -> None:
+    """Over all quantities together, with causes that are there both times."""
+    runs = needed_runs(0.95)
+    calm = [not tn.compare(stops(s, 5.0, 30.0), stops(1000 + s, 5.0, 30.0)).changed
+            for s in range(runs)]  # fmt: skip
+    assert kept(sum(calm), runs, 0.95)
+
+
+def test_what_only_one_diagnosis_names_is_compared_in_both() -> None:
+    found = tn.compare(stops(1, 0.0), stops(2, 6.0))
+    change, std = found.changes["reversal.b_um"]
+    assert change == pytest.approx(6.0, abs=4 * std)
+    assert abs(next(q for q in found.quantities if q.name == "reversal.b_um").before) < 1.0
+
+
+def test_a_collision_of_a_machine_with_rotary_axes() -> None:
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    plan = tn.plan(setup, c_deg=(0, 90, 180, 270), a_deg=(90, -90))
+    before, after = (
+        tn.simulate(plan, setup, {"EX0C": e, "EB0C": 8.0}, noise_um=0.3, seed=seed)
+        for seed, e in ((1, 10.0), (2, 25.0))
+    )
+    found = tn.compare(before, after, setup=setup)
+    change, std = found.changes["EX0C"]
+    assert change == pytest.approx(15.0, abs=4 * std)
+    assert found.changed == {"EX0C"}
+    assert "Changed from before to after: EX0C" in found.summary()
+    fits = tn.compare(tn.identify(before, setup), tn.identify(after, setup))
+    assert fits.changes["EX0C"][0] == pytest.approx(change, abs=std)
+    # the artefact is another one: its uncertainty, 10 µm, is more than the change
+    other = tn.compare(before, after, setup=setup, uncertainty={"EX0C": 10.0})
+    assert not other.changed
+    assert other.changes["EX0C"] == pytest.approx((change, np.hypot(std, 10 * 2**0.5)))
+
+
+@pytest.mark.parametrize("kind", [k.name for k in kinds() if k.name != "axislog"])
+def test_every_kind_is_compared(kind: str) -> None:
+    """A measurement against itself: nothing changed, and every cause takes part."""
+    found = diagnosis_of(kind)
+    same = tn.compare(found, found)
+    assert not same.changed
+    assert all(q.change == pytest.approx(0.0, abs=1e-6) for q in same.quantities)
+    compared = {q.name.partition(".")[0].partition(" ")[0] for q in same.quantities}
+    of_setup = {e.id for e in tn.catalogue(found.data, found.setup) if e.owner.of_setup}
+    assert found.named - of_setup <= compared
+
+
+def test_values_over_time_have_a_trend() -> None:
+    """Reversal grows by 0.1 µm a day; scale stands; one day stands out."""
+    days = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0]
+    series = [stops(i, 2.0 + 0.1 * d, 15.0) for i, d in enumerate(days)]
+    found = tn.compare(*series, dates=days)
+    trend = {t.name: t for t in found.trends}
+    grown = trend["reversal.b_um"]
+    assert grown.rate == pytest.approx(0.1, abs=4 * grown.std_error)
+    assert grown.changing
+    assert not trend["scale.ppm"].changing
+    assert "Trend: " in found.summary()
+    jumped = [stops(i, 2.0 + (8.0 if i == 7 else 0.0)) for i in range(12)]
+    out = {t.name: t for t in tn.compare(*jumped).trends}["reversal.b_um"]
+    assert out.outside == (7,)
+
+
+def test_dates_of_any_kind() -> None:
+    three = [stops(i, 2.0).iso230_2() for i in range(3)]
+    utc = datetime(2026, 1, 11, tzinfo=UTC)
+    for dates in (
+        ["2026-01-01", "2026-01-11T00:00:00", "2026-03-01"],
+        [date(2026, 1, 1), utc, date(2026, 3, 1)],
+    ):
+        assert tn.compare(*three, dates=dates).days == (0.0, 10.0, 59.0)
+
+
+def test_what_cannot_be_compared_is_refused() -> None:
+    one, two = stops(1, 2.0), stops(2, 2.0)
+    level = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    with pytest.raises(tn.InputError, match="Positioning and Levels"):
+        tn.compare(one, level)
+    with pytest.raises(tn.InputError, match="out of order"):
+        tn.compare(one, two, dates=["2026-02-01", "2026-01-01"])
+    with pytest.raises(tn.InputError, match="one a measurement, 2"):
+        tn.compare(one, two, dates=[1.0])
+    with pytest.raises(tn.InputError, match="got 'later'"):
+        tn.compare(one, two, dates=["2026-01-01", "later"])
+    with pytest.raises(tn.InputError, match="uncertainty"):
+        tn.compare(one, two, uncertainty={"EX0C": 1.0})
+    with pytest.raises(tn.InputError, match="got float"):
+        tn.compare(1.0, 2.0)
+
+
+def test_other_targets_are_said() -> None:
+    fewer = stops(2, 5.0)
+    fewer = fewer[fewer.target < 470]
+    found = tn.compare(stops(1, 5.0), fewer)
+    assert any("other places (7, 6)" in note for note in found.notes)
+    assert not found.changed
+
+
+def test_the_command_compares(tmp_path: Path) -> None:
+    paths = [tmp_path / "before.csv", tmp_path / "after.csv"]
+    for i, path in enumerate(paths):
+        stops(i, 3.0 + 5.0 * i).to_csv(path)
+    said = CliRunner().invoke(app, ["compare", *map(str, paths)])
+    assert said.exit_code == 0, said.output
+    assert "Changed from before to after" in said.output
+    assert "reversal.b_um" in said.output
+
+
+@measured
+def test_the_lathe_bed_bent_back() -> None:
+    """All that changed is across the bed; along it, it is as it was."""
+    found = tn.compare(bed("found"), bed("bent_back"), names=["as found", "bent back"])
+    q = next(q for q in found.quantities if q.name == "twist_um_m_m")
+    assert (q.before, q.after) == pytest.approx((143.0, -37.0), abs=1.0)
+    assert q.changed
+    along = {"straightness_um", "minimum_zone_um", "bow.h_um", "field (rms, along)"}
+    assert not along & found.changed
+    assert along - {"field (rms, along)"} <= set(found.changes)
+    assert "Not changed, 95 % each" in found.summary()
