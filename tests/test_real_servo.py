@@ -108,6 +108,24 @@ def test_force_pulses_that_no_column_records_are_stated_with_size_and_time() -> 
     assert d.gain.rms_after_um <= d.gain.rms_before_um
 
 
+@pytest.mark.parametrize(("gain", "tau"), [(1.0, 1.0), (0.85, 1.2)])
+def test_a_recorded_force_is_an_input_and_a_drive_voltage_is_none(gain: float, tau: float) -> None:
+    pulses = ((1.0, 1.2, 300.0), (2.5, 2.6, -500.0), (4.2, 4.5, 200.0))
+    truth = replace(rig.Rig(), pulses=pulses)
+    log = rig.log(truth, command(), np.random.default_rng(3))
+    t = log.time_s
+    force = sum(np.where((t >= a) & (t < b), size, 0.0) for a, b, size in pulses)
+    speed = np.gradient(log.actual("x"), 1e-3)
+    drive = 0.002 * (truth.position_gain * (log.commanded("x") - log.actual("x")) - speed)
+    d = tn.diagnose(log.with_columns(force_n=force, drive_v=drive), setup(120.0 * gain, 11.1 * tau))
+    assert d.verdict == "explained"
+    expected = 1e6 / truth.stiffness_of_loop
+    assert d.effects["input_force_n"]["x_um"] == pytest.approx(expected, rel=0.02)
+    assert d.model.servo.axes["X"].coulomb_um == pytest.approx(truth.coulomb_um, rel=0.05)
+    assert "input_drive_v" not in d.named
+    assert any("Column drive_v is not taken for an input" in note for note in d.notes)
+
+
 # --- logs that cannot tell
 
 

@@ -8,6 +8,7 @@ from . import nc as nc
 from . import plot as plot
 from . import turning as turning
 from ._core import __version__ as __version__
+from .base.conformity import Conformity as Conformity
 from .base.errors import DataError as DataError
 from .base.errors import FileFormatError as FileFormatError
 from .base.errors import InputError as InputError
@@ -42,6 +43,7 @@ from .data.diameters import read_diameters as read_diameters
 from .data.flatness import Flatness as Flatness
 from .data.flatness import Straightness as Straightness
 from .data.flatness import Twist as Twist
+from .data.iso230_2 import CompensationTable as CompensationTable
 from .data.iso230_2 import Iso2302 as Iso2302
 from .data.iso230_2 import Iso2302Rotary as Iso2302Rotary
 from .data.levels import Levels as Levels
@@ -76,6 +78,8 @@ from .models.ballbar import BallbarModel as BallbarModel
 from .models.changes import MachineComparison as MachineComparison
 from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
+from .models.instruments import InstrumentComparison as InstrumentComparison
+from .models.instruments import whose_error as whose_error
 
 # --- diagnosis of any kind of data
 from .models.kinds import catalogue as catalogue
@@ -88,6 +92,7 @@ from .models.next_touches import next_touches as next_touches
 from .models.points import ExtendedPoints as ExtendedPoints
 from .models.points import RepeatablePart as RepeatablePart
 from .models.points import repeatable_part as repeatable_part
+from .models.read import read as read
 from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles

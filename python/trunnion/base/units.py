@@ -54,3 +54,32 @@ def unit_of(name: str) -> str:
         if last == suffix or last.endswith("_" + suffix):
             return unit
     return ""
+
+
+_SIZES: dict[str, tuple[str, float]] = {
+    **{u: ("length", s) for u, s in (("mm", 1.0), ("cm", 10.0), ("m", 1e3), ("µm", 1e-3))},
+    **{u: ("length", s) for u, s in (("nm", 1e-6), ("inch", 25.4), ("in", 25.4))},
+    **{u: ("angle", s) for u, s in (("deg", 1.0), ("arcsec", 1 / 3600), ("arcmin", 1 / 60))},
+    **{u: ("angle", s * 180 / np.pi) for u, s in (("rad", 1.0), ("mrad", 1e-3), ("µrad", 1e-6))},
+    **dict.fromkeys(("turn", "rev"), ("angle", 360.0)),
+    **{u: ("slope", s) for u, s in (("µm/m", 1.0), ("mm/m", 1e3), ("m/m", 1e6))},
+    **{u: ("time", s) for u, s in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))},
+    **{u: ("time", s) for u, s in (("min", 60.0), ("h", 3600.0))},
+    **{u: ("feed", s) for u, s in (("mm/min", 1.0), ("mm/s", 60.0), ("m/min", 1e3))},
+    "inch/min": ("feed", 25.4),
+}
+"""Unit → what it measures, and its size."""
+
+
+def conversion(given: str, wanted: str) -> float | None:
+    """Return the factor from one unit to another; None where there is none.
+
+    An angle is an inclination, too: 1 rad is 1e6 µm/m.
+    """
+    given, wanted = given.replace("um", "µm"), wanted.replace("um", "µm")
+    if given == wanted:
+        return 1.0
+    (a, size), (b, other) = (_SIZES.get(u, (u, 1.0)) for u in (given, wanted))
+    if (a, b) == ("angle", "slope"):
+        return float(np.radians(size) * 1e6 / other)
+    return size / other if a == b else None

@@ -21,6 +21,7 @@ from trunnion.cli import (
     levels,
     positioning,
     program,
+    read,
     sweep,
     turning,
 )
@@ -57,6 +58,7 @@ def _main(
 GROUPS = (
     calibration,
     program,
+    read,
     diagnose,
     compare,
     compensate,

@@ -9,7 +9,6 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command, save, sort_files
-from trunnion.cli.diagnose import kind_of_file
 
 
 def register(app: typer.Typer) -> None:
@@ -51,4 +50,4 @@ def compare(
 def _read(path: Path) -> Any:
     if path.suffix.lower() == ".json":
         return tn.read_estimate(path)
-    return kind_of_file(path, "").read(path)
+    return tn.read(path)

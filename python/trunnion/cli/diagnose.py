@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
-from trunnion.base.checks import choose
 from trunnion.cli.command import Answer, Output, command, save, sort_files
 from trunnion.cli.program import ProbeLog, read_log
+from trunnion.cli.read import Decimal, Units, said_of
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
-    from trunnion.models.kinds import Kind
 
 DataAndSetup = Annotated[
     list[Path],
@@ -38,6 +37,8 @@ def diagnose(
     ] = "",
     html: Html = None,
     probe_log: ProbeLog = None,
+    units: Units = "mm",
+    decimal: Decimal = "",
     next_: Annotated[
         int,
         typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
@@ -48,8 +49,8 @@ def diagnose(
 
     With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
-    d = _diagnosis(files, kind, probe_log)
-    shown: list[Any] = [d]
+    d = _diagnosis(files, kind, probe_log, units, decimal)
+    shown: list[Any] = [*said_of(d.data), d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
     if html is not None:
@@ -80,9 +81,11 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
+def _diagnosis(
+    files: list[Path], kind: str, probe_log: Path | None, units: str, decimal: str
+) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
-    read = kind_of_file(data[0], kind).read(data[0])
+    read = tn.read(data[0], kind=kind or None, units=units, decimal=decimal or None)
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if probe_log is not None:
         if not isinstance(read, tn.Touches):
@@ -96,21 +99,3 @@ def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosi
             "no set-up for a three-axis machine and a calibrated bar"
         )
     return tn.diagnose(read, setup)
-
-
-def kind_of_file(path: Path, name: str) -> Kind:
-    """Return the kind of this name, or by the header line of the file."""
-    from trunnion.files.text import decode
-    from trunnion.models.kinds import kind_of_columns, kinds
-
-    known = {kind.name: kind for kind in kinds()}
-    if name:
-        return known[choose("kind", name, known)]
-    lines = decode(str(path), path.read_bytes()).splitlines()
-    header = next((x for x in lines if x.strip() and not x.lstrip().startswith("#")), "")
-    found = kind_of_columns({column.strip() for column in header.split(",")})
-    if found is None:
-        raise tn.InputError(
-            f"{path}: got columns {header.strip()!r}, expected those of {', '.join(known)}"
-        )
-    return found

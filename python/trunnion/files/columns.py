@@ -193,6 +193,21 @@ class OptionalLabel(_Name[Labels | None]):
     required = False
 
 
+def is_numeric(column: Column[Any] | None) -> bool:
+    """Whether a column holds numbers."""
+    return isinstance(column, _Numeric)
+
+
+def scaled(name: str, values: NDArray[Any], factor: float, shift: float = 0.0) -> Floats:
+    """Return ``factor * values + shift`` of a column of numbers or of text that are numbers.
+
+    Raises ColumnError: a value is no finite number.
+    """
+    found = Number("")
+    found.name = name
+    return factor * np.asarray(found.convert(values), dtype=np.float64) + shift
+
+
 def shown_field(value: object) -> str:
     """Return a field of a file as a message shows it."""
     return "an empty field" if isinstance(value, str) and not value.strip() else shown(value)
@@ -201,7 +216,8 @@ def shown_field(value: object) -> str:
 def parse_number(value: object) -> float | None:
     """Return the number that a value is; None for what is none, 1_000 and nan among it."""
     if isinstance(value, str):
-        return float(value) if _DECIMAL.fullmatch(value.strip()) else None
+        text = value.strip()
+        return float(text) if _DECIMAL.fullmatch(text) else None
     if isinstance(value, bool | np.bool_) or value is None:
         return None
     try:

@@ -14,10 +14,8 @@ import html
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from os import PathLike
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
 
@@ -28,9 +26,10 @@ from trunnion.base.errors import FileFormatError, InputError, TrunnionError, Unk
 from trunnion.base.output import whole_file, write_text
 from trunnion.base.report import plain
 from trunnion.base.stored import fitting, read_json
-from trunnion.base.units import Integers
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
+from trunnion.files.origin import Origin
+from trunnion.files.recognised import Recognised
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,55 +47,6 @@ class ColumnMapping(Protocol):
     def items(self) -> Iterable[tuple[Any, Any]]:
         """Return pairs of name and values."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Origin:
-    """Where the rows of a table were read: messages name the file and its line.
-
-    Attributes
-    ----------
-    files
-        Files, as they were given to the reader.
-    file
-        Which of them each row is from, (n,); -1: a row that was not read from a file.
-    line
-        Line of each row in its file, from 1, (n,).
-    """
-
-    files: tuple[str, ...]
-    file: Integers
-    line: Integers
-
-    def __getitem__(self, index: Any) -> "Origin":
-        """Return the origin of some rows."""
-        return Origin(self.files, self.file[index], self.line[index])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What messages call the files: without the folder where that is enough."""
-        short = [Path(file).name for file in self.files]
-        return tuple(
-            file if short.count(name) > 1 else name
-            for file, name in zip(self.files, short, strict=True)
-        )
-
-    @classmethod
-    def joined(cls, tables: "Sequence[Table]") -> "Origin | None":
-        """Return the origin of the rows of tables put one below the other."""
-        if all(table.origin is None for table in tables):
-            return None
-        files: dict[str, int] = {}
-        file, line = [], []
-        for table in tables:
-            if table.origin is None:
-                file.append(np.full(len(table), -1))
-                line.append(np.zeros(len(table), dtype=np.intp))
-                continue
-            number = [files.setdefault(name, len(files)) for name in table.origin.files]
-            file.append(np.append(number, -1)[table.origin.file])
-            line.append(table.origin.line)
-        return cls(tuple(files), np.concatenate(file), np.concatenate(line))
 
 
 class Table:
@@ -242,12 +192,20 @@ class Table:
         """File and line of each row; None for a table that was not read from a file."""
         return self._origin
 
-    def read_from(self, file: str, lines: ArrayLike) -> Self:
+    @property
+    def recognised(self) -> "Recognised | None":
+        """What the file was taken for; None for a table that was not read from one file."""
+        known = () if self._origin is None else self._origin.recognised
+        return known[0] if len(known) == 1 else None
+
+    def read_from(
+        self, file: str, lines: ArrayLike, recognised: "Recognised | None" = None
+    ) -> Self:
         """Return the table with its origin: a file and the line (from 1) of each row in it."""
         line = np.asarray(lines, dtype=np.intp)
         if line.shape != (len(self),):
             raise InputError(f"lines: got {line.size}, expected one a row, {len(self)}")
-        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line)
+        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,))
         return self._of(self._columns, origin)
 
     def place(self, row: int) -> str:
@@ -406,7 +364,8 @@ class Table:
             named = len(files) > file.max(initial=-1) and file.min(initial=0) >= -1
             if not named or not file.shape == line.shape == (len(made),):
                 raise InputError(f"origin: got {plain(origin)!r:.60}, expected file and line a row")
-            return cls._of(made._columns, Origin(files, file, line))
+            known = tuple(r and Recognised.from_dict(r) for r in origin.get("recognised", ()))
+            return cls._of(made._columns, Origin(files, file, line, known))
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:

@@ -5,7 +5,7 @@ A kind of one's own needs no entry here: :func:`add_kind` takes it from any pack
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
@@ -57,6 +57,10 @@ class Kind:
     columns: tuple[str, ...]
     examples: tuple[str, ...] = ()
 
+    def known_by(self) -> str:
+        """Say by which columns a file is known."""
+        return ", ".join(" or ".join(column.split("|")) for column in self.columns)
+
     def read(self, path: Any) -> Any:
         """Read a file of this kind."""
         return resolve_name(self.reader)(path)
@@ -79,6 +83,8 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
     )
 
 
+_AXES = "x_cmd_mm|y_cmd_mm|z_cmd_mm|a_cmd_deg|b_cmd_deg|c_cmd_deg"
+
 _KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
@@ -87,7 +93,7 @@ _KINDS = [
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
     _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
-    _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s"),
+    _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s", _AXES),
 ]
 
 
@@ -116,10 +122,48 @@ def add_kind(kind: Kind) -> None:
     _KINDS.append(kind)
 
 
-def kind_of_columns(names: set[str]) -> Kind | None:
-    """Return the kind of a file with these columns: of several the one that asks for most."""
-    fitting = [kind for kind in _KINDS if all(names & set(one.split("|")) for one in kind.columns)]
-    return max(fitting, key=lambda kind: len(kind.columns), default=None)
+def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
+    """Return the kind of data with these columns: of several the one that asks for most.
+
+    Raises
+    ------
+    InputError
+        No kind has these columns, or several ask for as many of them (`kind` decides).
+    UnknownNameError
+        No kind of this name.
+    """
+    known = {each.name: each for each in _KINDS}
+    if kind is not None:
+        return known[choose("kind", kind, known)]
+    there = {name.lower() for name in names}
+    fitting = [e for e in _KINDS if all(there & set(one.split("|")) for one in e.columns)]
+    most = max((len(each.columns) for each in fitting), default=0)
+    best = [each for each in fitting if len(each.columns) == most]
+    if len(best) == 1:
+        return best[0]
+    got = f"the columns {', '.join(names)}"
+    if best:
+        may = ", ".join(each.name for each in best)
+        raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")
+    raise InputError(
+        f"got {got}, expected those of a kind of data ("
+        + "; ".join(f"{each.name}: {each.known_by()}, ..." for each in _KINDS)
+        + "), or columns= that says which is which"
+    )
+
+
+def table_of(columns: Any, kind: str | None = None) -> Any:
+    """Return arrays by column name as data of the kind that they are.
+
+    Parameters
+    ----------
+    columns
+        A mapping, a pandas DataFrame, an xarray Dataset: one array a column.
+    kind
+        Name of the kind; by default found from the names of the columns.
+    """
+    given = {name: np.asarray(values) for name, values in columns.items()}
+    return resolve_name(kind_of_columns(given, kind).data)(given)
 
 
 @checked
@@ -138,6 +182,11 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
 def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     """Return the data without rows that repeat others in every column; which rows, or None."""
     if not isinstance(data, Table) or len(data) < 2:
+        return data, None
+    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
+    numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
+    total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
+    if len(np.unique(total)) == len(data):
         return data, None
     codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
     _, first = np.unique(np.column_stack(codes), axis=0, return_index=True)
@@ -207,7 +256,8 @@ def diagnose(
     ----------
     data
         Any kind of data that trunnion reads (touches, points, sweep, diameters, axis log, ball-bar
-        lengths), or a model of the protocol in :mod:`trunnion.diagnosis.model`.
+        lengths), a DataFrame or a mapping with the columns of one, or a model of the protocol in
+        :mod:`trunnion.diagnosis.model`.
     setup
         The set-up, where the kind of data needs one.
     effects
@@ -223,6 +273,8 @@ def diagnose(
     DataError
         The data cannot belong to the model: too few readings, readings off the surface.
     """
+    if isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset"):
+        data = table_of(data)
     used, first = _distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
