@@ -10,22 +10,53 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
+from trunnion.base.checks import choose
 from trunnion.base.report import Table
 from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
 
 if TYPE_CHECKING:
     from trunnion.compensation import (
         Compensation,
+        ErrorMap,
         MachineErrors,
         ResidualInterval,
         VolumetricError,
     )
+    from trunnion.controls import ControlFiles
     from trunnion.machine.estimate import Estimate
     from trunnion.setup import Setup
 
 # Between the nodes of a map in steps of 15°, where it is at its worst.
 _TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
 _POINTS = (7, 7, 5)
+
+
+Control = Annotated[
+    str | None,
+    typer.Option(
+        help="write what this control loads: linuxcnc, isg (TF5280) or table (any control)",
+        show_default=False,
+    ),
+]
+Kinematics = Annotated[
+    str,
+    typer.Option(
+        help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins)"
+    ),
+]
+Present = Annotated[
+    list[Path] | None,
+    typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
+]
+AngleUnit = Annotated[
+    str | None, typer.Option(help="of the files for isg: rad or deg", show_default=False)
+]
+Sign = Annotated[
+    int | None, typer.Option(help="for isg: 1 errors, -1 corrections of them", show_default=False)
+]
+AnySize = Annotated[
+    bool, typer.Option("--any-size", help="write errors beyond 2 mm or 1 degree, too")
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -48,17 +79,53 @@ def compensate(
     linear_step_mm: Annotated[float, typer.Option(help="largest step of the map's X, Y, Z")] = 50.0,
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
     seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
+    control: Control = None,
+    kinematics: Kinematics = "component",
+    present: Present = None,
+    angle_unit: AngleUnit = None,
+    sign: Sign = None,
+    any_size: AnySize = False,
 ) -> Answer:
-    """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others."""
+    """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others.
+
+    With --control, the files that this control loads instead, with old and new values.
+    """
     from trunnion.compensation import MachineErrors
 
     estimates, file = one_set_up(files, (1, 1), "estimates")
     setup = tn.read_setup(file)
     estimate = tn.read_estimate(estimates[0])
+    if control is not None:
+        made = _for_control(
+            control,
+            setup,
+            estimate,
+            angle_unit,
+            sign,
+            kinematics=kinematics,
+            present=present or (),
+            any_size=any_size,
+            seed=seed,
+        )
+        check_outputs(*(output / name for name in made.files))
+        output.mkdir(parents=True, exist_ok=True)
+        return Answer.of(made, *(save(output / name, _text(t)) for name, t in made.files.items()))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
     )
+    return _general(setup, estimate, known, table, output, seed)
+
+
+def _general(
+    setup: Setup,
+    estimate: Estimate,
+    known: MachineErrors,
+    table: ErrorMap,
+    output: Path,
+    seed: int,
+) -> Answer:
+    """Error map, parameters and pictures, for any control."""
     parameters = tn.cnc_parameters(setup, known)
     kinds: dict[str, Compensation | None] = {
         "nothing compensated": None,
@@ -93,6 +160,30 @@ def compensate(
         ),
     ]
     return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
+
+
+def _for_control(
+    control: str,
+    setup: Setup,
+    estimate: Estimate,
+    angle_unit: str | None,
+    sign: int | None,
+    **linuxcnc: Any,
+) -> ControlFiles:
+    """Files for a control."""
+    from trunnion.controls import isg_files, iso_table, linuxcnc_files
+
+    choose("--control", control, ("linuxcnc", "isg", "table"))
+    if control == "table":
+        return iso_table(setup, estimate)
+    if control == "isg":
+        return isg_files(setup, estimate, angle_unit=angle_unit, sign=sign)  # type: ignore[arg-type]
+    return linuxcnc_files(setup, estimate, **linuxcnc)
+
+
+def _text(text: str) -> Callable[[Path], object]:
+    """Return what writes a text to a path."""
+    return lambda path: path.write_text(text, encoding="utf-8")
 
 
 def _range(setup: Setup) -> dict[str, Any]:
