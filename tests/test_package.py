@@ -33,6 +33,7 @@ LAYERS = (
     "studies",
     "plot",
     "samples",
+    "datasets",
     "demo",
     "cli",
     "__main__",
