@@ -24,6 +24,8 @@ NOT_STATED = "not stated: not to be copied"
 TARGETS_DEG = (0.0, 10.0, 20.0, 30.0, 40.0)
 TANK_DEG = (-4.45181345e-05, 30.73995)
 """Scale and zero of the tank's encoder, by its owner."""
+EVEN = 0.998
+"""Share of the largest speed from which an axis turns evenly."""
 GROSS_MM = 1.0
 """Beyond this from its median a reflector at rest was lost by the tracker."""
 
@@ -86,8 +88,8 @@ _TEXT = ("approach", "Date Time")
 
 
 def _resolver(path: Path) -> Any:
-    """Resolver against counter; at rest at both ends, so only what moved counts."""
-    return read(
+    """Resolver against counter, where the axis turned evenly: lag and resting are left out."""
+    found: Positioning = read(
         path,
         columns={
             "target_deg": "fActPosition (Internal Counter)",
@@ -95,7 +97,9 @@ def _resolver(path: Path) -> Any:
             "direction": 1,
             "cycle": 1,
         },
-    )
+    ).with_columns(time_s=None)
+    speed = np.gradient(found.target)
+    return found[speed > EVEN * speed.max()]
 
 
 def _mill(path: Path) -> Any:
@@ -331,4 +335,3 @@ _ALL = (
 )
 DATASETS: Mapping[str, Dataset] = {each.name: each for each in _ALL}
 """Every set by name."""
-
