@@ -44,6 +44,10 @@ power: build  ## how often a diagnosis is right: each rate held, half an hour, a
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/power-measured.md
 
+.PHONY: power-probabilities
+power-probabilities: build  ## are stated probabilities true: 5,100 cases of all kinds, an hour, into docs/power-probabilities.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.probabilities --out ../docs/power-probabilities.md
+
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md

@@ -162,36 +162,40 @@ def draw(
     in arcsec), resonance 25 to 60 Hz.
     """
     cases = Cases(m)
-    truth: list[str | None] = []
-    for i in range(m):
-        kind, j = kinds[i % len(kinds)], int(rng.integers(5))
-        sign = rng.choice([-1, 1])
-        small = SMALL[j] * (2 if j >= 3 else 1)
-        truth.append(f"{kind}_{AXES[j].lower()}")
-        match kind:
-            case "none":
-                truth[-1] = None
-            case "log_delay":
-                truth[-1] = kind
-                cases.log_delay[i] = rng.uniform(0.2, 2.0) * 1e-3
-            case "gain":
-                cases.gain[i, j] *= 1 + sign * rng.uniform(0.005, 0.03)
-            case "time_constant":
-                cases.tau[i, j] *= 1 + sign * rng.uniform(0.05, 0.2)
-            case "loop_delay":
-                cases.delay[i, j] = rng.uniform(0.25, 1.5) * 1e-3
-            case "friction":
-                cases.friction[i, j] = rng.uniform(1, 5) * small
-            case "backlash":
-                cases.backlash[i, j] = rng.uniform(1, 8) * small
-            case "cyclic":
-                cases.cyclic[i, j] = rng.uniform(0.5, 3) * small
-                cases.pitch[i, j] = rng.uniform(4, 20) if j < 3 else rng.uniform(1, 10)
-                cases.phase[i, j] = rng.uniform(0, 2 * np.pi)
-            case "resonance":
-                cases.frequency[i, j] = rng.uniform(25, 60)
-                cases.damping[i, j] = rng.uniform(0.02, 0.1)
-    return cases, truth
+    return cases, [put(cases, i, kinds[i % len(kinds)], rng) for i in range(m)]
+
+
+def put(
+    cases: Cases, i: int, kind: str, rng: np.random.Generator, share: float = 1.0
+) -> str | None:
+    """Put an effect on an axis drawn into case i; return its id. ``share``: of its usual size."""
+    j = int(rng.integers(5))
+    sign = rng.choice([-1, 1])
+    small = SMALL[j] * (2 if j >= 3 else 1)
+    match kind:
+        case "none":
+            return None
+        case "log_delay":
+            cases.log_delay[i] = share * rng.uniform(0.2, 2.0) * 1e-3
+            return kind
+        case "gain":
+            cases.gain[i, j] *= 1 + share * sign * rng.uniform(0.005, 0.03)
+        case "time_constant":
+            cases.tau[i, j] *= 1 + share * sign * rng.uniform(0.05, 0.2)
+        case "loop_delay":
+            cases.delay[i, j] = share * rng.uniform(0.25, 1.5) * 1e-3
+        case "friction":
+            cases.friction[i, j] = share * rng.uniform(1, 5) * small
+        case "backlash":
+            cases.backlash[i, j] = share * rng.uniform(1, 8) * small
+        case "cyclic":
+            cases.cyclic[i, j] = share * rng.uniform(0.5, 3) * small
+            cases.pitch[i, j] = rng.uniform(4, 20) if j < 3 else rng.uniform(1, 10)
+            cases.phase[i, j] = rng.uniform(0, 2 * np.pi)
+        case "resonance":
+            cases.frequency[i, j] = rng.uniform(25, 60)
+            cases.damping[i, j] = rng.uniform(0.02, 0.1)
+    return f"{kind}_{AXES[j].lower()}"
 
 
 def log(

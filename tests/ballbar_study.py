@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -120,11 +121,47 @@ def _hybrid_table(rec: Recording, joints: Array, lengths: Array) -> tn.Ballbar:
 
 def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
     """A plain test: one XY circle in both senses and again, or with two vertical arcs."""
+    table, names = cartesian_cases([hidden], seed)
+    return table, names[0]
+
+
+def cartesian_cases(
+    hidden: Sequence[str | None], seed: int, share: float = 1.0
+) -> tuple[tn.Ballbar, list[str | None]]:
+    """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
+
+    "unknown" is a straightness error, which is no cause of the catalogue.
+    """
     rng = np.random.default_rng(seed)
     spot = rng.uniform(-200, 200, 3)
     flat = bool(rng.integers(2))
     arcs = (("XY", 0, 360),) if flat else (("XY", 0, 360), ("XZ", -20, 200), ("YZ", -20, 200))
     rec = record(spot, step_deg=2.0, arcs=arcs)
+    error = np.zeros_like(rec.points)
+    names = []
+    for one in hidden:
+        change, name = _cartesian_error(one, rec, spot, rng, flat=flat)
+        error += share * change
+        names.append(name)
+    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
+    z = {} if flat else {"z_mm": rec.points[:, 2]}
+    table = tn.Ballbar(
+        setup=rec.setup,
+        x_mm=rec.points[:, 0],
+        y_mm=rec.points[:, 1],
+        length_mm=lengths,
+        sense=rec.sense,
+        feed_mm_min=np.full(len(lengths), 1000.0),
+        time_s=rec.time_s,
+        **z,
+    )
+    return table, names
+
+
+def _cartesian_error(
+    hidden: str | None, rec: Recording, spot: Array, rng: np.random.Generator, *, flat: bool
+) -> tuple[Array, str | None]:
+    """Where one cause puts the tool off its way (mm), and the cause's id."""
     axis = int(rng.integers(2 if flat else 3))
     pair = (0, 1) if flat else ((0, 1), (0, 2), (1, 2))[int(rng.integers(3))]
     way, pitch, phase = rng.choice([-1.0, 1.0]), rng.uniform(5, 20), rng.uniform(0, 6.28)
@@ -150,19 +187,12 @@ def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | Non
         error[:, axis] = way * (60e-3 if flat else 30e-3) * rec.time_s / 3600
     elif hidden == "reversal_spike":
         error[:, axis] = way * 4e-3 * _spike(rec, axis, decay_s=0.4)
-    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
-    z = {} if flat else {"z_mm": rec.points[:, 2]}
-    table = tn.Ballbar(
-        setup=rec.setup,
-        x_mm=rec.points[:, 0],
-        y_mm=rec.points[:, 1],
-        length_mm=lengths,
-        sense=rec.sense,
-        feed_mm_min=np.full(len(lengths), 1000.0),
-        time_s=rec.time_s,
-        **z,
-    )
-    return table, name
+    elif hidden == "unknown":
+        i, j = pair
+        s = (rec.points[:, j] - spot[j]) / 150.0
+        error[:, i] = way * 5e-3 * (s**2 - s**3)
+        name = None
+    return error, name
 
 
 def _spike(rec: Recording, axis: int, decay_s: float) -> Array:

@@ -8,9 +8,11 @@ import numpy as np
 
 import trunnion as tn
 from trunnion import compensation, contouring, hybrid, turning
+from trunnion.controls import linuxcnc_files
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.linear_axes import FieldMotion, Travel
 from trunnion.models.kinds import Kind, kinds
+from trunnion.setup.control import ControlSetup
 
 SAMPLES = {
     "touches": ("cross/touches.csv", "cross/setup.toml"),
@@ -123,6 +125,12 @@ def two_axes() -> tn.MachineComparison:
     return tn.compare(diagnosis_of("positioning"), first.with_columns(measured_mm=worn))
 
 
+def two_instruments() -> tn.InstrumentComparison:
+    data = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    encoder = data.measured - 3e-3 * data.direction + 1e-4 * np.sin(7.0 * np.arange(len(data)))
+    return tn.whose_error(data.with_columns(encoder_mm=encoder))
+
+
 def three_beds() -> tn.MachineComparison:
     bed = tn.read_levels(tn.sample_path("levels/bed.csv")).straightness()
     return tn.compare(bed, bed, bed, dates=["2026-01-01", "2026-02-01", "2026-03-01"])
@@ -144,6 +152,12 @@ def methods() -> tn.Comparison:
 
 def volumetric(**options: Any) -> tn.VolumetricError:
     return tn.volumetric_error(cross_setup(), LOCATION_ERRORS, points=(4, 3, 2), **options)
+
+
+def control_files() -> Any:
+    centre = ControlSetup(centre_mm=(1.0, 2.0, 3.0))
+    setup = tn.Setup(artefact=tn.Artefact("none"), control=centre)
+    return linuxcnc_files(setup, LOCATION_ERRORS)
 
 
 def control() -> tn.CncParameters:
@@ -203,7 +217,10 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
         diagnosis_of("points"), tn.read_points(tn.sample_path("plate/second.csv"))
     ),
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
+    "InstrumentComparison": two_instruments,
     "Iso2302Rotary": turning_table,
+    "CompensationTable": lambda: turning_table().compensation_table(zero_at=60.0),
+    "Conformity": lambda: turning_table().conformity(accuracy_arcsec=20.0, reversal_arcsec=0.5),
     "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
     "Twist": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).twist(),
     "Flatness": lambda: tn.read_levels(tn.sample_path("levels/plate.csv")).flatness(),
@@ -217,6 +234,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ErrorMap": error_map,
     "CncParameters": control,
     "Removable": lambda: control().removable[0],
+    "ControlFiles": control_files,
+    "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

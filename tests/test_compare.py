@@ -8,10 +8,10 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
+from positioning_twin import axis
 from promise import kept, needed_runs
 from result_examples import diagnosis_of
 from test_levels import bed, measured
-from test_positioning import axis
 from trunnion.cli import app
 from trunnion.models.kinds import kinds
 

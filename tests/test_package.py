@@ -29,6 +29,7 @@ LAYERS = (
     "diagnosis",
     "models",
     "compensation",
+    "controls",
     "reference",
     "studies",
     "plot",

@@ -79,6 +79,17 @@ def chatter(rng: Rng) -> Law:
     return lambda p, o: size * np.sin(2 * np.pi * p.length(o) / pitch + phase)
 
 
+def cubic(rng: Rng) -> Law:
+    """A smooth error that is no cause of the catalogue: a cubic along the bar, without a line."""
+    size = rng.uniform(3, 12) * rng.choice([-1, 1])
+
+    def law(p: Pass, o: float) -> FloatArray:
+        s = 2 * p.z / o - 1
+        return np.asarray(size * (5 * s**3 - 3 * s) / 2)
+
+    return law
+
+
 LAWS: Mapping[str, Callable[[Rng], Law]] = {
     "tool_heating": heating,
     "tool_wear": wear,
@@ -91,11 +102,18 @@ LAWS: Mapping[str, Callable[[Rng], Law]] = {
 
 
 def measured(
-    seed: int, hidden: tuple[str, ...], passes: int, *, warm: bool = False
+    seed: int,
+    hidden: tuple[str, ...],
+    passes: int,
+    *,
+    warm: bool = False,
+    share: float = 1.0,
+    unknown: bool = False,
 ) -> tuple[Diameters, Setup]:
     """Measured passes with these causes: the second with reversed feed, the third deeper.
 
-    ``warm``: one more, like the first, right behind four of its kind.
+    ``warm``: one more, like the first, right behind four of its kind. ``share``: of the usual size
+    of the causes. ``unknown``: with an error that is no cause of the catalogue.
     """
     rng = np.random.default_rng(seed)
     overhang = float(rng.uniform(55, 120))
@@ -105,10 +123,12 @@ def measured(
     z = np.linspace(overhang - 0.5, rng.uniform(2, 6), count)
     plan = [Pass(-1, 1.0, speed, z), Pass(1, 1.0, speed, z), Pass(-1, 2.0, speed, z)][:passes]
     plan += [Pass(-1, 1.0, speed, z, 4 * overhang / speed)] * warm
-    laws = [LAWS[name](rng) for name in hidden]
+    laws = [LAWS[name](rng) for name in hidden] + ([cubic(rng)] if unknown else [])
     columns: dict[str, list[FloatArray]] = {}
     for number, one in enumerate(plan, start=1):
-        error = rng.normal(0, 20) + sum((law(one, overhang) for law in laws), np.zeros(count))
+        error = rng.normal(0, 20) + share * sum(
+            (law(one, overhang) for law in laws), np.zeros(count)
+        )
         # The gauge: half a micrometre of the stylus is a micrometre of the diameter.
         read = np.round(error + rng.normal(0, noise, count))
         for name, values in {

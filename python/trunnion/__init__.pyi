@@ -9,6 +9,7 @@ from . import nc as nc
 from . import plot as plot
 from . import turning as turning
 from ._core import __version__ as __version__
+from .base.conformity import Conformity as Conformity
 from .base.errors import DataError as DataError
 from .base.errors import FileFormatError as FileFormatError
 from .base.errors import InputError as InputError
@@ -45,6 +46,7 @@ from .data.diameters import read_diameters as read_diameters
 from .data.flatness import Flatness as Flatness
 from .data.flatness import Straightness as Straightness
 from .data.flatness import Twist as Twist
+from .data.iso230_2 import CompensationTable as CompensationTable
 from .data.iso230_2 import Iso2302 as Iso2302
 from .data.iso230_2 import Iso2302Rotary as Iso2302Rotary
 from .data.levels import Levels as Levels
@@ -79,6 +81,8 @@ from .models.ballbar import BallbarModel as BallbarModel
 from .models.changes import MachineComparison as MachineComparison
 from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
+from .models.instruments import InstrumentComparison as InstrumentComparison
+from .models.instruments import whose_error as whose_error
 
 # --- diagnosis of any kind of data
 from .models.kinds import catalogue as catalogue

@@ -17,7 +17,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -79,6 +79,9 @@ class Bench:
     acceleration: float = 2000.0
     rotary_deg_s: float = 180.0
     rotary_acceleration: float = 1500.0
+    components: Mapping[str, bytes] = field(default_factory=dict)  # further modules
+    hal: str = ""  # further lines of HAL, after the kinematics
+    home: Mapping[int, float] = field(default_factory=dict)  # HOME and HOME_OFFSET of joints
     servo_ms: float = 1.0
     speed: float = 20.0
 
@@ -101,13 +104,15 @@ def run(bench: Bench, steps: Sequence[dict[str, str]], folder: Path, seconds: fl
     if not modules.exists():
         shutil.copytree(MODULES, modules)
         (modules / "probebench.so").write_bytes(_component())
+    for name, content in bench.components.items():
+        (modules / f"{name}.so").write_bytes(content)
     (folder / "machine.txt").write_text(bench.numbers())
     (folder / "bench.ini").write_text(_ini(bench))
     (folder / "bench.hal").write_text(_hal(bench))
     tools = f"T1 P1 Z{bench.tool_mm!r} D{2 * bench.ball_mm:g} ;probe\nT2 P2 Z50 D10 ;mill\n"
     (folder / "tool.tbl").write_text(tools)
-    (folder / "429remap.ngc").write_text(_REMAP.format(code="429", kins=1))
-    (folder / "428remap.ngc").write_text(_REMAP.format(code="428", kins=0))
+    for code, kins in (("428", 0), ("429", 1), ("430", 2)):
+        (folder / f"{code}remap.ngc").write_text(_REMAP.format(code=code, kins=kins))
     shutil.copy(HERE / "drive.py", folder / "drive.py")
     (folder / "drive.py").chmod(0o755)
     (folder / "job.json").write_text(json.dumps({"steps": list(steps), "seconds": seconds}))
@@ -139,14 +144,19 @@ def run(bench: Bench, steps: Sequence[dict[str, str]], folder: Path, seconds: fl
 
 @cache
 def _component() -> bytes:
-    with tempfile.TemporaryDirectory() as name:
-        shutil.copy(HERE / "probebench.comp", name)
+    return compiled("probebench", (HERE / "probebench.comp").read_text())
+
+
+def compiled(name: str, source: str) -> bytes:
+    """Return a component as halcompile makes it."""
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / f"{name}.comp").write_text(source)
         done = subprocess.run(
-            ["halcompile", "--compile", "probebench.comp"],
-            cwd=name, capture_output=True, text=True, check=False,
+            ["halcompile", "--compile", f"{name}.comp"],
+            cwd=folder, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
-        return (Path(name) / "probebench.so").read_bytes()
+        return (Path(folder) / f"{name}.so").read_bytes()
 
 
 _REMAP = """o<{code}remap> sub
@@ -175,6 +185,7 @@ PARAMETER_FILE = bench.var
 SUBROUTINE_PATH = .
 REMAP = M428 modalgroup=10 ngc=428remap
 REMAP = M429 modalgroup=10 ngc=429remap
+REMAP = M430 modalgroup=10 ngc=430remap
 [EMCMOT]
 EMCMOT = motmod
 COMM_TIMEOUT = 10
@@ -207,7 +218,7 @@ JOINTS = 5
             (rapid, bench.acceleration) if linear else (turning, bench.rotary_acceleration)
         )
         motion = f"{limits}\nMAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration * k * k}\n"
-        home = 300 if axis == "Z" else 0
+        home = bench.home.get(joint, 300 if axis == "Z" else 0)
         sections += (
             f"[AXIS_{axis}]\n{motion}[JOINT_{joint}]\n{motion}"
             f"TYPE = {'LINEAR' if linear else 'ANGULAR'}\nHOME = {home}\nHOME_OFFSET = {home}\n"
@@ -235,6 +246,7 @@ def _hal(bench: Bench) -> str:
     for j in range(5):
         lines.append(f"net m{j} joint.{j}.motor-pos-cmd => joint.{j}.motor-pos-fb")
         lines.append(f"net j{j} joint.{j}.pos-cmd => probebench.joint-{j}")
+    lines += bench.hal.splitlines()
     if "trt" in bench.kinematics:
         lines.append("net kins motion.analog-out-03 => motion.switchkins-type")
     return "\n".join(lines) + "\n"

@@ -134,7 +134,7 @@ def _point_error(rng: np.random.Generator, name: str, q: Float, time: Float, hal
             e[:, axis[a]] = _wave(rng, q[:, axis[b]] / half[axis[b]], 3)
         case ["angular", a, "of", b]:
             s = q[:, axis[b]] / half[axis[b]]
-            angle = 1e-5 * (s if rng.random() < 0.5 else s**2)
+            angle = 1e-5 * (s if rng.random() < 0.5 else s**2 - 1 / 3)
             lever = q.copy()
             lever[:, axis[b]] = 0.0
             e = np.einsum("nij,nj->ni", _about(axis[a], angle), lever) - lever

@@ -10,16 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
+from trunnion.base.checks import choose
 from trunnion.base.report import Table
 from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
 
 if TYPE_CHECKING:
     from trunnion.compensation import (
         Compensation,
+        ErrorMap,
         MachineErrors,
         ResidualInterval,
         VolumetricError,
     )
+    from trunnion.controls import ControlFiles
     from trunnion.machine.estimate import Estimate
     from trunnion.setup import Setup
 
@@ -48,17 +51,61 @@ def compensate(
     linear_step_mm: Annotated[float, typer.Option(help="largest step of the map's X, Y, Z")] = 50.0,
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
     seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
+    control: Annotated[
+        str | None, typer.Option(help="write what this control loads: linuxcnc", show_default=False)
+    ] = None,
+    kinematics: Annotated[
+        str,
+        typer.Option(
+            help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins)"
+        ),
+    ] = "component",
+    present: Annotated[
+        list[Path] | None,
+        typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
+    ] = None,
+    any_size: Annotated[
+        bool, typer.Option("--any-size", help="write errors beyond 2 mm or 1 degree, too")
+    ] = False,
 ) -> Answer:
-    """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others."""
+    """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others.
+
+    With --control, the files that this control loads instead, with old and new values.
+    """
     from trunnion.compensation import MachineErrors
 
     estimates, file = one_set_up(files, (1, 1), "estimates")
     setup = tn.read_setup(file)
     estimate = tn.read_estimate(estimates[0])
+    if control is not None:
+        made = _for_control(
+            control,
+            setup,
+            estimate,
+            kinematics=kinematics,
+            present=present or (),
+            any_size=any_size,
+            seed=seed,
+        )
+        check_outputs(*(output / name for name in made.files))
+        output.mkdir(parents=True, exist_ok=True)
+        return Answer.of(made, *(save(output / name, _text(t)) for name, t in made.files.items()))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
     )
+    return _general(setup, estimate, known, table, output, seed)
+
+
+def _general(
+    setup: Setup,
+    estimate: Estimate,
+    known: MachineErrors,
+    table: ErrorMap,
+    output: Path,
+    seed: int,
+) -> Answer:
+    """Error map, parameters and pictures, for any control."""
     parameters = tn.cnc_parameters(setup, known)
     kinds: dict[str, Compensation | None] = {
         "nothing compensated": None,
@@ -93,6 +140,19 @@ def compensate(
         ),
     ]
     return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
+
+
+def _for_control(control: str, setup: Setup, estimate: Estimate, **options: Any) -> ControlFiles:
+    """Files for a control."""
+    from trunnion.controls import linuxcnc_files
+
+    choose("--control", control, ("linuxcnc",))
+    return linuxcnc_files(setup, estimate, **options)
+
+
+def _text(text: str) -> Callable[[Path], object]:
+    """Return what writes a text to a path."""
+    return lambda path: path.write_text(text, encoding="utf-8")
 
 
 def _range(setup: Setup) -> dict[str, Any]:

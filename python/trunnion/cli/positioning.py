@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command
 from trunnion.cli.diagnose import diagnose_as
+from trunnion.files.columns import parse_number
 
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(help="Positioning by ISO 230-2: results, diagnose.", no_args_is_help=True)
+    group = typer.Typer(
+        help="Positioning by ISO 230-2: results, instruments, diagnose.", no_args_is_help=True
+    )
     command(group)(results)
+    command(group)(instruments)
     command(group, "diagnose")(diagnose_as("positioning"))
     app.add_typer(group, name="positioning")
 
@@ -25,7 +29,39 @@ def results(
     instrument: Annotated[
         str | None, typer.Option(help="another instrument on the same stops: its column's NAME")
     ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=VALUE, such as accuracy_um=20: pass or fail by ISO 14253-1"),
+    ] = None,
+    standard_uncertainty: Annotated[
+        float, typer.Option(help="of instrument, alignment and temperature, µm or arcsec")
+    ] = 0.0,
+    table: Annotated[bool, typer.Option(help="print the corrections of each target")] = False,
 ) -> Answer:
     """Print reversal, repeatability, systematic deviation and accuracy of an axis."""
     data = tn.read_positioning(stops)
-    return Answer.of((data if instrument is None else data.instrument(instrument)).iso230_2())
+    found = (data if instrument is None else data.instrument(instrument)).iso230_2()
+    more: list[Any] = []
+    if tolerance:
+        limits = dict(map(_limit, tolerance))
+        more.append(found.conformity(standard_uncertainty=standard_uncertainty, **limits))
+    if table:
+        more.append(found.compensation_table())
+    values = found.to_dict()
+    values |= {type(one).__name__.lower(): one.to_dict() for one in more}
+    return Answer(values, (*more[:1], found, *more[1:]) if tolerance else (found, *more))
+
+
+def instruments(
+    stops: Annotated[Path, typer.Argument(metavar="STOPS", help="stops of the axis (CSV)")],
+) -> Answer:
+    """Say of each cause whether it is the axis' or an instrument's, of several on one move."""
+    return Answer.of(tn.whose_error(tn.read_positioning(stops)))
+
+
+def _limit(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    number = parse_number(value)
+    if number is None:
+        raise tn.InputError(f"--tolerance: got {text!r}, expected NAME=VALUE (accuracy_um=20)")
+    return name.strip(), number

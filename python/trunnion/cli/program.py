@@ -44,6 +44,9 @@ def program(
     feed: Annotated[
         float | None, typer.Option(help="of the approaches where the plan has none, mm/min")
     ] = None,
+    corrected: Annotated[
+        bool, typer.Option(help="measure with the corrections on (M430): what they leave")
+    ] = False,
 ) -> Answer:
     """Write the LinuxCNC program that measures a plan."""
     plans, file = one_set_up(files, (1, 1), "plans")
@@ -55,6 +58,7 @@ def program(
         start_at=start_at,
         dry_run=dry_run,
         feed_mm_min=feed,
+        corrected=corrected,
     )
     if output is None:
         return Answer(_values(made), (made.text().rstrip("\n"),))

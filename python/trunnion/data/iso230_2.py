@@ -18,6 +18,8 @@ from typing import Self
 
 import numpy as np
 
+from trunnion.base.conformity import PROBABILITY, Conformity
+from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table, measured
 from trunnion.base.units import Floats
 
@@ -72,6 +74,45 @@ class _Stops:
             "accuracy_backward": (down + 2 * s_down).max(axis=0) - (down - 2 * s_down).min(axis=0),
             "accuracy": high.max(axis=0) - low.min(axis=0),
         }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CompensationTable(Result):
+    """Corrections to add to commanded positions of an axis; what a control makes of it is its own.
+
+    Attributes
+    ----------
+    targets
+        Positions, in `position_unit`, (m,).
+    forward, backward
+        Corrections for an approach from below and from above, in `unit`, (m,).
+    position_unit, unit
+        "mm" and "µm", or "deg" and "arcsec".
+    """
+
+    targets: Floats
+    forward: Floats
+    backward: Floats
+    position_unit: str
+    unit: str
+
+    def headline(self) -> str:
+        """Count and largest correction."""
+        largest = max(np.abs(self.forward).max(), np.abs(self.backward).max())
+        return f"{len(self.targets)} targets, corrections to {largest:.3g} {self.unit}"
+
+    def tables(self) -> tuple[Table, ...]:
+        """One target a row."""
+        rows: list[tuple[Cell, ...]] = [
+            (float(t), round(float(f), 3), round(float(b), 3))
+            for t, f, b in zip(self.targets, self.forward, self.backward, strict=True)
+        ]
+        heads = (
+            f"target, {self.position_unit}",
+            f"correction ↑, {self.unit}",
+            f"correction ↓, {self.unit}",
+        )
+        return (Table.of("Compensation", heads, rows),)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,6 +173,67 @@ class _Results:
     def unit_name(cls) -> str:
         """Unit at the end of names."""
         return "um"
+
+    def conformity(
+        self,
+        *,
+        standard_uncertainty: float = 0.0,
+        probability: float = PROBABILITY,
+        **tolerances: float,
+    ) -> Conformity:
+        """Compare figures with their tolerances: pass, fail or undecided (ISO 14253-1).
+
+        Parameters
+        ----------
+        standard_uncertainty
+            Of the instrument, its alignment and the temperature (ISO/TR 230-9), in the unit of the
+            results; added to that of the scatter.
+        probability
+            Of a right decision.
+        **tolerances
+            By the name of the figure: ``accuracy_um=20.0``, ``reversal_um=5.0``; a figure counts
+            without its sign.
+
+        Raises
+        ------
+        InputError, UnknownNameError
+            No tolerance, one that is not above 0, or an unknown figure.
+        """
+        values = {name: getattr(self, name) for name in self.std_errors}
+        return Conformity.of(
+            values,
+            self.std_errors,
+            tolerances,
+            more=standard_uncertainty,
+            probability=probability,
+        )
+
+    def compensation_table(self, *, zero_at: float | None = None) -> CompensationTable:
+        """Return what to add to commanded positions, by target and direction of approach.
+
+        zero_at: Target (mm or degrees) where the mean of both corrections is to be zero, such as
+            the reference point; None: as measured, with the instrument's offset in it.
+
+        Raises
+        ------
+        InputError
+            A place outside the targets.
+        """
+        zero = 0.0
+        if zero_at is not None:
+            low, high = float(self.targets[0]), float(self.targets[-1])
+            if not low <= zero_at <= high:
+                raise InputError(f"zero_at: got {zero_at:g}, expected {low:g} to {high:g}")
+            mean = (self.mean_forward + self.mean_backward) / 2
+            zero = float(np.interp(zero_at, self.targets, mean))
+        rotary = self.unit_name() == "arcsec"
+        return CompensationTable(
+            self.targets,
+            zero - self.mean_forward,
+            zero - self.mean_backward,
+            "deg" if rotary else "mm",
+            "arcsec" if rotary else "µm",
+        )
 
     def headline(self) -> str:
         """Accuracy, repeatability and reversal."""

@@ -12,6 +12,7 @@ from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary
 
 EXACT = 1e-12  # of the largest reading: rounding
@@ -151,8 +152,18 @@ class Case:
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""
+        return rms(f.residuals[self.rows]) < self._rounding
+
+    @property
+    def _rounding(self) -> float:
+        """Rms of what rounding leaves of exact readings."""
         size = float(np.max(np.abs(self.model.readings.values), initial=1.0))
-        return rms(f.residuals[self.rows]) < max(EXACT * size, MIN_STEP)
+        return max(EXACT * size, MIN_STEP)
+
+    @property
+    def rounding_rss(self) -> float:
+        """Sum of squares that rounding leaves of exact readings."""
+        return self.plain.dof * self._rounding**2
 
 
 class Linearised:
@@ -206,6 +217,8 @@ class Explanation:
         Unexplained structure: sentence, share of the variance.
     alarm:
         p-value over all tests.
+    probabilities:
+        Of all sets that the search looked at.
     note:
         What repeats or the stated noise say against the model.
     """
@@ -217,6 +230,7 @@ class Explanation:
     terms: list[tuple[str, float]]
     alarm: float
     candidates: Candidates
+    probabilities: Weighed
     note: str | None = None
 
 

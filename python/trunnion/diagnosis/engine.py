@@ -194,7 +194,7 @@ def _choose(case: Case) -> Choice:
     aside = none if case.exact(case.plain) else _far_out(case, case.plain)
     best = _explained_without(case, aside)
     tried = [aside, best[2]]
-    if len(aside) and best_score(case) < best[0]:
+    if len(aside) and (case.exact(best[1].fit) or best_score(case) < best[0]):
         # Perhaps the readings set aside are good ones, and show a cause.
         best = min(best, _explained_without(case, none), key=lambda c: c[0])
         tried.append(none)
@@ -263,7 +263,7 @@ def _among_causes(case: Case, suspects: Integers) -> Integers:
     alone[suspects, np.arange(len(suspects))] = 1.0
     white = np.asarray(case.whiten(alone)).T[:, None, :, None]
     both = case.candidates.beside(list(white), np.full(len(suspects), out.OUTLIER_LEVEL / n))
-    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor)[0]
+    top = search(both, case.plain.white, most=MAX_CAUSES + len(suspects), floor=case.floor).top
     count = len(case.effects)
     return np.sort(suspects[[m - count for m in top.members if m >= count]])
 

@@ -1,23 +1,28 @@
 """Find the sets of causes that explain some readings, and structure that none of them makes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special
 
+from trunnion.base.resolution import Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.case import Case, Explanation, rms
 from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.probability import Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
-from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, search
+from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
 
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
+MAX_EXACT = 16  # sets that are tried for an exact fit
+LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
@@ -25,9 +30,47 @@ HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide 
 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
+    found = _explained(case)
+    if not found.sets or rms(found.fit.residuals[case.rows]) > LINEAR_ERROR * rms(
+        case.plain.residuals[case.rows]
+    ):
+        return found
+    return _exactly(case) or found
+
+
+def _exactly(case: Case) -> Explanation | None:
+    """Explain data without noise; None: they have noise.
+
+    What columns linearised at the plain fit miss is then larger than the noise, and would want
+    causes of its own. Sets are searched as if it were noise, and kept if they fit exactly.
+    """
+    variance = LINEAR_ERROR**2 * case.plain.rss / max(case.plain.dof, 1)
+    found = _explained(replace(case, floor=Floor(max(variance, case.floor.variance))))
+    hidden = {b.members for b in found.probabilities.behind}
+    tried = [s for s in found.sets if frozenset(s[0]) not in hidden][:MAX_EXACT]
+    fits = [_fit_members(case, members) for members, _, _ in tried]
+    exact = [(s, f) for s, f in zip(tried, fits, strict=True) if case.exact(f)]
+    if not exact:
+        return None
+    sets = [(members, 0.0, f.rss) for (members, _, _), f in exact]
+    only = Only(frozenset(frozenset(s[0]) for s in sets))
+    return replace(
+        found, fit=exact[0][1], rss=case.rounding_rss, sets=sets, terms=[], probabilities=only
+    )
+
+
+def _fit_members(case: Case, members: dict[int, int]) -> Fit:
+    """Fit a set exactly: candidates and their variants."""
+    effects = [case.effects[j] for j in members]
+    start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
+    return fit(case.model, case.rows, effects, case.plain.nuisance, start, case.whiten)
+
+
+def _explained(case: Case) -> Explanation:
+    """Find the sets of causes by the noise that they leave."""
     plain, candidates = case.plain, case.candidates
-    found = search(candidates, plain.white, floor=case.floor)
-    nothing, named = found[-1], found[:-1]
+    searched = search(candidates, plain.white, floor=case.floor)
+    nothing, named = searched.nothing, searched.found
     alarm_cause = Alarm.of_causes(case)
     # Which readings to leave out is a choice of its own, and takes half of the level.
     level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
@@ -48,34 +91,38 @@ def explain(case: Case) -> Explanation:
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
         or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
     ):
-        best, terms, extended = _with_terms(case, extended)
+        searched, best, terms, extended = _with_terms(case, extended)
         demanded = bool(best.members)
         named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
-    sets = _alternatives(case, best, named, hidden=not terms) if demanded else []
+    sets, behind = _alternatives(case, best, named, hidden=not terms) if demanded else ([], [])
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
-    return Explanation(extended, best.rss, penalty, sets, terms, alarm, candidates, note)
+    probabilities = Probabilities(searched, candidates, behind)
+    return Explanation(
+        extended, best.rss, penalty, sets, terms, alarm, candidates, probabilities, note
+    )
 
 
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
     found = search(case.candidates, case.plain.white, floor=case.floor)
-    return min(found[0].score, _one_term_score(case, case.plain))
+    return min(found.top.score, _one_term_score(case, case.plain))
 
 
-def _alternatives(case: Case, best: Found, named: Sequence[Found], *, hidden: bool) -> Sets:
+def _alternatives(
+    case: Case, best: Found, named: Sequence[Found], *, hidden: bool
+) -> tuple[Sets, list[Behind]]:
     """List all sets within reach of the best, with what may hide behind them."""
     sets: Sets = []
     for f in named:
         if f.score <= best.score + WITHIN:
             distance = max(f.score - best.score, 0.0)
             sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
-    if hidden:
-        sets += _behind(case, best.score, sets)
-        sets.sort(key=lambda s: s[1])
-    return sets
+    behind = _behind(case, best.score, sets) if hidden else []
+    sets = sorted([*sets, *behind], key=lambda s: s[1])
+    return sets, [Behind(frozenset(members), distance) for members, distance, _ in behind]
 
 
 def _behind(case: Case, best: float, sets: Sets) -> Sets:
@@ -95,7 +142,7 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
         white = case.white(change)
         own = white - case.plain.basis @ (case.plain.basis.T @ white)
         for times in HIDDEN_SIZES:
-            for f in search(c, case.plain.white - times * own, floor=case.floor)[:-1]:
+            for f in search(c, case.plain.white - times * own, floor=case.floor).found:
                 if f.score > best + WITHIN:
                     break
                 for members in _expand(c, f):
@@ -115,16 +162,8 @@ def _behind(case: Case, best: float, sets: Sets) -> Sets:
 
 def _fit_set(case: Case, c: Candidates, f: Found) -> Fit:
     """Fit a set exactly, from the variants that the search chose."""
-    chosen = [(int(c.owner[b]), int(c.variant[b])) for b in f.blocks]
-    chosen = [(j, v) for j, v in chosen if j < len(case.effects)]
-    return fit(
-        case.model,
-        case.rows,
-        [case.effects[j] for j, _ in chosen],
-        case.plain.nuisance,
-        {case.effects[j].id: case.values[j][v] for j, v in chosen},
-        case.whiten,
-    )
+    chosen = {int(c.owner[b]): int(c.variant[b]) for b in f.blocks}
+    return _fit_members(case, {j: v for j, v in chosen.items() if j < len(case.effects)})
 
 
 def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
@@ -167,7 +206,7 @@ def _evidence(case: Case, f: Fit) -> Floats:
     return np.asarray(np.round(value, SCORE_DIGITS))
 
 
-def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float]], Fit]:
+def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[str, float]], Fit]:
     """Let structure without a name compete with the causes."""
     d, c, plain = case.dictionary, case.candidates, case.plain
     picked = _promising(case, (extended, plain))
@@ -179,7 +218,8 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float
         np.full(len(picked), SCAN_LEVEL / max(len(d.terms), 1)),
         UNNAMED_TERM_PENALTY + more[picked],
     )
-    top = search(both, plain.white, floor=case.floor)[0]
+    searched = search(both, plain.white, floor=case.floor)
+    top = searched.top
     causes = Found(
         frozenset(m for m in top.members if m < c.count),
         top.score,
@@ -191,7 +231,7 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Found, list[tuple[str, float
     terms: list[tuple[str, float]] = []
     if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
         terms = _sentences(case, fitted)
-    return causes, terms, fitted
+    return searched, causes, terms, fitted
 
 
 def _promising(case: Case, fits: Sequence[Fit]) -> list[int]:

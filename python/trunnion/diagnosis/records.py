@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from trunnion.base.report import Result, Table, measured, number, significant
+from trunnion.base.report import Result, Shown, Table, measured, number, significant
 from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
 
@@ -29,6 +29,13 @@ MAX_ROWS = 12  # of a table of readings
 def chance(p: float) -> str:
     """Say a p-value: "p = 0.042", "p < 0.001"."""
     return f"p < {MIN_P}" if p < MIN_P else f"p = {p:.2g}"
+
+
+def percent(probability: float) -> str:
+    """Say a probability: "88 %"; "> 99 %" and "< 1 %" where it rounds to certainty."""
+    if probability > 0.995:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
 
 
 def with_unit(text: str, unit: str) -> str:
@@ -52,6 +59,8 @@ class Cause(Result):
         Effects that could take its place.
     label:
         What people call it.
+    probability:
+        Of all sets of causes that hold it, over all sets that were looked at.
     """
 
     id: str
@@ -60,6 +69,7 @@ class Cause(Result):
     p_value: float
     aliases: tuple[str, ...] = ()
     label: str = ""
+    probability: float = 1.0
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter."""
@@ -183,17 +193,22 @@ class Alternative(Result):
         Of the residuals, in the readings' unit; relative to the noise where units are mixed.
     start:
         Values of nonlinear parameters (a slip's time) from which a fit of the set starts.
+    probability:
+        That these causes of the catalogue act and no others, over all sets that were looked at,
+        the one without a cause included.
     """
 
     causes: frozenset[str]
     distance: float
     rms_um: float
     start: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    probability: float = 1.0
 
     def sentences(self) -> tuple[str, ...]:
         """Say the set and its distance."""
         return (
-            f"{' + '.join(sorted(self.causes))}: {self.distance:.1f} above the best in -2 ln L",
+            f"{' + '.join(sorted(self.causes))}: {percent(self.probability)}, "
+            f"{self.distance:.1f} above the best in -2 ln L",
         )
 
     def tables(self) -> tuple[Table, ...]:
@@ -350,8 +365,14 @@ def value_in_words(value: float, std: float | None, unit: str = "") -> str:
 def alternatives_table(alternatives: Sequence[Alternative], unit: str = "") -> Table:
     """Return sets of causes with their distance from the best."""
     rows = [
-        (" + ".join(sorted(a.causes)), round(a.distance, 1) + 0.0, significant(a.rms_um))
+        (
+            " + ".join(sorted(a.causes)),
+            Shown(a.probability, percent(a.probability)),
+            round(a.distance, 1) + 0.0,
+            significant(a.rms_um),
+        )
         for a in alternatives
     ]
-    columns = ("causes", "−2 ln L above the best", with_unit("rms", unit and f"({unit})"))
+    rms = with_unit("rms", unit and f"({unit})")
+    columns = ("causes", "probability", "−2 ln L above the best", rms)
     return Table.of("Sets of causes", columns, rows, digits=1)

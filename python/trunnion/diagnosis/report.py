@@ -90,6 +90,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         notes=(*model.remarks, *_notes(case, variance)),
         contributions=contributions,
         ladder=ladder,
+        none_probability=e.probabilities.none,
     )
 
 
@@ -172,13 +173,16 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     """List the sets of causes, each once, best first."""
     ids = [x.id for x in case.effects]
     out: dict[frozenset[str], Alternative] = {}
+    chances = e.probabilities
     for members, distance, rss in e.sets:
         causes = frozenset(ids[m] for m in members)
         if causes not in out:
             size = np.sqrt(max(rss, 0.0) / max(len(e.fit.white), 1))
             start = {ids[m]: case.values[m][v] for m, v in members.items()}
-            out[causes] = Alternative(causes, float(distance), float(size), start)
-    return list(out.values())
+            chance = chances.of_set(frozenset(members))
+            out[causes] = Alternative(causes, float(distance), float(size), start, chance)
+    sets = list(out.values())
+    return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
 def _verdict(unexplained: str | None, sets: int, outliers: int) -> Verdict:
@@ -249,6 +253,7 @@ def _causes(
             min(1.0, chance * e.candidates.multiplicity * places),
             tuple(sorted(aliases)),
             effect.label,
+            e.probabilities.of_cause(j),
         )
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])

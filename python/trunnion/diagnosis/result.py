@@ -42,6 +42,7 @@ from trunnion.diagnosis.records import (
     alternatives_table,
     chance,
     labelled,
+    percent,
     with_unit,
 )
 from trunnion.diagnosis.score import score
@@ -104,6 +105,8 @@ class Diagnosis(Result):
         What each named cause explains, and what it had biased, in descending order.
     ladder:
         Residual rms after each cause.
+    none_probability:
+        That no cause of the catalogue acts: noise, or structure that none of them makes.
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
         user's own candidates the ids only.
@@ -130,6 +133,7 @@ class Diagnosis(Result):
     notes: tuple[str, ...] = ()
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
+    none_probability: float = 0.0
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -253,13 +257,14 @@ class Diagnosis(Result):
 
     def sentences(self) -> tuple[str, ...]:
         """Say the verdict first, then what carries it."""
-        said = [c.headline() for c in self.causes]
+        said = [self._probable(c) for c in self.causes]
         lines: list[str] = []
         match self.verdict:
             case "consistent":
                 lines = [
                     "Consistent: the model explains the data, the residual is noise of "
-                    f"{self._noise()} ({chance(self.p_value)})."
+                    f"{self._noise()} ({chance(self.p_value)}); that no known cause acts: "
+                    f"{percent(self.none_probability)}."
                 ]
             case "explained" if len(said) == 1:
                 lines = [f"Explained by one cause: {said[0]}."]
@@ -288,6 +293,9 @@ class Diagnosis(Result):
             ]
         return (*lines, *self._left_out(), *self.notes)
 
+    def _probable(self, cause: Cause) -> str:
+        return f"{cause.headline()} ({percent(cause.probability)})"
+
     def _noise(self) -> str:
         if not self.gain.others:
             return with_unit(f"{self.sigma:.3g}", self.gain.unit)
@@ -301,16 +309,19 @@ class Diagnosis(Result):
             f"Ambiguous: {len(self.alternatives)} sets of causes are equally consistent with the "
             "data."
         ]
-        sure = [c.headline() for c in self.causes if c.id in certain]
+        sure = [self._probable(c) for c in self.causes if c.id in certain]
         if sure:
             lines.append(f"In all of them: {'; '.join(sure)}.")
         first = "; ".join(c.headline() for c in self.causes if c.id not in certain)
         others = [
-            " + ".join(labelled(i, self.labels.get(i, "")) for i in sorted(s - certain))
-            for s in self.alternatives[1 : MAX_SETS + 1]
+            " + ".join(labelled(i, self.labels.get(i, "")) for i in sorted(a.causes - certain))
+            for a in self.evidence[1 : MAX_SETS + 1]
         ]
         more = len(self.alternatives) - 1 - len(others)
-        doubt = "; or ".join(text or "no further cause" for text in (first, *others))
+        doubt = "; or ".join(
+            f"{text or 'no further cause'} ({percent(a.probability)})"
+            for text, a in zip((first, *others), self.evidence, strict=False)
+        )
         return [*lines, f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}."]
 
     def _bias(self) -> list[str]:

@@ -32,6 +32,7 @@ from trunnion.diagnosis.candidates import DEPENDENT, Candidates
 WITHIN = 6.0
 
 BEAM = 20
+REACH = 30.0  # above the best score, to which sets are weighed: a likelihood ratio of 3e6
 SCORE_DIGITS = 6
 SAME_SCORE = 1e-9
 MAX_CAUSES = 12
@@ -173,22 +174,31 @@ def search(
     within: float = WITHIN,
     beam: int = BEAM,
     most: int = MAX_CAUSES,
-) -> list[Found]:
-    """Find the sets of causes whose score lies within ``within`` of the best, best first.
+) -> "Search":
+    """Search the sets of causes that explain residuals.
 
-    The empty set is always the last entry, whatever its score. ``r``: residuals with the nuisance
-    projected out, shape (n,). ``floor``: of the variance of a reading.
+    ``r``: residuals with the nuisance projected out, shape (n,). ``floor``: of the variance of a
+    reading. ``within``: of the best score, what counts as near it.
     """
-    s = _Search(c, r, floor, within)
+    s = Search(c, r, floor, within)
     if len(c.leaders):
         s.widen(beam, most)
         s.exchange()
-    found = (f for f in s.known.values() if f.score <= s.best + within and f.members)
-    return [*sorted(found, key=lambda f: f.score), s.nothing]
+    return s
 
 
-class _Search:
-    """All sets that were looked at, and the best score among them."""
+class Search:
+    """All sets that were looked at.
+
+    Attributes
+    ----------
+    best:
+        The best score, of the empty set too.
+    nothing:
+        The empty set.
+    scores:
+        Score of each set by its mask (a bit a candidate), up to about ``REACH`` above the best.
+    """
 
     def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
         self.c, self.within = c, within
@@ -197,7 +207,19 @@ class _Search:
         self.empty = _State(0, (), np.zeros((0, c.width)), c.products(r), rss, 0.0)
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
+        self.scores = {0: self.nothing.score}
         self.best = self.nothing.score
+
+    @property
+    def found(self) -> list[Found]:
+        """Sets whose score lies within ``within`` of the best, best first; none is empty."""
+        near = (f for f in self.known.values() if f.score <= self.best + self.within and f.members)
+        return sorted(near, key=lambda f: f.score)
+
+    @property
+    def top(self) -> Found:
+        """The best set that is not empty, if there is one near the best score; else the empty."""
+        return next(iter(self.found), self.nothing)
 
     def widen(self, beam: int, most: int) -> None:
         """Keep the best sets of each size and add every candidate to them, while that helps."""
@@ -260,7 +282,8 @@ class _Search:
         for i, q in (divmod(int(flat), len(c.leaders)) for flat in order):
             value = float(low[i, q])
             near = value <= self.best + self.within
-            if not np.isfinite(value) or (len(chosen) >= keep and not near):
+            full = len(chosen) >= keep and not near
+            if not np.isfinite(value) or (full and value > self.best + REACH):
                 break
             first = int(c.first_of_leader[q])
             bit = self.bit(first)
@@ -268,6 +291,9 @@ class _Search:
             if mask in seen:
                 continue
             seen.add(mask)
+            self.scores[mask] = min(value, self.scores.get(mask, np.inf))
+            if full:
+                continue
             block = first + int(np.argmin(total[i, first : last[q]]))
             columns = int(size[i] + rank[i, block])
             self.remember(mask, (*states[i].blocks, block), value, float(rss[i, block]), columns)

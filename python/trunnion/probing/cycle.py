@@ -53,6 +53,13 @@ class Cycle:
     log: str = "touches.log"
     start_at: int = 1
     dry_run: bool = False
+    corrected: bool = False
+
+    @property
+    def mode(self) -> str:
+        """Line that switches the kinematics to what the program is written for."""
+        control = self.setup.control
+        return control.corrected_on if self.corrected else control.tcp_off
 
     @property
     def checks_tcp(self) -> bool:

@@ -9,6 +9,8 @@ from trunnion.probing.notes import assumptions
 from trunnion.setup.control import WORK_OFFSETS
 
 TOLERANCE_MM = 0.01
+CORRECTION_MM = 2.0
+"""Corrections of a machine are smaller; tool centre point control is further off."""
 ROTARY_OFFSET_DEG = 1.0
 """Rotary work offsets beyond this are left over, not the zero of an axis."""
 
@@ -40,7 +42,10 @@ def _header(cycle: Cycle) -> Iterator[str]:
         x, y, z = (_n(v) for v in control.centre_mm)
         yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"
     yield "(tool length: to the CENTRE of the ball, not to its tip)"
-    yield "(state of the control: homed, identity kinematics, no TCP or trunnion kinematics,)"
+    kinematics = "identity kinematics, no TCP or trunnion kinematics"
+    if cycle.corrected:
+        kinematics = f"machine coordinates with corrections: {cycle.mode}"
+    yield f"(state of the control: homed, {kinematics},)"
     yield "(no G92, no rotation of the work offset, feed override 100 %)"
     ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"(ranges in {control.wcs}: {ranges})"
@@ -66,8 +71,8 @@ def _settings(cycle: Cycle) -> Iterator[str]:
         yield f"G43 H{control.tool_number}"
     yield "M5"
     yield "M9"
-    if control.tcp_off:
-        yield control.tcp_off
+    if cycle.mode:
+        yield cycle.mode
 
 
 def _stop_if(label: int, condition: str, message: str) -> Iterator[str]:
@@ -117,18 +122,18 @@ def _state(cycle: Cycle) -> Iterator[str]:
                 f"{control.wcs} {axis} is #<at> mm, expected {_n(value)} as in the set-up",
             )
     if control.tcp_check:
-        yield from _identity()
+        yield from _identity(CORRECTION_MM if cycle.corrected else TOLERANCE_MM)
     yield "o100 endif"
 
 
-def _identity() -> Iterator[str]:
+def _identity(tolerance_mm: float) -> Iterator[str]:
     """Compare joints with machine coordinates where they stand."""
     yield "  M66 E0 L0 (waits for all that was commanded)"
     yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
     for joint, axis in enumerate("xyz"):
         far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
         yield from _stop_if(
-            122 + joint, f"{far} GT {_n(TOLERANCE_MM)}",
+            122 + joint, f"{far} GT {_n(tolerance_mm)}",
             f"joint {joint} is not where {axis.upper()} is: {_TCP_IS_ON}",
         )  # fmt: skip
     yield "  o121 else"
@@ -287,7 +292,8 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     yield "G0 X0 Y0"
     yield f"(DEBUG,plan {cycle.name}, {len(cycle.steps)} touches)"
     yield "(DEBUG,%.3f is the ball #5422 mm above the centre of the table?)"
-    yield "(MSG,spindle at rest, TCP off? then cycle start)"
+    expected = "corrections on" if cycle.corrected else "TCP off"
+    yield f"(MSG,spindle at rest, {expected}? then cycle start)"
     yield "M0"
     yield from (line.strip() for line in _own(control.probe_on))
     yield from (f"#<_{axis}_read> = 999999 (no reading yet)" for axis in "xyz")

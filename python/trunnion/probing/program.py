@@ -78,6 +78,7 @@ def probing_program(
     start_at: int = 1,
     dry_run: bool = False,
     feed_mm_min: float | None = None,
+    corrected: bool = False,
 ) -> ProbingProgram:
     """Write a plan as a LinuxCNC probing program.
 
@@ -104,6 +105,9 @@ def probing_program(
         Make all moves but the approaches, and log nothing (``#<_dry>``).
     feed_mm_min
         Feed of the approaches where the plan has none.
+    corrected
+        Measure with the corrections on (``corrected_on`` of `[control]`, M430): what an
+        identification then finds is what they leave.
 
     Raises
     ------
@@ -139,6 +143,7 @@ def probing_program(
         log=log,
         start_at=start_at,
         dry_run=dry_run,
+        corrected=corrected,
     )
     _check_senses(plan, cycle)
     cycle.check_ranges()

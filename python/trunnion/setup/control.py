@@ -59,6 +59,9 @@ class ControlSetup(Part):
     tool_number: int = key(0, _Tool(), "of the probe: G43 H; 0: the tool length in force is taken")
     tool_check: bool = key(True, Flag(), "stop unless a tool length is in force")
     tcp_off: str = key("", _Line(), "line that switches tool centre point control off (M429)")
+    corrected_on: str = key(
+        "M430", _Line(), "line that switches machine coordinates with corrections on"
+    )
     tcp_check: bool = key(True, Flag(), "stop if it is on: at C90 X must move joint 0")
     probe_on: str = key("", _Line(), "line that switches the probe on")
     probe_off: str = key("", _Line(), "line that switches it off")

@@ -1,0 +1,166 @@
+"""Whether a value keeps its tolerance, with its uncertainty: the decision rule of ISO 14253-1.
+
+Conformity is proved where the value keeps the tolerance by a guard band g = k u, non-conformity
+where it exceeds it by as much; between the two nothing is proved. k is that of the chance of a
+wrong decision (one-sided normal law; 1.645 at the standard's default of 95 %).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from scipy.special import ndtri
+
+from trunnion.base.checks import choose
+from trunnion.base.errors import InputError
+from trunnion.base.report import Cell, Result, Table, measured, significant
+from trunnion.base.units import unit_of
+
+PROBABILITY = 0.95
+
+
+class Decision(StrEnum):
+    """What is proved of a tolerance."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    UNDECIDED = "undecided"
+
+
+def guard_factor(probability: float) -> float:
+    """Return k of the guard band, by the probability of conformity that is asked for."""
+    if not 0.5 <= probability < 1:
+        raise InputError(f"probability: got {probability:g}, expected 0.5 to below 1")
+    return float(ndtri(probability))
+
+
+def decide(
+    value: float,
+    std: float,
+    *,
+    upper: float = float("inf"),
+    lower: float = float("-inf"),
+    probability: float = PROBABILITY,
+) -> Decision:
+    """Decide by ISO 14253-1 of a value with standard uncertainty and its limits.
+
+    An uncertainty that is not known (inf) proves nothing.
+    """
+    guard = guard_factor(probability) * std
+    if lower + guard <= value <= upper - guard:
+        return Decision.PASS
+    if value >= upper + guard or value <= lower - guard:
+        return Decision.FAIL
+    return Decision.UNDECIDED
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One quantity against its tolerance.
+
+    Attributes
+    ----------
+    name
+        As the result calls it.
+    value, std_error
+        Size of the quantity, and its standard uncertainty.
+    tolerance, guard
+        Largest size allowed, and the guard band.
+    decision
+        "pass", "fail" or "undecided".
+    """
+
+    name: str
+    value: float
+    std_error: float
+    tolerance: float
+    guard: float
+    decision: Decision
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Conformity(Result):
+    """Quantities against their tolerances, by ISO 14253-1.
+
+    Attributes
+    ----------
+    judged
+        One a tolerance.
+    probability
+        Of conformity, at least, where "pass" is said; of non-conformity where "fail" is.
+    """
+
+    judged: tuple[Judged, ...]
+    probability: float
+
+    @classmethod
+    def of(
+        cls,
+        values: Mapping[str, float],
+        std_errors: Mapping[str, float],
+        tolerances: Mapping[str, float],
+        *,
+        more: float = 0.0,
+        probability: float = PROBABILITY,
+    ) -> Conformity:
+        """Of sizes (without sign) by name; ``more``: standard uncertainty beside the given one.
+
+        Raises InputError: no tolerance, one that is not above 0, or of an unknown quantity.
+        """
+        if not tolerances:
+            raise InputError(f"tolerance: got none, expected one of {', '.join(values)}")
+        if not 0 <= more < float("inf"):
+            raise InputError(f"standard uncertainty: got {more:g}, expected 0 or above")
+        out = []
+        for name, tolerance in tolerances.items():
+            choose("quantity", name, values)
+            if not tolerance > 0:
+                raise InputError(f"{name}: got {tolerance:g}, expected a tolerance above 0")
+            size, std = abs(values[name]), float((std_errors[name] ** 2 + more**2) ** 0.5)
+            guard = guard_factor(probability) * std
+            decision = decide(size, std, upper=tolerance, probability=probability)
+            out.append(Judged(name, size, std, float(tolerance), guard, decision))
+        return cls(tuple(out), probability)
+
+    @property
+    def decision(self) -> Decision:
+        """Pass where everything passes, fail where anything fails."""
+        found = {j.decision for j in self.judged}
+        if Decision.FAIL in found:
+            return Decision.FAIL
+        return Decision.UNDECIDED if Decision.UNDECIDED in found else Decision.PASS
+
+    def derived(self) -> Mapping[str, str]:
+        """The decision over all tolerances."""
+        return {"decision": str(self.decision)}
+
+    def headline(self) -> str:
+        """The decision."""
+        return str(self.decision)
+
+    def sentences(self) -> Sequence[str]:
+        """The decision, and of what it is not proved."""
+        said = {
+            Decision.PASS: "Pass: conformity is proved",
+            Decision.FAIL: "Fail: non-conformity is proved",
+            Decision.UNDECIDED: "Undecided: the uncertainty is too large to prove either",
+        }[self.decision]
+        return (f"{said} (ISO 14253-1, {100 * self.probability:.3g} %).",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """One quantity a row."""
+        rows: list[tuple[Cell, ...]] = [
+            (
+                j.name,
+                *measured(j.value, j.std_error),
+                significant(j.guard),
+                significant(j.tolerance, 4),
+                unit_of(j.name),
+                str(j.decision),
+            )
+            for j in self.judged
+        ]
+        heads = ("", "value", "standard uncertainty", "guard band", "tolerance", "unit", "decision")
+        return (Table.of("Conformity", heads, rows),)

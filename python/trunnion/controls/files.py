@@ -1,0 +1,128 @@
+"""Files for a control: what is to be set, old and new, and what that leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trunnion.base.arguments import checked
+from trunnion.base.output import check_new, whole_file
+from trunnion.base.report import Cell, Result, Shown, Table
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Setting(Result):
+    """One number in a control.
+
+    Attributes
+    ----------
+    name, where, unit
+        What it is called there, in which file, and its unit.
+    old, new
+        Value before (None: not known) and after.
+    meaning
+        What it stands for.
+    """
+
+    name: str
+    where: str
+    unit: str
+    old: float | None
+    new: float
+    meaning: str = ""
+
+    def sentences(self) -> Sequence[str]:
+        """Name, old and new value."""
+        old = "not known" if self.old is None else f"{self.old:g}"
+        return (f"{self.name} ({self.where}): {old} → {self.new:g} {self.unit}.",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """One row."""
+        return (_table((self,)),)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ControlFiles(Result):
+    """What a control is given.
+
+    Attributes
+    ----------
+    control
+        The control and what of it is used.
+    files
+        Name → text.
+    settings
+        Every number, where it goes, old and new.
+    before_um, after_um
+        Largest volumetric error of the machine as estimated, over the range of the rotary axes,
+        without the files and with them.
+    interval_um
+        Interval that holds the largest error after, for the uncertainty of the estimate; None
+        where that has no covariance.
+    left_out
+        What was found and cannot be held by this control, each with the reason.
+    notes
+        What to do, in order.
+    """
+
+    control: str
+    files: Mapping[str, str]
+    settings: tuple[Setting, ...]
+    before_um: float
+    after_um: float
+    interval_um: tuple[float, float] | None = None
+    left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def sentences(self) -> Sequence[str]:
+        """What it leaves, what it cannot hold, what to do."""
+        lines = [
+            f"{self.control}: largest volumetric error {self.before_um:.2f} µm before, "
+            f"{_left(self.after_um)} µm after if the machine is as estimated."
+        ]
+        if self.interval_um is not None:
+            low, high = self.interval_um
+            lines.append(
+                f"With the uncertainty of the estimate: {low:.3g} to {high:.3g} µm (95 %)."
+            )
+        lines += [f"Not compensated: {text}." for text in self.left_out]
+        return [*lines, *self.notes]
+
+    def tables(self) -> tuple[Table, ...]:
+        """Settings, old and new."""
+        return (_table(self.settings),)
+
+    @checked
+    def write(self, folder: str | Path, *, overwrite: bool = False) -> tuple[Path, ...]:
+        """Write the files into a folder, none over another one unless asked to.
+
+        Raises
+        ------
+        InputError
+            A file of such a name is there.
+        """
+        place = Path(folder)
+        paths = tuple(place / name for name in self.files)
+        for path in paths:
+            check_new(path, overwrite=overwrite)
+        place.mkdir(parents=True, exist_ok=True)
+        for path, text in zip(paths, self.files.values(), strict=True):
+            with whole_file(path) as draft:
+                draft.write_text(text, encoding="utf-8")
+        return paths
+
+
+def _left(size_um: float) -> str:
+    """Return what is left; rounding of the computer is no number for people."""
+    return "less than 0.001" if size_um < 1e-3 else f"{size_um:.3g}"
+
+
+def _table(settings: Sequence[Setting]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for one in settings:
+        old = "" if one.old is None else Shown(one.old, f"{one.old:+.4f}")
+        rows.append(
+            (one.name, one.where, old, Shown(one.new, f"{one.new:+.4f}"), one.unit, one.meaning)
+        )
+    return Table.of("What to set", ("", "in", "old", "new", "unit", "meaning"), rows)

@@ -1,0 +1,1 @@
+"""LinuxCNC: kinematics with errors, pins, offsets, tables of single joints."""

@@ -1,0 +1,110 @@
+"""Corrections in the terms of xyzac-trt-kins and xyzbc-trt-kins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+from trunnion.compensation.machine import MachineErrors
+from trunnion.compensation.parameters import cnc_parameters
+from trunnion.controls.files import Setting
+from trunnion.controls.linuxcnc.kinematics import check_machine
+from trunnion.controls.linuxcnc.made import HAL, INI, Made
+from trunnion.controls.linuxcnc.present import Present
+from trunnion.setup import Setup
+from trunnion.setup.control import WORK_OFFSETS
+
+STOCK = {"trt-ca": "xyzac-trt-kins", "trt-bc": "xyzbc-trt-kins"}
+
+
+def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
+    """Rotation points, offsets and zeros for the kinematics that come with LinuxCNC.
+
+    The C axis goes through the rotation point; the tilting axis lies `offset` from it.
+
+    Raises InputError: rotary axes that count in different senses.
+    """
+    letters = check_machine(setup)
+    kins = STOCK[setup.machine.preset]
+    found = cnc_parameters(setup, known)
+    shift = found.centres_um
+    tilt = letters[0]
+    across = "Y" if tilt == "A" else "X"
+    centre = np.array(setup.control.centre_mm or (0.0, 0.0, 0.0))
+    point = setup.axis_points().get(tilt, (0.0, 0.0, 0.0))
+    moved = {axis: shift.get(f"E{axis}0C", 0.0) for axis in "XY"} | {
+        "Z": shift.get(f"EZ0{tilt}", 0.0)
+    }
+    pins = {
+        "x-rot-point": centre[0] + 1e-3 * moved["X"],
+        "y-rot-point": centre[1] + 1e-3 * moved["Y"],
+        "z-rot-point": centre[2],
+        f"{across.lower()}-offset": point["XYZ".index(across)]
+        + 1e-3 * (shift.get(f"E{across}0{tilt}", 0.0) - moved[across]),
+        "z-offset": point[2] + 1e-3 * moved["Z"],
+    }
+    settings = [
+        Setting(
+            f"{kins}.{pin}", HAL, "mm", now.pins.get(f"{kins}.{pin}"), float(value),
+            "a centre absorbs part of the tilts" if "rot" in pin else "",
+        )
+        for pin, value in pins.items()
+    ]  # fmt: skip
+    homes = _homes(letters, found.zeros_arcsec, now)
+    offset = centre + 1e-3 * np.array([moved[axis] for axis in "XYZ"])
+    number = WORK_OFFSETS.index(setup.control.wcs) + 1
+    work = f"G10 L2 P{number} X{offset[0]:.4f} Y{offset[1]:.4f} Z{offset[2]:.4f}"
+    hal = [f"setp {one.name} {one.new:.6f}" for one in settings]
+    senses = {setup.sense(letter) for letter in letters}
+    if len(senses) > 1:
+        raise InputError(
+            f"{kins}: got axes of different senses, expected one: it has one pin for both"
+        )
+    ini = _joined(homes)
+    left = tuple(
+        f"{row.name} ({row.share_left:.0%} stays: {kins} has no direction of an axis)"
+        for row in found.removable
+        if row.share_left > 0.02 and abs(_size(known, row.name)) > 0
+    )
+    files = {
+        HAL: "\n".join(hal) + "\n",
+        INI: ini,
+        "work_offset.ngc": f"({setup.control.wcs} to the table as estimated)\n{work}\nM2\n",
+    }
+    directions = (
+        f"{kins} of LinuxCNC 2.10 has a pin conventional-directions: "
+        f"{'true' if senses == {-1} else 'false'} for this set-up."
+    )
+    if senses == {-1}:
+        directions += " Without it the kinematics count the other way, and no number here is right."
+    notes = (directions, "Home the rotary axes after a change of HOME_OFFSET; run sign_test.ngc.")
+    return Made(files, tuple(settings + homes), found, left, notes)
+
+
+def _homes(letters: str, zeros_arcsec: Mapping[str, float], now: Present) -> list[Setting]:
+    """Offsets of homing with the zeros of the rotary axes: they add to the present ones."""
+    homes = []
+    for i, letter in enumerate(letters):
+        section = f"JOINT_{3 + i}"
+        for key in ("HOME_OFFSET", "HOME"):
+            old = now.keys.get((section, key))
+            new = (old or 0.0) - zeros_arcsec[letter] / 3600.0
+            said = f"zero of {letter}; minus: a larger offset turns the axis back"
+            homes.append(Setting(f"[{section}] {key}", INI, "deg", old, new, said))
+    return homes
+
+
+def _size(known: MachineErrors, name: str) -> float:
+    effect, _, parameter = name.partition(".")
+    return known.effects.get(effect, {}).get(parameter, 0.0) or known.errors.get(name, 0.0)
+
+
+def _joined(homes: Iterable[Setting]) -> str:
+    """Keys under their sections."""
+    sections: dict[str, list[str]] = {}
+    for one in homes:
+        section, _, key = one.name.partition(" ")
+        sections.setdefault(section, []).append(f"{key} = {one.new:.6f}")
+    return "\n".join("\n".join([section, *lines]) for section, lines in sections.items()) + "\n"

@@ -1,0 +1,157 @@
+"""How probable the sets of causes are that a search looked at.
+
+A set S has the weight exp(-score(S) / 2), its penalised likelihood: the penalty of a cause stands
+for what is assumed of it beforehand (:mod:`.selection`). Sets are told by the causes of the
+catalogue that act in them, with or without unexplained structure beside these; the weights of all
+sets that the search looked at, of the plain model (no cause) and of structure without a cause add
+up to 1. Candidates that change the readings alike share their sets' weights evenly.
+
+An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
+sets have the weight of the likelihood times the odds of one more cause beforehand, one among all
+candidates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.selection import Search
+
+Members = frozenset[int]
+
+
+@dataclass(frozen=True)
+class Behind:
+    """A set with an effect behind it: its candidates, and its distance to the best set."""
+
+    members: Members
+    distance: float
+
+
+class Weighed(Protocol):
+    """Probabilities of sets of candidates, by the candidates' numbers."""
+
+    @property
+    def behind(self) -> Sequence[Behind]:
+        """Sets with an effect behind the others."""
+        ...
+
+    @property
+    def none(self) -> float:
+        """Probability that no cause of the catalogue acts."""
+        ...
+
+    def of_set(self, members: Members) -> float:
+        """Probability that just these causes of the catalogue act."""
+        ...
+
+    def of_cause(self, member: int) -> float:
+        """Probability that a cause acts, alone or with others."""
+        ...
+
+
+@dataclass(frozen=True)
+class Only:
+    """Sets that fit exactly: one of them is it, and no data say which."""
+
+    sets: frozenset[Members]
+    behind: Sequence[Behind] = ()
+    none: float = 0.0
+
+    def of_set(self, members: Members) -> float:
+        """Probability that just these causes of the catalogue act."""
+        return float(members in self.sets) / len(self.sets)
+
+    def of_cause(self, member: int) -> float:
+        """Probability that a cause acts, alone or with others."""
+        return sum(member in s for s in self.sets) / len(self.sets)
+
+
+@dataclass(frozen=True)
+class Probabilities:
+    """Probabilities of sets of candidates, by the candidates' numbers.
+
+    Attributes
+    ----------
+    search:
+        The sets with their scores; candidates from ``count`` on are unexplained structure.
+    candidates:
+        The candidates of the catalogue.
+    behind:
+        Sets with an effect behind the others.
+    """
+
+    search: Search
+    candidates: Candidates
+    behind: Sequence[Behind] = ()
+
+    @property
+    def none(self) -> float:
+        """Probability that no cause of the catalogue acts."""
+        return self.of_set(frozenset())
+
+    def of_set(self, members: Members) -> float:
+        """Probability that just these causes of the catalogue act."""
+        if members in self._hidden:
+            return self._hidden[members] / self._total
+        leaders = frozenset(self._leader.get(m, m) for m in members)
+        return self._sets.get(leaders, 0.0) / self._total
+
+    def of_cause(self, member: int) -> float:
+        """Probability that a cause acts, alone or with others."""
+        leader = self._leader.get(member, member)
+        own = sum(
+            w * self._count(s) / len(self.candidates.alike[leader])
+            for s, w in self._sets.items()
+            if leader in s
+        )
+        return (own + sum(w for s, w in self._hidden.items() if member in s)) / self._total
+
+    @cached_property
+    def _leader(self) -> dict[int, int]:
+        """Which candidate stands for each of those that change the readings alike."""
+        return {j: home for home, alike in self.candidates.alike.items() for j in alike}
+
+    @cached_property
+    def _sets(self) -> dict[Members, float]:
+        """Weight of each set of leaders, of one of the sets that it stands for."""
+        out: dict[Members, float] = {}
+        catalogue = (1 << self.candidates.count) - 1
+        for mask, score in self.search.scores.items():
+            members = _members(mask & catalogue)
+            if score > self.search.best:  # with too few readings both are infinite
+                weight = float(np.exp((self.search.best - score) / 2))
+            else:
+                weight = 1.0
+            out[members] = out.get(members, 0.0) + weight
+        return out
+
+    @cached_property
+    def _hidden(self) -> dict[Members, float]:
+        odds = 1.0 / max(self.candidates.multiplicity, 1.0)
+        return {b.members: odds * float(np.exp(-b.distance / 2)) for b in self.behind}
+
+    @cached_property
+    def _total(self) -> float:
+        all_ = sum(w * self._count(s) for s, w in self._sets.items())
+        return all_ + sum(self._hidden.values())
+
+    def _count(self, leaders: Members) -> int:
+        """How many sets one of leaders stands for."""
+        return int(np.prod([len(self.candidates.alike[m]) for m in leaders], dtype=int))
+
+
+def _members(mask: int) -> Members:
+    """Candidates of a set, from the bits of its mask."""
+    out = []
+    while mask:
+        low = mask & -mask
+        out.append(low.bit_length() - 1)
+        mask ^= low
+    return frozenset(out)

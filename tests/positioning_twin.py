@@ -1,0 +1,59 @@
+"""Positioning tests of an axis with hidden causes, from the formulas of the notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+import trunnion as tn
+
+
+def axis(
+    rng: np.random.Generator,
+    *,
+    targets: int = 11,
+    cycles: int = 5,
+    noise: float = 0.7,
+    change: np.ndarray | float = 0.0,
+) -> tn.Positioning:
+    """Stops of an axis in 1 µm steps of nothing: only noise, and ``change`` in µm."""
+    up = np.round(np.linspace(0.0, 500.0, targets) + rng.uniform(-8, 8, targets), 1)
+    target = np.tile(np.concatenate([up, up[::-1]]), cycles)
+    error = 2.0 + change + noise * rng.standard_normal(len(target))
+    return tn.Positioning(
+        target_mm=target,
+        measured_mm=target + 1e-3 * error,
+        direction=np.tile(np.repeat([1, -1], targets), cycles),
+        cycle=np.repeat(np.arange(1, cycles + 1), 2 * targets),
+        time_s=15.0 * np.arange(len(target)),
+    )
+
+
+def beside_a_line(place: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """A change less the straight line in it."""
+    return np.asarray(change - np.polyval(np.polyfit(place, change, 1), place))
+
+
+HIDDEN: dict[str, Callable[[tn.Positioning, np.random.Generator], np.ndarray]] = {
+    "scale": lambda d, rng: 1e-3 * rng.uniform(10, 30) * (d.target - 250),
+    "reversal": lambda d, rng: rng.uniform(1, 4) * d.direction,
+    "cycle_drift": lambda d, rng: rng.uniform(0.5, 2) * (d.cycle - 1),
+    # a screw whose pitch wanders, seen by stops: not a wave of the catalogue, but one in places
+    "curve": lambda d, _: (
+        6.0 * beside_a_line(d.target, np.sin(d.target / 71.0 + 2e-3 * (d.target / 71.0) ** 3))
+    ),
+    "drift": lambda d, rng: rng.choice([-1, 1]) * rng.uniform(2, 6) * np.arange(len(d)) / len(d),
+    "warmup": lambda d, rng: (
+        rng.uniform(2, 8) * (1 - np.exp(-np.arange(len(d)) / len(d) / rng.uniform(0.1, 0.6)))
+    ),
+    "periodic": lambda d, rng: (
+        rng.uniform(1, 4)
+        * np.sin(2 * np.pi * d.target / rng.uniform(110, 160) + rng.uniform(0, 6.28))
+    ),
+    # no cause of the catalogue: it goes with the order, up and down
+    "unknown": lambda d, rng: (
+        rng.uniform(1, 4)
+        * np.sin(2 * np.pi * rng.uniform(2, 4) * np.arange(len(d)) / len(d) + rng.uniform(0, 6))
+    ),
+}

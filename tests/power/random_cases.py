@@ -1,0 +1,192 @@
+"""Measurements of every kind with causes drawn at random: which, how many, how large.
+
+Data come from the independent generators of each kind. A case is made from its number alone. In
+one of eight an error is hidden that is no cause of the catalogue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import axis_log_twin
+import ballbar_study
+import positioning_twin
+import trunnion as tn
+import turning_blind
+from power.measured_twin import POINT_EFFECTS, SPACE_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
+from power.study import draw_effects, draw_unknown, ground
+from trunnion import contouring as ct
+from trunnion.setup import Artefact, Setup
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+Rng = np.random.Generator
+UNKNOWN_SHARE = 1 / 8
+COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
+BATCH = 20
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A measurement with its set-up, and what is hidden in it."""
+
+    data: Any
+    setup: Any
+    hidden: frozenset[str]
+    unknown: bool
+
+
+def _size(rng: Rng, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
+    count = int(rng.choice(len(COUNTS), p=COUNTS))
+    return tuple(map(str, rng.choice(names, min(count, len(names)), replace=False)))
+
+
+def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Touches of a cross, the paper's plan or a rich one, 0.1 to 2 µm of noise."""
+    name = str(rng.choice(["paper", "rich"]))
+    plan, setup, _, read = ground(name)
+    noise = _size(rng, 0.1, 2.0)
+    size = noise * (_size(rng, 0.7, 7.0) if name == "paper" else _size(rng, 0.3, 3.0))
+    count = int(rng.choice(len(COUNTS), p=COUNTS))
+    hidden = draw_effects(rng, name, count, size) if count else {}
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    extra = draw_unknown(rng, name, size) if unknown else None
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
+    seed = int(rng.integers(1 << 31))
+    m = measure(plan, setup, truth, noise_um=noise, tick_um=0.1, unknown=extra, seed=seed)
+    return Drawn(tn.Touches(m.columns), read, frozenset(hidden), unknown)
+
+
+def points(rng: Rng, number: int) -> Drawn:
+    """Features in a plane or in space."""
+    space = bool(rng.random() < 0.4)
+    names = tuple(n for n in (SPACE_EFFECTS if space else POINT_EFFECTS) if n != "field")
+    hidden = _some(rng, names)
+    made = make_points(900_000 + number, hidden, _size(rng, 0.5, 5.0), space=space).columns
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    if unknown:  # one after the other is off, and back again
+        n = len(made["x_mm"])
+        wave = np.sin(2 * np.pi * rng.uniform(1.5, 4) * np.arange(n) / n + rng.uniform(0, 6.28))
+        made["y_mm"] = made["y_mm"] + 2e-3 * _size(rng, 0.5, 4.0) * wave
+    return Drawn(tn.Points(**made), None, frozenset(hidden), unknown)
+
+
+def sweep(rng: Rng, number: int) -> Drawn:
+    """Three targets on a turning axis, or one."""
+    hidden = _some(rng, SWEEP_EFFECTS)
+    one = {"targets": 1, "step_deg": 5.0} if rng.random() < 0.4 else {}
+    made = make_sweep(900_000 + number, hidden, _size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    if unknown:  # a sharp dip at one position
+        far = (made["angle_deg"] - made["angle_deg"].mean()) / rng.uniform(8, 15)
+        made["z_mm"] = made["z_mm"] + 4e-3 * _size(rng, 0.5, 4.0) * np.exp(-(far**2))
+    return Drawn(tn.Sweep(**made), None, frozenset(hidden), unknown)
+
+
+def diameters(rng: Rng, number: int) -> Drawn:
+    """Two or three turned passes, some with one more on a warm tool."""
+    hidden = _some(rng, tuple(turning_blind.LAWS))
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    data, setup = turning_blind.measured(
+        900_000 + number,
+        hidden,
+        int(rng.integers(2, 4)),
+        warm=bool(rng.random() < 0.3),
+        share=_size(rng, 0.3, 1.5),
+        unknown=unknown,
+    )
+    return Drawn(data, setup, frozenset(hidden), unknown)
+
+
+def ballbar(rng: Rng, number: int) -> Drawn:
+    """Circle tests of a three-axis machine."""
+    kinds = _some(rng, ballbar_study.CARTESIAN)
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    drawn = [*kinds, "unknown"] if unknown else [*kinds]
+    data, names = ballbar_study.cartesian_cases(drawn, 900_000 + number, _size(rng, 0.15, 1.0))
+    return Drawn(data, None, frozenset(n for n in names if n), unknown)
+
+
+def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
+    """Circle tests of a hybrid machine, one cause or none."""
+    hidden = None if rng.random() < 0.3 else str(rng.choice(ballbar_study.HYBRID))
+    data, _ = ballbar_study.hybrid_case(hidden, 900_000 + number)
+    return Drawn(data, None, frozenset([hidden] if hidden else []), unknown=False)
+
+
+def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles."""
+    causes = tuple(n for n in positioning_twin.HIDDEN if n != "unknown")
+    hidden = _some(rng, causes)
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    data = positioning_twin.axis(
+        rng, targets=int(rng.choice([11, 15])), cycles=int(rng.integers(3, 6))
+    )
+    change = np.zeros(len(data))
+    for name in [*hidden, "unknown"] if unknown else hidden:
+        change += _size(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
+    data = data.with_columns(measured_mm=data.measured + 1e-3 * change)
+    return Drawn(data, None, frozenset(hidden), unknown)
+
+
+@cache
+def _commands() -> list[NDArray[np.float64]]:
+    return [axis_log_twin.commanded(1000 / 60), axis_log_twin.commanded(3000 / 60)]
+
+
+@lru_cache(maxsize=1)
+def _logs(batch: int) -> list[Drawn]:
+    """A batch of logs, simulated together."""
+    rng = np.random.default_rng([900_000, batch])
+    cases = axis_log_twin.Cases(BATCH)
+    setup = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
+    truth = []
+    for i in range(BATCH):
+        kinds = _some(rng, axis_log_twin.KINDS[1:])
+        share = _size(rng, 0.2, 1.0)
+        truth.append(frozenset(axis_log_twin.put(cases, i, k, rng, share) for k in kinds))
+    actual = [axis_log_twin.actual(c, cases) for c in _commands()]
+    out = []
+    for i, hidden in enumerate(truth):
+        own = [a[i].copy() for a in actual]
+        unknown = bool(rng.random() < UNKNOWN_SHARE)
+        if unknown:  # an axis that wanders slowly, as no cause does
+            for a in own:
+                t = np.linspace(0, 2 * np.pi * rng.uniform(1.5, 4), len(a))
+                a[:, 0] += 1e-3 * _size(rng, 0.2, 2.0) * np.sin(t)
+        log = axis_log_twin.log(_commands(), own, rng)
+        out.append(Drawn(log, setup, frozenset(h for h in hidden if h), unknown))
+    return out
+
+
+def axislog(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Logs of five axes at two feeds."""
+    return _logs(number // BATCH)[number % BATCH]
+
+
+KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
+    "touches": touches,
+    "points": points,
+    "sweep": sweep,
+    "diameters": diameters,
+    "ballbar": ballbar,
+    "hybrid ballbar": hybrid_ballbar,
+    "positioning": positioning,
+    "axislog": axislog,
+}
+
+
+def draw(kind: str, number: int, seed: int = 1) -> Drawn:
+    """Draw case ``number`` of a kind."""
+    rng = np.random.default_rng([seed, number, *kind.encode()])
+    return KINDS[kind](rng, number + 1_000_000 * seed)

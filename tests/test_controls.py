@@ -1,0 +1,126 @@
+"""Files for controls: tables as LinuxCNC applies them, old and new values, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from reference_trt_ca import TABLE_2
+from trunnion.controls import comp_file, linuxcnc_files
+from trunnion.setup.control import ControlSetup
+
+SETUP = tn.Setup(
+    artefact=tn.Artefact("none"),
+    axes={
+        "X": tn.AxisSetup(range_mm=(-200, 200)),
+        "C": tn.AxisSetup(range_deg=(-360, 360)),
+        "A": tn.AxisSetup(range_deg=(-120, 30), sense=-1),
+    },
+    control=ControlSetup(centre_mm=(210.5, 148.2, -301.0)),
+)
+EFFECTS = {
+    "c_positioning": {"a1_arcsec": 20.0, "b1_arcsec": -12.0},
+    "c_positioning_2": {"a2_arcsec": 3.0, "b2_arcsec": 8.0},
+    "c_backlash": {"b_arcsec": 30.0},
+    "a_scale": {"k_arcsec": 15.0},
+    "a_positioning": {"k_arcsec": -9.0},
+    "scale_x": {"ppm": 55.0},
+    "backlash_x": {"b_um": 6.0},
+}
+
+
+def estimate(effects: dict[str, dict[str, float]]) -> tn.Estimate:
+    return tn.Estimate(errors=dict(TABLE_2), effects=effects)
+
+
+def motor(table: str, position: float, forward: bool) -> float:
+    """What LinuxCNC sends to the motor: the position, and what the table takes off."""
+    rows = np.array([[float(v) for v in line.split()] for line in table.splitlines()])
+    actual = rows[:, 1 if forward else 2]
+    return position + float(np.interp(position, rows[:, 0], rows[:, 0] - actual))
+
+
+@pytest.mark.parametrize("forward", [True, False])
+def test_tables_leave_what_lies_between_their_rows(forward: bool) -> None:
+    files = linuxcnc_files(SETUP, estimate(EFFECTS)).files
+    sense = 1 if forward else -1
+    for position in np.linspace(-359, 359, 101):
+        sent = motor(files["comp_c.txt"], position, forward)
+        c = np.radians(sent)
+        ecc = 20 * (np.cos(c) - 1) - 12 * np.sin(c) + 3 * (np.cos(2 * c) - 1) + 8 * np.sin(2 * c)
+        reached = sent + (ecc - 15.0 * sense) / 3600
+        # Two waves a turn bend by amplitude × (2 × 5°)² / 8 between rows; slopes are small.
+        assert (
+            3600 * abs(reached - position) < (23.3 * np.radians(5) ** 2 + 8.5 * 0.0305) / 8 + 0.05
+        )
+    for position in np.linspace(-119, 29, 50):
+        sent = motor(files["comp_a.txt"], position, forward)
+        a = -sent  # the control counts A the other way
+        eaa = 15 * a / 90 - 9 * np.sin(np.radians(a))
+        assert 3600 * abs(-(a + eaa / 3600) - position) < 0.02
+    for position in np.linspace(20, 400, 30):
+        sent = motor(files["comp_x.txt"], position, forward)
+        assert 1e3 * abs(sent - 3e-3 * sense - position) < 1e-3  # scale is in the kinematics
+
+
+def test_tables_are_what_linuxcnc_reads() -> None:
+    files = linuxcnc_files(SETUP, estimate(EFFECTS)).files
+    for name in ("comp_a.txt", "comp_c.txt", "comp_x.txt"):
+        lines = files[name].splitlines()
+        assert len(lines) <= 256
+        assert all(len(line.split()) == 3 for line in lines)
+    ini = files["trunnion.ini"]
+    assert "[JOINT_4]\nCOMP_FILE = comp_c.txt\nCOMP_FILE_TYPE = 0\n" in ini
+    with pytest.raises(tn.InputError, match="got 257 rows, expected 2 to 256"):
+        comp_file(np.arange(257.0), np.arange(257.0), np.arange(257.0))
+    with pytest.raises(tn.InputError, match="do not ascend"):
+        comp_file([1.0, 0.0], [1.0, 0.0], [1.0, 0.0])
+
+
+def test_what_has_no_place_is_said() -> None:
+    effects = EFFECTS | {"c_wobble_2": {"ax_arcsec": 5.0}, "backlash_y": {"b_um": 4.0}}
+    made = linuxcnc_files(SETUP, estimate(effects))
+    said = made.summary()
+    assert "Not compensated: c_wobble_2 (LinuxCNC has no table for it)." in said
+    assert "Not compensated: backlash_y (its table needs [axes.Y] range_mm)." in said
+    assert made.after_um > 1.0  # and stays in the forecast
+    assert linuxcnc_files(SETUP, TABLE_2).after_um < 1e-6
+
+
+def test_present_values_stand_beside_the_new_ones(tmp_path: Path) -> None:
+    hal, ini = tmp_path / "my.hal", tmp_path / "my.ini"
+    hal.write_text("loadrt x\nsetp trunnionkins.ex0c-um 7.5\nsetp other.pin TRUE\n")
+    ini.write_text("[JOINT_3]\nHOME_OFFSET = 1.5\nHOME = 0.25\n[JOINT_4]\nHOME_OFFSET = -2\n")
+    made = linuxcnc_files(SETUP, TABLE_2, present=[hal, ini])
+    old = {one.name: one.old for one in made.settings}
+    assert old["trunnionkins.ex0c-um"] == 7.5
+    assert old["trunnionkins.ea0a-arcsec"] is None
+    both = tn.Setup(artefact=SETUP.artefact, control=SETUP.control)
+    stock = linuxcnc_files(both, TABLE_2, kinematics="stock", present=[ini])
+    new = {one.name: one.new for one in stock.settings}
+    zeros = tn.cnc_parameters(both, TABLE_2).zeros_arcsec
+    assert new["[JOINT_3] HOME_OFFSET"] == pytest.approx(1.5 - zeros["A"] / 3600)
+    assert new["[JOINT_3] HOME"] == pytest.approx(0.25 - zeros["A"] / 3600)
+    assert new["[JOINT_4] HOME_OFFSET"] == pytest.approx(-2 - zeros["C"] / 3600)
+    hal.write_text("setp trunnionkins.ex0c-um seven\n")
+    with pytest.raises(tn.FileFormatError, match=r"my.hal, line 1: got 'seven', expected a number"):
+        linuxcnc_files(SETUP, TABLE_2, present=[hal])
+
+
+def test_what_nobody_measured_or_believes_is_not_written() -> None:
+    with pytest.raises(tn.InputError, match="EZ0A: got 30000 µm, expected at most 2000"):
+        linuxcnc_files(SETUP, {"EZ0A": 30_000.0})
+    assert linuxcnc_files(SETUP, {"EZ0A": 30_000.0}, any_size=True).files
+    unknown = tn.Estimate(errors=dict(TABLE_2), std_errors={"EB0A": np.inf})
+    with pytest.raises(tn.DataError, match="EB0A: got no estimate"):
+        linuxcnc_files(SETUP, unknown)
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    made = linuxcnc_files(SETUP, TABLE_2)
+    written = made.write(tmp_path / "out")
+    assert {path.name for path in written} == set(made.files)
+    with pytest.raises(tn.InputError, match="the file exists already"):
+        made.write(tmp_path / "out")
+    assert made.write(tmp_path / "out", overwrite=True) == written

@@ -1,0 +1,142 @@
+"""Corrections in the real LinuxCNC: what its joints do on a machine with errors."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from controller import Bench, compiled, needs_linuxcnc, run
+from probing_bench import ERRORS, SPEED, hidden, run_program
+from reference_trt_ca import TABLE_2, Floats, table_pose
+from trunnion.controls import linuxcnc_files
+from trunnion.setup.control import ControlSetup
+
+pytestmark = needs_linuxcnc
+
+CENTRE = np.array([210.5, 148.2, -301.0])
+TOOL = 100.0
+SETUP = tn.Setup(
+    artefact=tn.Artefact("none"), control=ControlSetup(centre_mm=(210.5, 148.2, -301.0))
+)
+EMPTY: dict[str, Any] = {"boxes": [], "table_radius_mm": 1.0, "table_z_mm": -1500.0}
+POSES = [(a, c) for a in (-90, -40, 0, 60) for c in (0, 130, 250)]
+POINTS = np.array([[150.0, -120.0, 0.0], [-150.0, 120.0, 150.0]])
+
+
+def errors_left_um(folder: Path, code: str, bench: Bench, offset: Floats) -> Floats:
+    """Where the tool point comes on the table less where it was programmed, (moves, 3)."""
+    steps = [{"mdi": "T1 M6 G43 H1"}, {"mdi": "G21 G90 G94"}, {"mdi": code}]
+    wanted = []
+    for a, c in POSES:
+        for point in POINTS:
+            at = point
+            if code == "M430":  # the program of a machine without errors, in its own coordinates
+                at = (table_pose({}, a, c) @ np.append(point, 1.0))[:3]
+            x, y, z = at + offset
+            steps.append({"mdi": f"G0 X{x:.6f} Y{y:.6f} Z{z:.6f} A{a} C{c}"})
+            wanted.append(point)
+    found = run(bench, steps, folder)
+    assert "error" not in found[-1], found[-1]
+    left = []
+    for step, point in zip(found[3:], wanted, strict=True):
+        assert not step["messages"], step["messages"]
+        joints = np.array(step["joints"])
+        tip = np.append(joints[:3] - CENTRE - [0, 0, TOOL], 1.0)
+        # An axis that reads HOME_OFFSET at its switch stands at zero of the machine there.
+        turned = joints[3:] - [bench.home.get(3, 0.0), bench.home.get(4, 0.0)]
+        reached = np.linalg.solve(table_pose(TABLE_2, *turned), tip)[:3]
+        left.append(1e3 * (reached - point))
+    return np.array(left)
+
+
+def largest(left: Floats) -> float:
+    return float(np.linalg.norm(left, axis=-1).max())
+
+
+@pytest.mark.parametrize("code", ["M428", "M430"])
+def test_the_component_puts_the_tool_point_right(code: str, tmp_path: Path) -> None:
+    files = linuxcnc_files(SETUP, TABLE_2)
+    bench = Bench(
+        **EMPTY,
+        kinematics="trunnionkins",
+        components={"trunnionkins": compiled("trunnionkins", files.files["trunnionkins.comp"])},
+        hal=files.files["trunnion.hal"],
+    )
+    left = errors_left_um(tmp_path, code, bench, CENTRE)
+    assert largest(left) < 0.01  # joints are reported to a nanometre, programs written to one
+    assert files.before_um / max(largest(left), files.after_um) > 1000
+
+
+def test_stock_kinematics_leave_what_is_forecast(tmp_path: Path) -> None:
+    files = linuxcnc_files(SETUP, TABLE_2, kinematics="stock")
+    homes = {
+        int(one.name[7]): one.new for one in files.settings if one.name.endswith("] HOME_OFFSET")
+    }
+    offset = np.array([float(word[1:]) for word in _words(files.files["work_offset.ngc"])])
+    bench = Bench(
+        **EMPTY,
+        kinematics="xyzac-trt-kins",
+        hal=files.files["trunnion.hal"]
+        + "net tool motion.tooloffset.z => xyzac-trt-kins.tool-offset\n",
+        home=homes,
+    )
+    plain = Bench(
+        **EMPTY,
+        kinematics="xyzac-trt-kins",
+        hal=_pins(dict(zip("xyz", CENTRE, strict=True)))
+        + "net tool motion.tooloffset.z => xyzac-trt-kins.tool-offset\n",
+    )
+    before = errors_left_um(tmp_path / "before", "M428", plain, CENTRE)
+    after = errors_left_um(tmp_path / "after", "M428", bench, offset)
+    assert largest(after) < 0.75 * largest(before)
+    assert largest(before) <= files.before_um + 0.02
+    assert largest(after) <= files.after_um + 0.02
+    assert largest(after) > 0.5 * files.after_um
+
+
+def _pins(centre: Mapping[str, float]) -> str:
+    return "".join(f"setp xyzac-trt-kins.{k}-rot-point {v}\n" for k, v in centre.items())
+
+
+def _words(program: str) -> list[str]:
+    line = next(line for line in program.splitlines() if line.startswith("G10"))
+    return line.split()[3:]
+
+
+def test_measured_corrected_and_measured_again(tmp_path: Path) -> None:
+    """Plan, program, log, estimate, component, program again: no line of it written by hand."""
+    case = hidden(31, clearance=4.0, kind="cross", slow_feed_mm_min=30 * SPEED)
+    report = run_program(case, tmp_path / "before")
+    assert report["strikes"] == 0, report
+    before = tn.identify(tn.read_probe_log(tmp_path / "before/touches.log", case.plan), case.setup)
+    files = linuxcnc_files(case.setup, before)
+    component = compiled("trunnionkins", files.files["trunnionkins.comp"])
+    bench = replace(
+        case.bench,
+        kinematics="trunnionkins",
+        components={"trunnionkins": component},
+        hal=files.files["trunnion.hal"],
+    )
+    again = replace(case, bench=bench)
+    program = tn.probing_program(case.plan, case.setup, corrected=True).text()
+    report = run_program(again, tmp_path / "after", text=program)
+    assert report["strikes"] == 0, report
+    touches = tn.read_probe_log(tmp_path / "after/touches.log", case.plan)
+    assert len(touches) == len(case.plan), report
+    after = tn.identify(touches, case.setup)
+    for name in ERRORS:
+        both = np.hypot(before.std_errors[name], after.std_errors[name])
+        assert abs(after.errors[name]) < 4 * both, name
+    # What is left on the machine as it is: the difference of its errors and the estimate.
+    error = {name: case.errors[name] - before.errors[name] for name in ERRORS}
+    left = tn.volumetric_error(case.setup, error, a_deg=(-90, 0, 90), c_deg=(0, 90, 200)).max_um
+    found = tn.volumetric_error(
+        case.setup, case.errors, a_deg=(-90, 0, 90), c_deg=(0, 90, 200)
+    ).max_um
+    assert found > 40 * left
+    assert files.interval_um is not None
+    assert left < 1.5 * files.interval_um[1]
