@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import interpolate, ndimage, optimize, signal
+from scipy import interpolate, ndimage, optimize
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
@@ -150,6 +150,8 @@ class _Recording:
 
 def _rough(x: Floats, y: Floats) -> tuple[int, float]:
     """Return the lag, in steps, at which the speeds agree most, and their correlation there."""
+    from scipy import signal  # it imports scipy.stats
+
     speeds = [np.linalg.norm(np.gradient(v / v.std(axis=0).max(), axis=0), axis=1) for v in (x, y)]
     s, t = (v - v.mean() for v in speeds)
     found = signal.correlate(s, t) / np.sqrt(np.sum(s**2) * np.sum(t**2))

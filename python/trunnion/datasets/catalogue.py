@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.report import Result, Table
+from trunnion.data.axis_log import AxisLog
 from trunnion.data.levels import Levels
 from trunnion.data.points import Points
 from trunnion.data.positioning import Positioning
@@ -21,7 +22,7 @@ from trunnion.models.read import read
 
 GITHUB = "https://raw.githubusercontent.com"
 NOT_STATED = "not stated: not to be copied"
-TARGETS_DEG = (0.0, 10.0, 20.0, 30.0, 40.0)
+SERVO_COUNTS = 4096
 TANK_DEG = (-4.45181345e-05, 30.73995)
 """Scale and zero of the tank's encoder, by its owner."""
 EVEN = 0.998
@@ -109,6 +110,27 @@ def _mill(path: Path) -> Any:
         for short, long in (("cmd", "Command"), ("act", "Actual"))
     }
     return read(path, columns=pairs, period_s=0.1)
+
+
+def _servos(path: Path) -> AxisLog:
+    """Four servos as four runs of one axis; rows without an answer are left out."""
+    columns = Delimited(Source.of(path)).columns()
+    when = np.array([np.datetime64(str(t).rstrip("Z"), "ms") for t in columns["timestamp"]])
+    seconds = (when - when[0]).astype(np.float64) * 1e-3
+    parts = []
+    for servo in "1234":
+        pair = [columns[f"{name} ({servo})"] for name in ("target pos", "pos")]
+        there = np.all([[bool(text) for text in values] for values in pair], axis=0)
+        moved = [360.0 / SERVO_COUNTS * scaled("counts", values[there], 1.0) for values in pair]
+        parts.append(
+            AxisLog(
+                time_s=seconds[there],
+                a_cmd_deg=moved[0],
+                a_act_deg=moved[1],
+                run=np.full(there.sum(), int(servo)),
+            )
+        )
+    return AxisLog.concatenate(parts)
 
 
 def _slit(path: Path) -> Any:
@@ -233,6 +255,22 @@ _ALL = (
             )
         },
         _mill,
+    ),
+    Dataset(
+        "servos",
+        ("servo/uart_servo_backlash.csv",),
+        "four small servos on a stand, position under alternating pull, 10 Hz",
+        "they are pulled against a target at rest: backlash, and no motion to show a loop",
+        "roboninecom/Measuring-Backlash-in-Popular-UART-Servos",
+        "5273b56230f38cae1201103dc30d64b2ceebf3ef",
+        "CC BY 4.0",
+        {
+            "servo/uart_servo_backlash.csv": (
+                "logs/motor_telemetry_nocomp2.csv",
+                "11c62dcdcc1550ad4a495fe533b566d5e5f34323e3f074199442cd817ed8eafd",
+            )
+        },
+        _servos,
     ),
     *(
         Dataset(
