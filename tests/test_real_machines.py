@@ -1,6 +1,8 @@
 """Machines whose owners knew the answer; skipped where their files are not at hand."""
 
+import re
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,17 @@ def diagnosis(name: str) -> tn.Diagnosis:
 
 def cause(name: str, effect: str) -> dict[str, Any]:
     return next(dict(c.parameters) for c in diagnosis(name).causes if c.id == effect)
+
+
+def test_the_page_has_its_figures_and_its_code_runs() -> None:
+    page = Path(__file__).parents[1] / "docs" / "real-machines.md"
+    text = page.read_text(encoding="utf-8")
+    for figure in re.findall(r"\]\((figures/.*?)\)", text):
+        assert (page.parent / figure).is_file()
+    for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(code, {})
+    for name in tn.datasets.names():
+        assert f"### `{name}`" in text or name == "servos"
 
 
 def test_resolver_second_harmonic_and_whose_it_is_stays_open() -> None:
