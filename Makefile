@@ -56,6 +56,10 @@ power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis ma
 power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/power-ticks.md
 
+.PHONY: power-positioning
+power-positioning: build  ## the same for positioning and levels, by other formulas, two minutes, into docs/power-positioning.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.positioning --out ../docs/power-positioning.md
+
 .PHONY: power-axis-logs
 power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --runs 30 --seed 2 --out ../docs/power-axis-logs.md
@@ -114,5 +118,6 @@ real-machines: build  ## docs/real-machines.md with figures, from the measured f
 docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_effects_table.py
 	$(BIN)/python docs/make_files_tables.py
+	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_measured_figures.py

@@ -160,10 +160,10 @@ def with_backlash() -> tn.Ballbar:
 def test_without_the_sense_a_way_back_on_the_same_circle_is_a_run_of_its_own(
     left_out: set[str],
 ) -> None:
-    told = with_backlash()
-    columns = {k: v for k, v in told.columns.items() if k not in left_out}
+    complete = with_backlash()
+    columns = {k: v for k, v in complete.columns.items() if k not in left_out}
     data = tn.Ballbar(**columns)
-    one, other = tn.BallbarModel(told), tn.BallbarModel(data)
+    one, other = tn.BallbarModel(complete), tn.BallbarModel(data)
     assert np.array_equal(one.path.runs, other.path.runs)
     d = tn.diagnose(data)
     assert [c.id for c in d.causes] == ["backlash_x"]

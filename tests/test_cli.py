@@ -185,3 +185,11 @@ def test_a_warning_of_the_library_is_a_note_beside_the_answer() -> None:
     assert result.exit_code == 0
     assert "note: simulate, errors: got EX0C = 0.015: are these mm?" in result.stderr
     assert "note" not in result.stdout
+
+
+def test_compare_of_one_measurement_shows_every_method() -> None:
+    said = run("compare", TOUCHES, SETUP)
+    for method in ("closed form, printed", "closed form, separating", "least squares"):
+        assert method in said
+    with pytest.raises(AssertionError, match="expected two measurements to compare, or touches"):
+        run("compare", TOUCHES)

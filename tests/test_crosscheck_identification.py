@@ -63,8 +63,8 @@ def test_readings_and_exact_derivatives_agree(preset: str, kind: str, where: str
 
     model = TouchModel(setup, ids)
     vector = model.values(truth.errors, truth.placement, effects)
-    told, slope = model.core.linearise(model.moves(data), vector)
-    assert np.abs(told - residuals).max() < 1e-7
+    own, slope = model.core.linearise(model.moves(data), vector)
+    assert np.abs(own - residuals).max() < 1e-7
     columns = [model.names.index(name) for name in names]
     scale = np.maximum(1.0, np.abs(jacobian).max(axis=0))
     assert np.abs((slope[:, columns] + jacobian) / scale).max() < 1e-9
@@ -145,9 +145,9 @@ def test_what_one_calls_unseen_the_other_does_too() -> None:
         setup = Setup(Artefact("cross"), probe=Probe(tick_um=0.1))
         one = identify(data, setup, effects=(id_,))
         other = casadi_baseline.identify(data, setup, effects=(id_,))
-        unseen = {name for name, std in other.std_errors.items() if np.isinf(std)}
+        not_found = {name for name, std in other.std_errors.items() if np.isinf(std)}
         found = {name for name, std in one.std_errors.items() if np.isinf(std)}
         # The core judges where the fit starts, the baseline at its estimate, where offsets of the
         # placement are dragged along by products with the errors (a twist turns rc, with it dx).
-        assert found <= unseen, id_
-        assert unseen - found <= {"dx_um", "dy_um"}, id_
+        assert found <= not_found, id_
+        assert not_found - found <= {"dx_um", "dy_um"}, id_

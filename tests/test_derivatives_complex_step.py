@@ -85,10 +85,10 @@ def test_derivatives_are_those_of_the_complex_step(preset: str, kind: str, where
     plan = generator.random_touches(rng, twin, 200, reach_mm=1.0)
     data = from_twin.touches(generator.measure(plan, twin, truth, noise_um=0.0, tick_um=0.0))
     model = TouchModel(setup, ids)
-    told, slope = model.core.linearise(
+    residuals, slope = model.core.linearise(
         model.moves(data), model.values(truth.errors, truth.placement, effects)
     )
-    assert np.abs(told).max() < 1e-6
+    assert np.abs(residuals).max() < 1e-6
 
     def lines(truth: Truth) -> Lines:
         return forward.approach_lines(plan.conditions, plan.start_mm, twin, truth)

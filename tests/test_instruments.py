@@ -7,8 +7,9 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
+from positioning_twin import axis
 from promise import kept, needed_runs
-from test_positioning import MEASURED, axis
+from test_positioning import MEASURED
 from trunnion.cli import app
 
 

@@ -128,9 +128,9 @@ def test_a_message_about_a_row_names_the_line_of_the_file(tmp_path: Path) -> Non
     touches.with_columns(x_mm=x).to_csv(path)
     read = tn.read_touches(path)
     for call in (tn.identify, tn.closed_form, tn.diagnose):
-        with pytest.raises(tn.TrunnionError, match=r"line 7 of bad\.csv") as told:
+        with pytest.raises(tn.TrunnionError, match=r"line 7 of bad\.csv") as raised:
             call(read, setup)
-        assert "row" not in str(told.value)
+        assert "row" not in str(raised.value)
     with pytest.raises(tn.TrunnionError, match="row 5"):
         tn.identify(tn.Touches({**touches.columns, "x_mm": x}), setup)
 

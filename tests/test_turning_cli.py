@@ -80,20 +80,20 @@ def test_correct(files: Path) -> None:
     said = run("correct", files / "diameters.csv", files / "part.ngc", "-o", out)
     assert "left if it repeats" in said
     assert "X70.0" in out.read_text()
-    told = json.loads(run("correct", files / "diameters.csv", files / "part.ngc", "--json"))
-    assert np.abs(told["remaining_um"]).max() < 4
+    answer = json.loads(run("correct", files / "diameters.csv", files / "part.ngc", "--json"))
+    assert np.abs(answer["remaining_um"]).max() < 4
     bad = run("correct", files / "diameters.csv", files / "part.ngc", "--rule", "x", code=2)
     assert "rule: got 'x'" in bad
 
 
 def test_diagnose(files: Path) -> None:
     arguments = ("diagnose", files / "diameters.csv", files / "setup.toml")
-    told = json.loads(run(*arguments, "--json"))
-    assert told["verdict"] in ("explained", "ambiguous")
-    named = {frozenset(s) for s in told["alternatives"]}
+    answer = json.loads(run(*arguments, "--json"))
+    assert answer["verdict"] in ("explained", "ambiguous")
+    named = {frozenset(s) for s in answer["alternatives"]}
     assert frozenset({"tool_heating"}) in named
     said = run(*arguments)
-    assert ("To discriminate between them" in said) == (told["verdict"] == "ambiguous")
+    assert ("To discriminate between them" in said) == (answer["verdict"] == "ambiguous")
 
 
 def test_faults_are_told_with_file_and_place(files: Path) -> None:
@@ -111,8 +111,8 @@ def test_faults_are_told_with_file_and_place(files: Path) -> None:
             assert f"{bad}: {said}" in run(*arguments, code=2)
     bad.write_bytes(b"G7\n\xff\n")
     assert f"{bad}: got byte 0xff at 3, expected UTF-8 text" in run("path", bad, code=2)
-    told = run(*PATH, files / "part.ngc", "--picture", files / "x.foo", code=2)
-    assert "picture: got 'x.foo', expected a name that ends in one of" in told
+    answer = run(*PATH, files / "part.ngc", "--picture", files / "x.foo", code=2)
+    assert "picture: got 'x.foo', expected a name that ends in one of" in answer
     assert "machine code" in run(*PATH, files / "part.ngc", "--machine-code", "45", code=2)
 
 
@@ -131,7 +131,7 @@ def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
     assert sorted(kept) == ["diameters.csv", "part.ngc", "passes.csv", "setup.toml"]
     for name, path in kept.items():
         assert sample_path(f"turning/{name}").read_text() == path.read_text()
-    told = json.loads(run("correct", kept["diameters.csv"], kept["part.ngc"], "--json"))
-    assert len(told["inserted"]) == 1
-    told = json.loads(run("diagnose", kept["passes.csv"], kept["setup.toml"], "--json"))
-    assert {"bending", "tool_heating"} in [set(s) for s in told["alternatives"]]
+    answer = json.loads(run("correct", kept["diameters.csv"], kept["part.ngc"], "--json"))
+    assert len(answer["inserted"]) == 1
+    answer = json.loads(run("diagnose", kept["passes.csv"], kept["setup.toml"], "--json"))
+    assert {"bending", "tool_heating"} in [set(s) for s in answer["alternatives"]]

@@ -100,6 +100,7 @@ from .models.rotary import Circle as Circle
 from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
 from .models.rotary import fit_circles as fit_circles
+from .models.turned_passes import simulate_diameters as simulate_diameters
 
 # --- probing an artefact: plan, simulate, identify
 from .probing.closed_form import closed_form as closed_form

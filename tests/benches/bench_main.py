@@ -223,8 +223,8 @@ print(took, worked, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 def in_full(study: str, samples: int, fixed: dict[str, Any]) -> tuple[float, float, float]:
     """Wall time and processor time in s, peak memory in GiB of a sweep in a process of its own."""
     arguments = [sys.executable, "-c", IN_FULL, repr((study, samples, fixed))]
-    told = subprocess.run(arguments, check=True, capture_output=True, text=True).stdout.split()
-    return float(told[0]), float(told[1]), float(told[2]) / 2**20
+    printed = subprocess.run(arguments, check=True, capture_output=True, text=True).stdout.split()
+    return float(printed[0]), float(printed[1]), float(printed[2]) / 2**20
 
 
 def identification() -> None:

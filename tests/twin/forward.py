@@ -83,7 +83,7 @@ NONLINEAR = {("setup_shift", "t0_s"), ("warmup_z", "tau_min")}
 
 @dataclass(frozen=True)
 class Artefact:
-    """A cross or a cuboid stands on the table, centred; a sphere has its centre where told."""
+    """A cross or a cuboid stands on the table, centred; a sphere has a centre of its own."""
 
     kind: str = "cross"
     length_mm: float = 100.0

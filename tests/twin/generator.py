@@ -1,4 +1,4 @@
-"""Measurements whose truth is known: plans, random errors, hidden effects, noise, bad touches.
+"""Measurements whose truth is known: plans, random errors, hidden effects, noise, outliers.
 
     measurement = measure(rich_plan(), Setup(), truth, noise_um=0.3, tick_um=0.1, seed=1)
     measurement.columns["x_mm"] ...; write_touches(measurement, path); setup_toml(setup)
@@ -137,7 +137,7 @@ def sphere_points(artefact: Artefact) -> dict[int, Point]:
 
 @dataclass(frozen=True)
 class Plan:
-    """What the control is told, one row a touch; starts are recorded positions in mm."""
+    """What the control gets, one row a touch; starts are recorded positions in mm."""
 
     conditions: Conditions
     start_mm: Floats
@@ -472,7 +472,7 @@ class Sizing:
         rest = left_of(change, self.plain if beyond is None else beyond)
         left = float(np.sqrt(np.mean(rest**2)))
         if left < 1e-4 * np.abs(change).max():
-            raise ValueError(f"this cannot be told from the model: {left:.2g} µm are left")
+            raise ValueError(f"the model absorbs this: {left:.2g} µm are left")
         return np.asarray(extra_um * (rms_um / left))
 
     def unknown(
@@ -495,7 +495,9 @@ class Sizing:
                 continue
             if np.abs(extra).max() <= at_most * rms_um:
                 return replace(drawn, extra_um=extra)
-        raise ValueError(f"no effect of kind {kind!r} can be told from the catalogue by this plan")
+        raise ValueError(
+            f"no effect of kind {kind!r} can be distinguished from the catalogue by this plan"
+        )
 
 
 # --- effects outside the catalogue ----------------------------------------------------------------

@@ -91,16 +91,17 @@ class Modes:
     values: Floats
 
     @classmethod
-    def of(cls, places: Floats, readings: Floats) -> "Modes | None":
+    def of(cls, places: Floats, readings: Floats, share: float = MAX_SHARE) -> "Modes | None":
         """Modes over places (m, d), for readings (m, c); None: too few places.
 
-        As many as the smoothing spline that predicts the readings best is worth in parameters.
+        As many as the smoothing spline that predicts the readings best is worth in parameters, at
+        most the ``share`` of the places.
         """
         m, d = places.shape
         if m > MAX_PLACES:  # evenly thinned: a mode is smooth, and needs no more
             some = np.linspace(0, m - 1, MAX_PLACES).astype(int)
             places, readings, m = places[some], readings[some], MAX_PLACES
-        most = int(MAX_SHARE * m)
+        most = int(share * m)
         if most < FEWEST or np.linalg.matrix_rank(np.column_stack([np.ones(m), places])) < d + 1:
             return None
         spectrum = _Spectrum.of(places)

@@ -46,7 +46,7 @@ def plan(
     both_senses: Annotated[bool, typer.Option(help="approach positions from both senses")] = False,
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
 ) -> Answer:
-    """Plan the touches of a measurement; the paper's 72 unless told otherwise."""
+    """Plan the touches of a measurement; the paper's 72 unless angles are given."""
     from trunnion.machine.chain import Chain
     from trunnion.probing.notes import plan_notes
 

@@ -20,9 +20,9 @@ def compare(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="BEFORE AFTER [MORE] [SETUP]",
+            metavar="BEFORE [AFTER] [MORE] [SETUP]",
             help="measured data (CSV) or estimates (JSON) of one kind in order of time, and the "
-            "set-up (TOML) where the kind of data needs one",
+            "set-up (TOML) where the kind of data needs one; touches alone: by every method",
         ),
     ],
     dates: Annotated[
@@ -33,9 +33,14 @@ def compare(
     ] = 0.05,
     html: Annotated[Path | None, typer.Option(help="write a page with a picture here")] = None,
 ) -> Answer:
-    """Say what changed between measurements of one machine, and what did not."""
-    data, set_ups = sort_files(files, (2, 1000), (0, 1), "measurements")
+    """Say what changed between measurements of one machine, and what did not.
+
+    Of one file of touches: closed forms, least squares and CasADi side by side.
+    """
+    data, set_ups = sort_files(files, (1, 1000), (0, 1), "measurements")
     setup = tn.read_setup(set_ups[0]) if set_ups else None
+    if len(data) == 1:
+        return Answer.of(_methods(data[0], setup))
     when = [part.strip() for part in dates.split(",")] if dates else None
     names = None if when else [path.stem for path in data]
     if names is not None and len(set(names)) < len(names):
@@ -45,6 +50,18 @@ def compare(
     if html is not None:
         shown.append(save(html, found.to_html))
     return Answer(found, tuple(shown))
+
+
+def _methods(path: Path, setup: tn.Setup | None) -> Any:
+    """Estimate location errors from one measurement by every method."""
+    touches = _read(path)
+    if not isinstance(touches, tn.Touches) or setup is None:
+        what = type(touches).__name__ if setup is not None else "no set-up (TOML)"
+        raise tn.InputError(
+            f"{path}: got one file and {what}, expected two measurements to compare, or touches "
+            "with their set-up to estimate from by every method"
+        )
+    return tn.compare_methods(touches, setup)
 
 
 def _read(path: Path) -> Any:

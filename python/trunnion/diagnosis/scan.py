@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import ROUNDING, inner, storage
+from trunnion.diagnosis.candidates import BATCH_NUMBERS, ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
 
@@ -81,6 +81,7 @@ class Dictionary:
     def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:
         self.terms: list[Term] = []
         self._parts: list[_Part] = []
+        numbers_kept = 0
         for v, said, values, enter in _covariates(model, rows):
             for kind, numbers, f in _functions(v, values):
                 if not len(f) or (said and kind != "jump"):
@@ -92,10 +93,12 @@ class Dictionary:
                 ]
                 part = _Part(first, f, np.stack([enter[way] for way in ways]))
                 self._parts.append(part.whitened(rows, len(model.readings), whiten))
-        numbers_kept = sum(part.functions.size for part in self._parts)
+                numbers_kept += self._parts[-1].functions.size
+                self._parts[-1].store(storage(numbers_kept))
         longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
         for part in self._parts:
-            part.normalise(ROUNDING * longest, storage(numbers_kept))
+            part.store(storage(numbers_kept))
+            part.normalise(ROUNDING * longest)
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     def of_fit(self, f: Fit) -> tuple[Floats, Integers]:
@@ -146,7 +149,7 @@ class _Part:
         self.first, self.functions, self.components = first, functions, components
         self.size = np.sqrt(self._weighted(functions**2, components**2))  # (m, c, k)
         self.scale = self.size
-        self.gram = self.size
+        self.gram: Floats = np.zeros((0, 0, 0, 0))
 
     def __len__(self) -> int:
         return len(self.functions) * len(self.components)
@@ -158,25 +161,38 @@ class _Part:
         if isinstance(whiten, Scaling):
             return _Part(self.first, self.functions, self.components / whiten.scale[rows])
         k = self.functions.shape[1]
-        products = self.functions[:, None] * self.components[None, :, None]
-        full = np.zeros((n, len(self) * k))
-        full[rows] = products.reshape(len(self) * k, -1).T
-        white = np.asarray(whiten(full))[rows].T.reshape(len(self), k, -1)
+        white = np.empty((len(self), k, len(rows)))
+        each = len(self.components)
+        most = max(1, BATCH_NUMBERS // (each * k * n))
+        for first in range(0, len(self.functions), most):
+            products = self.functions[first : first + most, None] * self.components[None, :, None]
+            columns = products.reshape(-1, len(rows)).T
+            full = np.zeros((n, columns.shape[1]))
+            full[rows] = columns
+            done = np.asarray(whiten(full))[rows].T
+            white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
         return _Part(self.first, white, np.ones((1, len(rows))))
 
-    def normalise(self, least: float, kind: type[np.float32 | np.float64]) -> None:
+    def store(self, kind: type[np.float32 | np.float64]) -> None:
+        """Keep the functions in this precision, once their products with each other are known."""
+        if len(self.gram) == 0:
+            k, squares = self.functions.shape[1], self.components**2
+            self.gram = np.ones((len(self.functions), len(self.components), k, k))
+            for i in range(k):
+                for j in range(i):
+                    g = self._weighted(self.functions[:, i] * self.functions[:, j], squares)
+                    self.gram[:, :, i, j] = g
+        self.functions = self.functions.astype(kind, copy=False)
+
+    def normalise(self, least: float) -> None:
         """Give the columns unit length, and zeros to those that are no longer than ``least``."""
-        m, k, _ = self.functions.shape
+        k = self.functions.shape[1]
         self.scale = 1.0 / np.where(self.size > least, self.size, np.inf)
-        self.gram = np.ones((m, len(self.components), k, k))
-        squares = self.components**2
         for i in range(k):
             for j in range(i):
-                g = self._weighted(self.functions[:, i] * self.functions[:, j], squares)
-                g = g * self.scale[:, :, i] * self.scale[:, :, j]
+                g = self.gram[:, :, i, j] * self.scale[:, :, i] * self.scale[:, :, j]
                 self.gram[:, :, i, j] = self.gram[:, :, j, i] = g
         self.gram = self.gram.reshape(-1, k, k)
-        self.functions = self.functions.astype(kind, copy=False)
 
     @staticmethod
     def _weighted(x: Floats, weights: Floats) -> Floats:

@@ -183,6 +183,11 @@ def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     """Return the data without rows that repeat others in every column; which rows, or None."""
     if not isinstance(data, Table) or len(data) < 2:
         return data, None
+    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
+    numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
+    total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
+    if len(np.unique(total)) == len(data):
+        return data, None
     codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
     _, first = np.unique(np.column_stack(codes), axis=0, return_index=True)
     first = np.sort(first)

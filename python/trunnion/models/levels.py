@@ -41,6 +41,7 @@ from trunnion.machine.estimate import Estimate
 
 MIN_PLACES = 4
 FOLDS = 5
+SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
 MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
 MIN_APART = 0.05  # of the variance of time, beside the place, from which a drift is looked for
@@ -77,7 +78,8 @@ class _Frame:
         frame = cls((low + high) / 2, (high - low) / 2, None)
         u = frame.scaled(places)
         slopes = np.stack([data.slopes(c).values for c in data.components], axis=1)
-        smooth = Modes.of(u, slopes) or _Polynomials.of(u)
+        again = int(np.bincount(data.stations[1]).min()) > 1
+        smooth = Modes.of(u, slopes, SHARE_AGAIN if again else SHARE_ONCE) or _Polynomials.of(u)
         return cls(frame.centre, frame.half, smooth)
 
     def scaled(self, places: Floats) -> Floats:

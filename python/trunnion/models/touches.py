@@ -50,6 +50,8 @@ from trunnion.probing.model import (
 )
 from trunnion.setup import Setup
 
+MAX_KEPT = 1_000_000
+"""Numbers of derivatives that are kept beside the last."""
 MAX_MOMENTS = 48
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
@@ -129,7 +131,7 @@ class TouchDiagnosisModel(Model):
         )
         self._start = self._full.values()[: self._plain]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
-        self._at: tuple[bytes, Floats, Floats] | None = None
+        self._at: dict[bytes, Floats] = {}
         self._given = tuple(effects)
         named = [self._effect(i) for i in infos]
         self.effects = with_own(named, effects, data, known=[i.id for i in known])
@@ -194,18 +196,23 @@ class TouchDiagnosisModel(Model):
         return ids, np.concatenate([nuisance, [float(effects[i][name]) for i, name in names]])
 
     def _all_columns(self, nuisance: Floats) -> Floats:
-        """Return the derivative by every parameter of the catalogue, no effect acting (kept)."""
+        """Return the derivative by every parameter of the catalogue, no effect acting.
+
+        A search goes back and forth between a few states: their derivatives are kept.
+        """
         key = nuisance.tobytes()
-        if self._at is None or self._at[0] != key:
+        if key not in self._at:
             values = np.zeros(len(self._full.names))
             values[: self._plain] = nuisance
             values[self._durations] = 1.0
             for n, kind in enumerate(self._full.kinds):
                 if kind == "moment":
                     values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
-            residuals, jac = self._full.core.linearise(self._moves, values)
-            self._at = (key, np.asarray(residuals), np.asarray(jac))
-        return self._at[2]
+            jac = np.asarray(self._full.core.linearise(self._moves, values)[1])
+            while len(self._at) > MAX_KEPT // max(jac.size, 1):
+                del self._at[next(iter(self._at))]
+            self._at[key] = jac
+        return self._at[key]
 
     def _model(self, ids: tuple[str, ...]) -> TouchModel:
         if ids not in self._models:

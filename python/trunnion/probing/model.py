@@ -60,8 +60,11 @@ def readings_um(touches: Touches) -> Floats:
 
 def stops_of(touches: Touches) -> Integers:
     """Number of the position of the rotary axes in which each touch was made, shape (n,)."""
-    positions = np.round(np.stack(list(touches.rotary_deg.values()), axis=1), 3)
-    return np.unique(positions, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
+    stops = np.zeros(len(touches), dtype=np.intp)
+    for positions in touches.rotary_deg.values():
+        distinct, number = np.unique(np.round(positions, 3), return_inverse=True)
+        stops = np.unique(stops * len(distinct) + number, return_inverse=True)[1]
+    return stops
 
 
 class TouchModel:

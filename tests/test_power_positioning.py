@@ -1,0 +1,28 @@
+"""A sample of docs/power-positioning.md: the family of what the catalogue has no formula for."""
+
+import pytest
+
+from power.positioning import ROWS, tally
+from promise import kept, needed_runs
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "axis: backlash larger in the middle",
+        "axis: lost motion builds up after a reversal",
+        "level: bed sags between 4 or 5 supports",
+        "level: bed sags between two supports",
+    ],
+)
+def test_the_family_is_right_and_nothing_else_is_sure(row: str) -> None:
+    runs = needed_runs(0.95)
+    found = tally(row, runs, seed=2)
+    assert kept(found.right, runs, 0.95)
+    assert kept(runs - found.wrong, runs, 0.95)
+
+
+@pytest.mark.parametrize("row", [name for name, row in ROWS.items() if row.hidden is None])
+def test_nothing_is_said_of_nothing(row: str) -> None:
+    runs = needed_runs(0.95)
+    assert kept(tally(row, runs, seed=2).right, runs, 0.95)
