@@ -33,11 +33,11 @@ SERVO = {"gain_per_s": 160.18, "time_constant_ms": 11.11}
 
 HEAD = """# Machines whose owners knew the answer
 
-What trunnion says of measurements that nobody here made, beside what their owners knew. This page is written by
-`make real-machines` (`docs/make_real_machines.py`) from runs on the files, figures included; nothing in it is typed
-in but what was known. `tests/test_real_machines.py` holds the numbers. The files belong to others:
-`tn.datasets.about(name)` has source and licence, `tn.datasets.load(name, folder)` reads them, and two with an open
-licence come with the package:
+What trunnion says of measurements that nobody here made, beside what their owners knew. This page
+is written by `make real-machines` (`docs/make_real_machines.py`) from runs on the files, figures
+included; nothing in it is typed in but what was known. `tests/test_real_machines.py` holds the
+numbers. The files belong to others: `tn.datasets.about(name)` has source and licence,
+`tn.datasets.load(name, folder)` reads them, and two with an open licence come with the package:
 
 ```python
 import trunnion as tn
@@ -84,8 +84,8 @@ def said(name: str) -> str:
     rms = f"{found.gain.rms_before_um:.4g} → {found.gain.rms_after_um:.4g} {unit}"
     lines = [f"- Verdict: **{found.verdict}**. Residual rms {rms}."]
     share = {c.id: c.share for c in found.contributions}
-    for c in sorted(found.causes, key=lambda c: -share.get(c.id, 0.0))[:MAX_CAUSES]:
-        lines.append(f"- {c.label[0].upper() + c.label[1:]} (`{c.id}`){_values(c)}")
+    causes = sorted(found.causes, key=lambda c: -share.get(c.id, 0.0))[:MAX_CAUSES]
+    lines += [f"- {c.label[0].upper() + c.label[1:]} (`{c.id}`){_values(c)}" for c in causes]
     if len(found.causes) > MAX_CAUSES:
         lines.append(f"- and {len(found.causes) - MAX_CAUSES} smaller ones")
     if found.unexplained:
