@@ -89,7 +89,7 @@ def said(name: str) -> str:
     if len(found.causes) > MAX_CAUSES:
         lines.append(f"- and {len(found.causes) - MAX_CAUSES} smaller ones")
     if found.unexplained:
-        lines.append(f"- Not explained: {found.unexplained}.")
+        lines.append(f"- Not explained: {found.unexplained.rstrip('.')}.")
     return "\n".join([*lines, *(f"- {remark}" for remark in model.remarks)])
 
 
