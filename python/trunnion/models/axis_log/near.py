@@ -74,6 +74,7 @@ class _Search:
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.entries = servo_effects(axis)
         self.taken: list[str] = []
+        self.dropped: set[str] = set()
         self.runs = len(axis.runs)
         self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
@@ -168,7 +169,8 @@ class _Search:
                 basis = self.fit()
 
     def drop(self, name: str) -> None:
-        """Leave an effect out again."""
+        """Leave an effect out again, and for good."""
+        self.dropped.add(name)
         i = self.taken.index(name)
         self.at = np.delete(self.at, i)
         self.taken.pop(i)
@@ -190,7 +192,9 @@ class _Search:
 
     def best(self, basis: Floats) -> str:
         """Effect that explains most of what is left, if it is enough; else an empty name."""
-        others = [n for n in self.entries if n not in self.taken]
+        others = [n for n in self.entries if n not in self.taken and n not in self.dropped]
+        if not others:
+            return ""
         here = self.servo(self.taken, self.at[: len(self.taken)])
         servos = [self.entries[n].added(here, self.axis, self.step(n)) for n in others]
         starts = np.broadcast_to(self.starts(), (len(others), self.runs, 2))
