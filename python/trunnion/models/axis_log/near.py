@@ -15,8 +15,6 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis
-from trunnion.diagnosis.dependence import changes
-from trunnion.diagnosis.noise import innovations
 from trunnion.models.axis_log.effects import servo_effects
 from trunnion.models.axis_log.signals import AxisSignal
 
@@ -27,7 +25,6 @@ MAX_HALVINGS = 5
 SETTLED = 1e-6  # of the variance left, by which a step still gains
 DEPENDENT = 1e-6  # of a squared unit column
 NONLINEAR = 1.0  # of the rms left, by which chords are off from the exact response
-SLIGHTLY_NONLINEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -74,6 +71,7 @@ class _Search:
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.entries = servo_effects(axis)
         self.taken: list[str] = []
+        self.dropped: set[str] = set()
         self.runs = len(axis.runs)
         self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
@@ -168,7 +166,8 @@ class _Search:
                 basis = self.fit()
 
     def drop(self, name: str) -> None:
-        """Leave an effect out again."""
+        """Leave an effect out again, and for good."""
+        self.dropped.add(name)
         i = self.taken.index(name)
         self.at = np.delete(self.at, i)
         self.taken.pop(i)
@@ -190,7 +189,9 @@ class _Search:
 
     def best(self, basis: Floats) -> str:
         """Effect that explains most of what is left, if it is enough; else an empty name."""
-        others = [n for n in self.entries if n not in self.taken]
+        others = [n for n in self.entries if n not in self.taken and n not in self.dropped]
+        if not others:
+            return ""
         here = self.servo(self.taken, self.at[: len(self.taken)])
         servos = [self.entries[n].added(here, self.axis, self.step(n)) for n in others]
         starts = np.broadcast_to(self.starts(), (len(others), self.runs, 2))
@@ -206,18 +207,11 @@ class _Search:
         return others[int(np.argmax(gain))] if enough else ""
 
     def nonlinear(self) -> bool:
-        """Whether chords, one an effect, are off by more than what is left.
-
-        By less, if what is left is no stationary noise: the model is not complete then.
-        """
+        """Whether chords, one an effect, are off by more than what is left."""
         k = len(self.taken)
         alone = np.zeros((k + 1, len(self.at)))
         alone[:, k:] = self.at[k:]
         alone[np.arange(k), np.arange(k)] = self.at[:k]
         each = self.predicted(list(alone))
         off = (self.y - self.left) - each[k] - (each[:k] - each[k]).sum(axis=0)
-        share = np.sqrt(float(off @ off) / max(float(self.left @ self.left), 1e-300))
-        if share < SLIGHTLY_NONLINEAR:
-            return False
-        series = [self.left[self.run_of == i] for i in range(self.runs)]
-        return share > NONLINEAR or changes(innovations(series))
+        return bool(off @ off > NONLINEAR**2 * (self.left @ self.left))
