@@ -1,6 +1,6 @@
 """Put what was found into a :class:`Diagnosis`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
+from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
@@ -53,31 +54,36 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     variance = float(case.floor.noise(f.rss, f.dof))
     gain = _gain(kept, rows, plain, f)
     growth = kept.growth(f, variance)
+    doubt = Doubt.of(kept, f, alternatives, variance, growth)
     f = replace(f, covariance=f.covariance * np.outer(growth, growth))
+    wide = replace(f, covariance=doubt.covariance)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
         # Where units are mixed the fit is in units of the noise of each reading.
         sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
     names = [x.name for x in model.nuisance]
-    std = _errors_std(model, f, variance)
+    std = _errors_std(model, wide, 1.0)
+    doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
     contributions, ladder = contributions_of(kept, plain, f, rows)
     return Diagnosis(
         verdict=verdict,
-        causes=_causes(case, e, f, variance, alternatives),
+        causes=_causes(case, e, f, variance, wide.std(), alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=unexplained,
         errors_before=model.location_errors(case.plain.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
+        doubt=doubts,
+        rivals=rivals,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable={
             **_not_identifiable(case, plain, f, std),
             **lost,
         },
-        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, wide, 1.0, sigma)),
         p_value=e.alarm,
         sigma=sigma,
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
@@ -200,6 +206,20 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
 
 
+def _doubts(
+    model: Model, doubt: Doubt, sets: Sequence[Alternative], std: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, frozenset[str]]]:
+    """Of errors of the machine, uncertainty by doubt between sets, and the set that adds most."""
+    if not any(doubt.rival):
+        return {}, {}
+    mine = [i for i, x in enumerate(model.nuisance) if x.name in std and doubt.rival[i]]
+    names = [model.nuisance[i].name for i in mine]
+    return (
+        {name: float(doubt.between[i]) for i, name in zip(mine, names, strict=True)},
+        {name: sets[doubt.rival[i]].causes for i, name in zip(mine, names, strict=True)},
+    )
+
+
 def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
     names = _names(model, f)
     std = f.std() * np.sqrt(variance)
@@ -228,16 +248,22 @@ def _unexplained(e: Explanation) -> str | None:
 
 
 def _causes(
-    case: Case, e: Explanation, f: Fit, variance: float, alternatives: Sequence[Alternative]
+    case: Case,
+    e: Explanation,
+    f: Fit,
+    variance: float,
+    every_std: Floats,
+    alternatives: Sequence[Alternative],
 ) -> tuple[Cause, ...]:
-    """Describe the effects of a fit, strongest first."""
+    """Describe the effects of a fit, strongest first; ``every_std``: of all its parameters."""
     named = alternatives[0].causes if alternatives else frozenset()
     out = []
     for j, effect in enumerate(case.effects):
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
-        std, wald, k = _size(case, effect, f, variance)
+        at, wald, k = _size(case, effect, f)
+        std = np.where(every_std[at] >= 0, every_std[at], np.inf)
         chance = float(special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)))
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
@@ -260,16 +286,15 @@ def _causes(
     return tuple(cause for _, cause in out)
 
 
-def _size(case: Case, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
-    """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank."""
+def _size(case: Case, effect: Effect, f: Fit) -> tuple[list[int], float, int]:
+    """Columns of an effect's parameters; Wald's statistic of the linear ones, its rank."""
     p = len(case.model.nuisance)
     at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
     b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])
-    std = f.std()[at] * np.sqrt(variance)
     linear = np.array([q.linear for q in effect.parameters])
     cov = f.covariance[np.ix_(at, at)][np.ix_(linear, linear)]
     size = np.sqrt(np.maximum(np.diag(cov), TINY))
     inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
     wald = float(b[linear] / size @ inverse @ (b[linear] / size))
     rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
-    return np.where(std >= 0, std, np.inf), wald, max(rank, 1)
+    return at, wald, max(rank, 1)
