@@ -36,7 +36,9 @@ CROSS: dict[str, Any] = {
     "machine": MACHINE,
     "artefact": core.Artefact("cross", [100.0, 25.0, 25.0], **PLACE),
 }
-AXIS = np.array([80.0, 5.0, 1.0, 2.0, 3.0, 1.0, 1.0, 5.0, 10.0, 1.0, 50.0, 0.1, 1e4])
+AXIS = np.array(
+    [80.0, 5.0, 1.0, 2.0, 3.0, 1.0, 1.0, 5.0, 10.0, 1.0, 50.0, 0.1, 1e4, 1.0, 1.0, 1.0, 0.1]
+)
 GAINS = contouring.Coupling().gains
 ERRORS = [("EX0C", 10.0), ("EA0A", 5.0)]
 

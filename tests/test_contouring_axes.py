@@ -82,7 +82,7 @@ def test_many_responses_of_a_wrong_shape_are_refused() -> None:
     rows, command = np.tile(ct.Servo.paper().row("X"), (2, 1)), np.zeros(30)
     with pytest.raises(InputError, match="stride: got 0"):
         contour_axis_responses("X", rows, 1e-3, "motor", command, stride=0)
-    with pytest.raises(InputError, match=r"axes: got shape \(2, 12\)"):
+    with pytest.raises(InputError, match=r"axes: got shape \(2, 16\)"):
         contour_axis_responses("X", rows[:, 1:].copy(), 1e-3, "motor", command, stride=1)
     command[3] = np.nan
     with pytest.raises(InputError, match="command, row 3"):

@@ -28,7 +28,7 @@ from trunnion.diagnosis.noise import (
     partial_autocorrelations,
 )
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.models.axis_log import AxisLogModel, effects
+from trunnion.models.axis_log import AxisLogModel, effects, servo_effects
 from trunnion.models.kinds import diagnose
 from trunnion.samples.truth import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
@@ -219,7 +219,11 @@ def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() 
         "time_constant_y": {"time_constant_ms": 0.5},
         "loop_delay_z": {"delay_ms": 0.25},
         "backlash_a": {"backlash_arcsec": 4.0},
-        "friction_x": {"coulomb_um": 2.0, "stribeck_um": 0.0, "speed_mm_s": 1.0},
+        "friction_x": {"coulomb_um": 2.0},
+        "offset_y": {"offset_um": -3.0},
+        "friction_direction_z": {"drag_percent": 1.0},
+        "velocity_forward_x": {"forward_percent": 2.0},
+        "acceleration_forward_y": {"forward_ms": 0.3},
         "cyclic_c": {"cosine_arcsec": 3.0, "sine_arcsec": -4.0, "pitch_deg": 7.0},
     }.items():
         servo = model.extended(model.start, {name: values}).servo
@@ -234,7 +238,7 @@ def test_what_was_found_is_in_the_servo_model_where_its_parameters_can_say_it() 
 
 
 def test_an_effect_is_one_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    screw = effects.ServoEffect(
+    screw = servo_effects.ServoEffect(
         "screw",
         "the screw of the {axis} axis has an error of its known pitch",
         "screw_{small}",
@@ -381,7 +385,6 @@ def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("shape", "told"),
     [
-        ("offset", "depends on axis 0"),
         ("drift", "depends on time ("),
         ("jump", "depends on time (a jump at 1.0"),
     ],
@@ -397,7 +400,7 @@ def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
     ]
     log = tn.AxisLog.concatenate(runs)
     t = np.concatenate([r.time_s for r in runs])
-    added = {"offset": np.ones(len(t)), "drift": t / 2 - 1, "jump": np.where(t > 1, 1.0, 0.0)}
+    added = {"drift": t / 2 - 1, "jump": np.where(t > 1, 1.0, 0.0)}
     d = diagnose(log.with_columns(x_act_mm=log.actual("x") + 2e-3 * added[shape]), SETUP)
     assert d.verdict == "unexplained"
     assert d.unexplained is not None

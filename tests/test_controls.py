@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from reference_trt_ca import TABLE_2
-from trunnion.controls import comp_file, linuxcnc_files
+from reference_trt_ca import TABLE_2, displaced_um
+from trunnion.controls import comp_file, isg_files, iso_table, linuxcnc_files
 from trunnion.setup.control import ControlSetup
 
 SETUP = tn.Setup(
@@ -124,3 +124,41 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     with pytest.raises(tn.InputError, match="the file exists already"):
         made.write(tmp_path / "out")
     assert made.write(tmp_path / "out", overwrite=True) == written
+
+
+def read_isg(text: str) -> dict[str, float]:
+    """Read a block of location errors as the documentation of ISG_CSV shows it."""
+    rows = [line.split() for line in text.splitlines() if not line.startswith("//")]
+    return dict(zip(rows[0], map(float, rows[1]), strict=True))
+
+
+@pytest.mark.parametrize("angle_unit", ["rad", "deg"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_isg_files_read_back_are_the_machine(angle_unit: str, sign: int) -> None:
+    made = isg_files(SETUP, TABLE_2, angle_unit=angle_unit, sign=sign)  # type: ignore[arg-type]
+    read = read_isg(made.files["location.csv"])
+    arcsec = 3600.0 if angle_unit == "deg" else 180 * 3600 / np.pi
+    errors = {f"E{k}": sign * v * (1e3 if k[0] in "XYZ" else arcsec) for k, v in read.items()}
+    points = np.array([[150.0, -120.0, 0.0], [-150.0, 120.0, 150.0]])
+    for a, c in ((30, 40), (-90, 200)):
+        # What the control takes off by the errors that it read, on the machine of Table 2.
+        left = displaced_um(TABLE_2, points, a, c, assumed=errors)
+        assert np.abs(left).max() < 1e-4
+    assert made.after_um < 1e-6
+    assert "the user" in made.files["location.csv"]
+
+
+def test_isg_does_not_guess_units_and_signs() -> None:
+    with pytest.raises(tn.InputError, match=r"got no angle_unit \(rad, deg\), expected both"):
+        isg_files(SETUP, TABLE_2)
+    with pytest.raises(tn.InputError, match=r"got no sign \(1, -1\)"):
+        isg_files(SETUP, TABLE_2, angle_unit="rad")
+
+
+def test_the_table_names_every_error_with_its_unit() -> None:
+    text = iso_table(SETUP, estimate(EFFECTS)).files["errors.csv"]
+    rows = {line.split(",")[0]: line.split(",") for line in text.splitlines() if line[0] != "#"}
+    for name, value in TABLE_2.items():
+        assert float(rows[name][1]) == pytest.approx(value)
+        assert rows[name][2] == ("µm" if name[1] in "XYZ" else "arcsec")
+    assert float(rows["c_backlash.b_arcsec"][1]) == 30.0

@@ -207,6 +207,10 @@ def test_useless_readings_are_refused() -> None:
     diagonal = tn.Levels(x_mm=one, y_mm=one, along_um_m=one, across_um_m=one)
     with pytest.raises(tn.DataError, match="not connected"):
         diagonal.flatness()
+    with pytest.raises(tn.InputError, match="foot_mm"):
+        data.straightness(foot_mm="wide")  # type: ignore[arg-type]
+    with pytest.raises(tn.InputError, match="noise_um_m"):
+        data.twist(noise_um_m=-1.0)
     with pytest.raises(tn.InputError, match="neither along_um_m nor across_um_m"):
         tn.Levels(position_mm=[1, 2])
     with pytest.raises(tn.InputError, match="one of 0, 180"):

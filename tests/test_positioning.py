@@ -142,6 +142,8 @@ def test_a_tolerance_is_decided_with_the_uncertainty() -> None:
         result.conformity(accuracy=20.0)
     with pytest.raises(tn.InputError, match="expected one of"):
         result.conformity()
+    with pytest.raises(tn.InputError, match="accuracy_um"):
+        result.conformity(accuracy_um="wide")
 
 
 def test_a_compensation_table_takes_the_deviations_off() -> None:

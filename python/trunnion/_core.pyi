@@ -547,6 +547,7 @@ def contour_axis_responses(
     command: _Floats,
     *,
     stride: int,
+    starts: _Floats | None = None,
 ) -> _Floats: ...
 def contour_path_margins(
     path: ContourPath,

@@ -13,7 +13,7 @@ from enum import StrEnum
 
 from scipy.special import ndtri
 
-from trunnion.base.checks import choose
+from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table, measured, significant
 from trunnion.base.units import unit_of
@@ -114,7 +114,7 @@ class Conformity(Result):
         if not 0 <= more < float("inf"):
             raise InputError(f"standard uncertainty: got {more:g}, expected 0 or above")
         out = []
-        for name, tolerance in tolerances.items():
+        for name, tolerance in numbers("tolerance", tolerances).items():
             choose("quantity", name, values)
             if not tolerance > 0:
                 raise InputError(f"{name}: got {tolerance:g}, expected a tolerance above 0")

@@ -31,6 +31,34 @@ _TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
 _POINTS = (7, 7, 5)
 
 
+Control = Annotated[
+    str | None,
+    typer.Option(
+        help="write what this control loads: linuxcnc, isg (TF5280) or table (any control)",
+        show_default=False,
+    ),
+]
+Kinematics = Annotated[
+    str,
+    typer.Option(
+        help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins)"
+    ),
+]
+Present = Annotated[
+    list[Path] | None,
+    typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
+]
+AngleUnit = Annotated[
+    str | None, typer.Option(help="of the files for isg: rad or deg", show_default=False)
+]
+Sign = Annotated[
+    int | None, typer.Option(help="for isg: 1 errors, -1 corrections of them", show_default=False)
+]
+AnySize = Annotated[
+    bool, typer.Option("--any-size", help="write errors beyond 2 mm or 1 degree, too")
+]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
     command(app)(compensate)
@@ -51,22 +79,12 @@ def compensate(
     linear_step_mm: Annotated[float, typer.Option(help="largest step of the map's X, Y, Z")] = 50.0,
     rotary_step_deg: Annotated[float, typer.Option(help="largest step of its rotary axes")] = 15.0,
     seed: Annotated[int, typer.Option(help="of the draws for the predicted interval")] = 0,
-    control: Annotated[
-        str | None, typer.Option(help="write what this control loads: linuxcnc", show_default=False)
-    ] = None,
-    kinematics: Annotated[
-        str,
-        typer.Option(
-            help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins)"
-        ),
-    ] = "component",
-    present: Annotated[
-        list[Path] | None,
-        typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
-    ] = None,
-    any_size: Annotated[
-        bool, typer.Option("--any-size", help="write errors beyond 2 mm or 1 degree, too")
-    ] = False,
+    control: Control = None,
+    kinematics: Kinematics = "component",
+    present: Present = None,
+    angle_unit: AngleUnit = None,
+    sign: Sign = None,
+    any_size: AnySize = False,
 ) -> Answer:
     """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others.
 
@@ -82,6 +100,8 @@ def compensate(
             control,
             setup,
             estimate,
+            angle_unit,
+            sign,
             kinematics=kinematics,
             present=present or (),
             any_size=any_size,
@@ -142,12 +162,23 @@ def _general(
     return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
 
 
-def _for_control(control: str, setup: Setup, estimate: Estimate, **options: Any) -> ControlFiles:
+def _for_control(
+    control: str,
+    setup: Setup,
+    estimate: Estimate,
+    angle_unit: str | None,
+    sign: int | None,
+    **linuxcnc: Any,
+) -> ControlFiles:
     """Files for a control."""
-    from trunnion.controls import linuxcnc_files
+    from trunnion.controls import isg_files, iso_table, linuxcnc_files
 
-    choose("--control", control, ("linuxcnc",))
-    return linuxcnc_files(setup, estimate, **options)
+    choose("--control", control, ("linuxcnc", "isg", "table"))
+    if control == "table":
+        return iso_table(setup, estimate)
+    if control == "isg":
+        return isg_files(setup, estimate, angle_unit=angle_unit, sign=sign)  # type: ignore[arg-type]
+    return linuxcnc_files(setup, estimate, **linuxcnc)
 
 
 def _text(text: str) -> Callable[[Path], object]:

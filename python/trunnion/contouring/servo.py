@@ -15,7 +15,7 @@ The gain is that of the whole loop (open-loop gain times axial controller gain):
 speed v lies v/K_v behind.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from math import inf
 from os import PathLike
@@ -43,6 +43,7 @@ POSITIVE = Number(positive=True)
 NOT_NEGATIVE = Number(0.0)
 LIMIT = Number(positive=True, infinite=True)
 ANY = Number(infinite=True)
+DRAG = Number(-99.0, 99.0)
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,17 @@ class LinearAxis(Part):
         Structure between motor and load.
     limit_mm_min:
         Largest velocity command.
+    offset_um:
+        Position error that a constant force (gravity, the amplifier's zero) takes; positive where
+        the axis stays below its command. A Coulomb level of its own in each direction is an offset
+        beside the mean level, and friction in proportion to the speed another gain and time
+        constant: neither has a parameter of its own.
+    friction_direction_percent:
+        Share of the speed by which friction is larger in the positive direction and smaller in the
+        negative one.
+    velocity_forward_percent, acceleration_forward_ms:
+        Feed-forward of the commanded velocity (100 % takes the following error away) and of the
+        commanded acceleration, by backward differences over a control period.
     """
 
     table: ClassVar[str] = "LinearAxis"
@@ -82,6 +94,10 @@ class LinearAxis(Part):
     resonance_hz: float = key(0.0, NOT_NEGATIVE, "of the structure between motor and load")
     damping: float = key(0.0, NOT_NEGATIVE, "of that resonance")
     limit_mm_min: float = key(inf, LIMIT, "largest velocity command")
+    offset_um: float = key(0.0, Number(), "position error that a constant force takes")
+    friction_direction_percent: float = key(0.0, DRAG, "of the speed, lost in + and won in -")
+    velocity_forward_percent: float = key(0.0, Number(), "of the commanded velocity, fed forward")
+    acceleration_forward_ms: float = key(0.0, Number(), "time of the acceleration fed forward")
 
 
 @dataclass(frozen=True)
@@ -102,9 +118,26 @@ class RotaryAxis(Part):
     resonance_hz: float = key(0.0, NOT_NEGATIVE, "of the structure between motor and load")
     damping: float = key(0.0, NOT_NEGATIVE, "of that resonance")
     limit_deg_min: float = key(inf, LIMIT, "largest velocity command")
+    offset_arcsec: float = key(0.0, Number(), "position error that a constant force takes")
+    friction_direction_percent: float = key(0.0, DRAG, "of the speed, lost in + and won in -")
+    velocity_forward_percent: float = key(0.0, Number(), "of the commanded velocity, fed forward")
+    acceleration_forward_ms: float = key(0.0, Number(), "time of the acceleration fed forward")
 
 
 Axis: TypeAlias = LinearAxis | RotaryAxis
+
+
+def varied(axis: Axis, changes: Mapping[str, float]) -> Axis:
+    """Return a copy with some numbers changed; of many of them, it is the core that checks."""
+    new: Axis = object.__new__(type(axis))
+    vars(new).update(vars(axis), **changes)
+    return new
+
+
+def numbers(axes: Sequence[Axis]) -> Floats:
+    """Return the numbers of axes in the order of their fields, shape (m, 17)."""
+    names = [f.name for f in fields(axes[0])]
+    return np.array([[getattr(axis, name) for name in names] for axis in axes], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -207,7 +240,7 @@ class Servo:
 
     @checked
     def row(self, letter: str) -> Floats:
-        """Return the numbers of an axis in the order of its fields, shape (13,)."""
+        """Return the numbers of an axis in the order of its fields, shape (17,)."""
         if letter not in self.axes:
             known = ", ".join(self.axes) or "others"
             raise InputError(f"servo axis {letter}: got none, expected it beside {known}")
@@ -215,7 +248,7 @@ class Servo:
         return np.array([ANY(f"servo.{letter}.{name}", size) for name, size in values.items()])
 
     def rows(self) -> Floats:
-        """Return the numbers of X, Y, Z, A, C, shape (5, 13)."""
+        """Return the numbers of X, Y, Z, A, C, shape (5, 17)."""
         return np.stack([self.row(letter) for letter in "XYZAC"])
 
 

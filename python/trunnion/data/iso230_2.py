@@ -18,6 +18,7 @@ from typing import Self
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.conformity import PROBABILITY, Conformity
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table, measured
@@ -208,6 +209,7 @@ class _Results:
             probability=probability,
         )
 
+    @checked
     def compensation_table(self, *, zero_at: float | None = None) -> CompensationTable:
         """Return what to add to commanded positions, by target and direction of approach.
 

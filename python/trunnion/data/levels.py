@@ -8,8 +8,9 @@ from os import PathLike
 
 import numpy as np
 
+from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
-from trunnion.base.errors import DataError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.flatness import (
@@ -108,6 +109,7 @@ class Levels(Table):
 
     # --- results
 
+    @checked
     def straightness(
         self, *, foot_mm: float | None = None, noise_um_m: float | None = None
     ) -> Straightness:
@@ -137,6 +139,7 @@ class Levels(Table):
         at, heights, chained = heights_of_line(slopes.places[:, 0], foot_mm)
         return Straightness.of(at, heights, slopes, noise, chained, self._about_zero())
 
+    @checked
     def flatness(self, *, noise_um_m: float | None = None) -> Flatness:
         """Return the heights of a surface and its flatness (ISO 12781-1, ISO 1101).
 
@@ -159,6 +162,7 @@ class Levels(Table):
         noise = [self._noise(s, noise_um_m) for s in slopes]
         return Flatness.of(slopes, noise, self._about_zero())
 
+    @checked
     def twist(self, *, noise_um_m: float | None = None) -> Twist:
         """Return how fast the slope across changes along the line, or over a grid.
 
@@ -217,6 +221,8 @@ class Levels(Table):
 
     def _noise(self, slopes: Slopes, known: float | None) -> Noise:
         if known is not None:
+            if known < 0:
+                raise InputError(f"noise_um_m: got {known:g}, expected 0 or above")
             return Noise(known, "as stated")
         if slopes.free >= MIN_FREE:
             return Noise(float(np.sqrt(slopes.rss / slopes.free)), "of repeats")

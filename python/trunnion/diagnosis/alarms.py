@@ -45,7 +45,8 @@ class Alarm:
         """Test all candidates, for the plain fit."""
         c, f = case.candidates, case.plain
         count = max(c.multiplicity, 1.0)
-        alarm = cls(c.gains, c.rank, c.places, count, f, case.floor, c.inflation)
+        rank = np.where(np.isfinite(c.penalty), c.rank, 0)
+        alarm = cls(c.gains, rank, c.places, count, f, case.floor, c.inflation)
         return alarm._with_gains(c.gains(f.white))
 
     @classmethod

@@ -21,6 +21,8 @@ Piece: TypeAlias = tuple[int, Floats]  # candidate, some of its variants (v, n, 
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
 # real one (1e-3 rad), which helps nobody: the parameter would have to be a thousand times as large.
 DEPENDENT = 1e-5
+# The same where the model is known to be incomplete (3 % of its length): or its gaps decide.
+DEPENDENT_INCOMPLETE = 1e-3
 NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
@@ -54,20 +56,30 @@ class Candidates:
 
     @classmethod
     def of_pieces(
-        cls, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats
+        cls,
+        pieces: Iterable[Piece],
+        count: int,
+        numbers: int,
+        basis: Floats,
+        own_level: Floats | None = None,
     ) -> "Candidates":
         """Candidates of which not all columns are there at a time.
 
         ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
-        candidates; ``numbers``: of all pieces together.
+        candidates; ``numbers``: of all pieces together; ``own_level``: as of the class.
         """
         new = object.__new__(cls)
         new._build(pieces, count, numbers, basis)
-        new._complete(basis, NAMING_LEVEL, None, None)
+        new._complete(basis, NAMING_LEVEL, own_level, None)
         return new
 
     penalty: Floats
     inflation: Floats
+    dependent: float = DEPENDENT
+    positive: frozenset[int] = (
+        frozenset()
+    )  # candidates of one column that explain nothing if negative
+    _banned: frozenset[int] = frozenset()
 
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
@@ -107,21 +119,30 @@ class Candidates:
         new._parts = (*self._parts, *new._parts)
         new.count += self.count
         none = np.zeros(self.count)
+        own = self.level * (self.level != self._shared_level / max(self.multiplicity, 1))
         price = np.zeros(len(variants)) if own_price is None else own_price
         new._complete(
             self._basis,
             self._shared_level,
-            np.concatenate([none, own_level]),
+            np.concatenate([own, own_level]),
             np.concatenate([none, price]),
             self.multiplicity,
         )
         new.inflate(np.append(self.inflation, np.ones(len(new.owner) - len(self.owner))))
+        new.ban(self._banned)
+        new.dependent, new.positive = self.dependent, self.positive
         return new
 
     def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
         self.penalty = self.penalty + (factor - self.inflation) * self._chance()
         self.inflation = factor
+
+    def ban(self, members: Iterable[int]) -> None:
+        """Let no set have these candidates."""
+        self._banned = self._banned | frozenset(members)
+        banned = np.isin(self.owner, sorted(self._banned))
+        self.penalty = np.where(banned, np.inf, self.penalty)
 
     def _chance(self) -> Floats:
         """Drop of -2 ln L that each block reaches by chance at its level (b,)."""

@@ -1,21 +1,31 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from trunnion.base.resolution import MIN_STEP, NO_FLOOR, Floor, Grid, Repeats, growth, inflation
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import BATCH_NUMBERS, MAX_DOUBLES, Candidates
+from trunnion.diagnosis.candidates import (
+    BATCH_NUMBERS,
+    DEPENDENT_INCOMPLETE,
+    MAX_DOUBLES,
+    Candidates,
+)
+from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary
 
 EXACT = 1e-12  # of the largest reading: rounding
+SINGULAR = 1e-8  # of a correlation matrix of estimates
+RARE_LEVEL = 1e-12  # at which a rare effect is named
+TINY = 1e-300
 
 
 @dataclass
@@ -36,6 +46,11 @@ class Case:
         Steps in which the readings are recorded.
     likely:
         Fit of the machine whose errors of rounding are simulated; None: the plain one.
+    given:
+        Plain fit of the model as it was given, where ``model`` is that about a point nearer to the
+        data; None: `plain`.
+    minor:
+        Effects that are significant and explain too little of what is left to be named.
     """
 
     model: Model
@@ -46,6 +61,8 @@ class Case:
     floor: Floor = NO_FLOOR
     grid: Grid | None = None
     likely: Fit | None = None
+    given: Fit | None = None
+    minor: set[str] = field(default_factory=set)
     _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
 
     @property
@@ -69,11 +86,33 @@ class Case:
         rows = slice(None) if self.complete else self.rows
         pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
         numbers = self.linearised.width * len(self.rows)
-        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis)
+        own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
+        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
+        low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
+        found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
+        if self.dependent:
+            found.dependent = DEPENDENT_INCOMPLETE
         drawn = self.rounding(self.plain)
         if drawn is not None:
             found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
         return found
+
+    def size(self, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
+        """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank.
+
+        ``variance``: of a whitened reading, by which the statistic is to be divided.
+        """
+        p = len(self.model.nuisance)
+        at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
+        b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])
+        std = f.std()[at] * np.sqrt(variance)
+        linear = np.array([q.linear for q in effect.parameters])
+        cov = f.covariance[np.ix_(at, at)][np.ix_(linear, linear)]
+        size = np.sqrt(np.maximum(np.diag(cov), TINY))
+        inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
+        wald = float(b[linear] / size @ inverse @ (b[linear] / size))
+        rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
+        return np.where(std >= 0, std, np.inf), wald, max(rank, 1)
 
     def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
@@ -98,11 +137,23 @@ class Case:
             self._residuals[id(f)] = (f, white, noise)
         return self._residuals[id(f)][1:]
 
-    def growth(self, f: Fit, variance: float) -> Floats:
-        """How many times larger than their standard errors rounding makes errors, 1 at least.
+    @property
+    def dependent(self) -> list[Integers]:
+        """Used readings in a row whose residual is no stationary noise."""
+        if not isinstance(self.whiten, Whitener):
+            return []
+        every = self.segments
+        return [every[i] for i in self.whiten.dependent]
 
-        ``variance``: of a white reading. Of the parameters of a fit, shape (p + k,).
+    def growth(self, f: Fit, variance: float) -> Floats:
+        """How many times larger than their standard errors errors are.
+
+        By rounding, 1 at least; by dependence of the residuals (:mod:`.dependence`). ``variance``:
+        of a white reading. Of the parameters of a fit, shape (p + k,).
         """
+        if self.dependent:
+            jacobian = np.asarray(self.whiten(f.jacobian))[self.rows]
+            return growth_by_dependence(jacobian, f.white, f.covariance, variance, self.segments)
         drawn = self._drawn
         if drawn is None:
             return np.ones(len(f.covariance))
@@ -148,7 +199,25 @@ class Case:
             whiten = whiten.with_labels(grid.label)
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
         plain = fit(self.model, rows, (), self.model.start, {}, whiten)
-        return Case(self.model, rows, whiten, plain, linearised, self.floor, grid, self.likely)
+        return replace(
+            self,
+            rows=rows,
+            whiten=whiten,
+            plain=plain,
+            linearised=linearised,
+            grid=grid,
+            _residuals={},
+        )
+
+    @property
+    def segments(self) -> list[Integers]:
+        """Used readings in a row, indices into the used: noise of different ones is independent."""
+        if not isinstance(self.whiten, Whitener):
+            return [np.arange(len(self.rows))]
+        place = np.full(len(self.model.readings), -1)
+        place[self.rows] = np.arange(len(self.rows))
+        every = [place[rows] for rows, _ in self.whiten.filters]
+        return [some[some >= 0] for some in every]
 
     def exact(self, f: Fit) -> bool:
         """Whether a fit leaves no more than rounding: there is nothing to explain then."""

@@ -108,7 +108,7 @@ class _Sets:
                 x = variant_columns(case.model, self.effects[name], plain.nuisance, [values])[0]
                 blocks.append(case.white(x))
                 self.at[key] = slice(width, width := width + x.shape[1])
-        self.small: Floats = np.linalg.qr(np.column_stack([*blocks, plain.white]), mode="r")
+        self.small = np.asarray(np.linalg.qr(np.column_stack([*blocks, plain.white]), mode="r"))
 
     def estimate(self, s: Alternative) -> _Estimate:
         """Fit one set."""

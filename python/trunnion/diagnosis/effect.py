@@ -101,6 +101,10 @@ class Effect:
         Parameters at the smallest size that matters, or None. An effect that has them is looked
         for behind the named causes: a set that explains the data as well with the effect beside
         it, at this size or a few times it, is among the alternatives together with the effect.
+    expected:
+        Whether it costs nothing to name: what differs from a set-up that is known to be far off.
+    rare:
+        Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
     """
 
     id: str
@@ -112,6 +116,8 @@ class Effect:
     motion: Motion | None = None
     needs: tuple[str, ...] = ()
     least: NamedValues | None = None
+    expected: bool = False
+    rare: bool = False
 
     @property
     def linear(self) -> bool:

@@ -30,10 +30,11 @@ from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, recognised
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
+from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows, rms
 from trunnion.diagnosis.explain import best_score, explain
 from trunnion.diagnosis.fit import Fit, Whiten, fit
 from trunnion.diagnosis.model import Model, Scaling, identity
+from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
@@ -43,6 +44,9 @@ INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not us
 MAX_REVISIONS = 3
 MAX_STEP_SIGMAS = 7.0  # twice √12
 MAX_ROUNDS = 3
+MAX_POINTS = 3  # about which candidates are linearised
+MAX_WORSE = 1.001  # of the rms of the plain model
+MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be told
@@ -62,8 +66,18 @@ def diagnose(model: Model) -> Diagnosis:
         Fewer readings than unknowns, or readings that are not finite.
     """
     with one_blas_thread():
-        case = case_of(model)
+        nearer = model.near()
+        # A model that was far from its data is not complete either: what it leaves is no noise.
+        case = case_of(nearer, dependent=nearer is not model)
+        if case.dependent and nearer is model:
+            case = case_of(model.near(always=True), dependent=True)
         choice = _choose(case)
+        if not case.dependent and _worse(case, choice):
+            # The noise was estimated beside something else than what the causes leave.
+            case = case_of(model.near(always=True), dependent=True)
+            choice = _choose(case)
+        if case.dependent:
+            case, choice = _settled(_plain(model), case, choice)
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
             again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
@@ -76,8 +90,43 @@ def diagnose(model: Model) -> Diagnosis:
         return report(case, choice[1], choice[2])
 
 
-def case_of(model: Model) -> Case:
-    """Fit the model without effects, and linearise the candidates there."""
+def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
+    """Linearise the candidates anew about what was found until that is the same to first order.
+
+    ``given``: plain fit of the model that was given.
+    """
+    for _ in range(MAX_POINTS):
+        found = choice[1].fit
+        exact = case.model.exact_residuals(found.nuisance, found.effects)
+        near = rms(exact - found.residuals) <= MAX_NONLINEAR * rms(found.residuals)
+        if near and case.model.inside <= found.effects.keys():
+            break
+        case = case_of(case.model.about(found.nuisance, found.effects), dependent=True)
+        choice = _choose(case)
+    case.given = given
+    return case, choice
+
+
+def _worse(case: Case, choice: Choice) -> bool:
+    """Whether causes leave a larger rms of the readings of a unit than the plain model does."""
+    rows = kept_rows(len(case.rows), choice[2])
+    _, index = units_of(case.model.readings)
+    before, after = case.without(choice[2]).plain.residuals, choice[1].fit.residuals
+    units = [rows & (index == i) for i in range(index.max() + 1)]
+    return any(rms(after[u]) > MAX_WORSE * rms(before[u]) for u in units if np.any(u))
+
+
+def _plain(model: Model) -> Fit:
+    """Fit of a model without effects, readings as they are."""
+    start = np.asarray(model.start, dtype=np.float64)
+    return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
+
+
+def case_of(model: Model, *, dependent: bool = False) -> Case:
+    """Fit the model without effects, and linearise the candidates there.
+
+    ``dependent``: whether to take no residuals for stationary noise.
+    """
     n, p = len(model.readings), len(model.nuisance)
     if not np.all(np.isfinite(model.readings.values)):
         bad = int(np.argmin(np.isfinite(model.readings.values)))
@@ -87,13 +136,11 @@ def case_of(model: Model) -> Case:
         )
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
-    rows = np.arange(n)
-    start = np.asarray(model.start, dtype=np.float64)
-    plain = fit(model, rows, (), start, {}, identity)
+    plain = _plain(model)
     step, grid = _steps(model, plain), None
     if np.any(step > 0):
         grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
-    whiten = model.whitener(plain.residuals)
+    whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
         whiten = _white(grid, grid.noise(plain.residuals, plain.dof))
     return _whitened(model, plain, grid, whiten)
@@ -105,6 +152,9 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
     floor = NO_FLOOR if grid is None else _floor(grid, whiten)
+    if isinstance(whiten, Whitener) and whiten.dependent:
+        # Whitened readings have a variance of 1, and count as fewer than they are.
+        floor = Floor(max(floor.variance, 1.0))
     linearised = Linearised(model, plain.nuisance, whiten)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 

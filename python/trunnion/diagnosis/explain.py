@@ -11,6 +11,7 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, rms
+from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
@@ -25,6 +26,10 @@ MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
+STAND_IN = 0.9  # correlation of two effects of which one can take the other's place
+EXPECTED_P = 0.05  # of an effect that costs nothing to name
+MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
+UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
@@ -69,25 +74,18 @@ def _fit_members(case: Case, members: dict[int, int]) -> Fit:
 def _explained(case: Case) -> Explanation:
     """Find the sets of causes by the noise that they leave."""
     plain, candidates = case.plain, case.candidates
-    searched = search(candidates, plain.white, floor=case.floor)
+    searched, extended, alarm_cause = _demanded(case)
     nothing, named = searched.nothing, searched.found
-    alarm_cause = Alarm.of_causes(case)
-    # Which readings to leave out is a choice of its own, and takes half of the level.
-    level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
-    demanded = (
-        bool(named)
-        and not case.exact(plain)
-        and (
-            named[0].score < nothing.score - 2 * WITHIN
-            or (alarm_cause.p < level and alarm_cause.holds(level))
-        )
-    )
+    demanded = extended is not plain
     best = named[0] if demanded else nothing
-    extended = _fit_set(case, candidates, best) if demanded else plain
 
     terms: list[tuple[str, float]] = []
     alarm_scan = Alarm.of_terms(case, extended)
-    if not case.exact(extended) and (
+    if case.dependent:
+        # What a model that is not complete leaves competes with no cause: it is stated.
+        if alarm_scan.p < SCAN_LEVEL:
+            terms = _sentences(case, extended)
+    elif not case.exact(extended) and (
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
         or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
     ):
@@ -105,6 +103,90 @@ def _explained(case: Case) -> Explanation:
     )
 
 
+def _demanded(case: Case) -> tuple[Search, Fit, Alarm]:
+    """Search the sets of causes: the search, and the fit of the best.
+
+    The plain fit where no cause is demanded; with the test of all candidates. An effect that
+    nothing determines when its set is fitted exactly is no cause: the search is repeated without.
+    """
+    plain, candidates = case.plain, case.candidates
+    # Which readings to leave out is a choice of its own, and takes half of the level.
+    level = CAUSE_LEVEL if case.complete else CAUSE_LEVEL / 2
+    while True:
+        alarm = Alarm.of_causes(case)
+        searched = search(candidates, plain.white, floor=case.floor)
+        nothing, named = searched.nothing, searched.found
+        if (
+            not named
+            or case.exact(plain)
+            or not (
+                named[0].score < nothing.score - 2 * WITHIN
+                or (alarm.p < level and alarm.holds(level))
+            )
+        ):
+            return searched, plain, alarm
+        extended = _fit_set(case, candidates, named[0])
+        bad = _undetermined(case, extended)
+        if not bad:
+            return searched, extended, alarm
+        candidates.ban(bad)
+
+
+def _undetermined(case: Case, f: Fit) -> set[int]:
+    """Effects of a fit that might as well not be in it."""
+    variance = float(case.floor.noise(f.rss, f.dof))
+    out = set()
+    for j, effect in enumerate(case.effects):
+        if effect.id in f.effects:
+            std, wald, k = case.size(effect, f, variance)
+            nonlinear = [not p.linear for p in effect.parameters]
+            # The moment of a shift has no standard error either.
+            if case.dependent and np.any(np.isinf(std[nonlinear])):
+                out.add(j)
+                continue
+            chance = special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY))
+            places = case.candidates.places[case.candidates.owner == j]
+            count = case.candidates.multiplicity * float(places.max(initial=1.0))
+            if (
+                case.dependent
+                and not effect.expected
+                and _share(case, f, effect, wald) < MIN_EXPLAINED
+            ):
+                case.minor.add(effect.id)
+                out.add(j)
+            elif chance > EXPECTED_P if effect.expected else chance * count > UNDETERMINED_P:
+                out.add(j)
+    # What is expected to differ gives way last, and first what can take its place.
+    return (
+        {j for j in out if not case.effects[j].expected}
+        or {k for j in out if (k := _stand_in(case, f, j)) is not None}
+        or out
+    )
+
+
+def _stand_in(case: Case, f: Fit, expected: int) -> int | None:
+    """Effect of a fit that is not expected, and that does what an expected one would."""
+    p = len(f.nuisance)
+    spread = np.sqrt(np.maximum(np.diag(f.covariance), TINY))
+    correlation = np.abs(f.covariance / np.outer(spread, spread))[p:, p:]
+    names = [name for name, _ in f.names]
+    own = names.index(case.effects[expected].id)
+    ids = {e.id: j for j, e in enumerate(case.effects) if not e.expected}
+    others = [i for i, name in enumerate(names) if name in ids]
+    best = max(others, key=lambda i: correlation[own, i], default=None)
+    if best is None or correlation[own, best] < STAND_IN:
+        return None
+    return ids[names[best]]
+
+
+def _share(case: Case, f: Fit, effect: Effect, wald: float) -> float:
+    """Share of the variance of the readings that an effect changes, that it explains after all."""
+    at = [len(f.nuisance) + i for i, (name, _) in enumerate(f.names) if name == effect.id]
+    own = np.any(f.jacobian[case.rows][:, at] != 0, axis=1)
+    left = float(f.white[own] @ f.white[own])
+    return wald / max(left + wald, TINY)
+
+
 def best_score(case: Case) -> float:
     """Score of the best causes, or of the best term."""
     found = search(case.candidates, case.plain.white, floor=case.floor)
@@ -117,6 +199,8 @@ def _alternatives(
     """List all sets within reach of the best, with what may hide behind them."""
     sets: Sets = []
     for f in named:
+        if case.dependent and f.members > best.members:
+            continue  # readings that are not independent demand no more than the best set
         if f.score <= best.score + WITHIN:
             distance = max(f.score - best.score, 0.0)
             sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]

@@ -193,12 +193,15 @@ class Model:
         Parameters that are always fitted, p of them.
     effects:
         Candidate causes, bound to the data.
+    inside:
+        Those that are linearised at a size, not where they vanish (:meth:`near`).
     """
 
     data: Any
     readings: Readings
     nuisance: tuple[Nuisance, ...]
     effects: tuple[Effect, ...]
+    inside: frozenset[str] = frozenset()
 
     def base(self, nuisance: Floats) -> Floats:
         """Return the readings without any effect, shape (n,)."""
@@ -300,6 +303,27 @@ class Model:
         Built from the residuals of the plain model. It must not mix readings of different groups.
         """
         return identity
+
+    def dependent(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Whitener of residuals that are no stationary noise (:mod:`.dependence`)."""
+        return self.whitener(residuals)
+
+    def near(self, *, always: bool = False) -> Model:  # noqa: ARG002
+        """Return the model with its candidates linearised near the data; itself where it is so.
+
+        Its readings are these less what is not linear: values of nuisance and effects mean the
+        same. For a kind whose effects are strong: a servo that is 20 % off. ``always``: even if
+        they are weak, for the model is not complete.
+        """
+        return self
+
+    def about(self, nuisance: Floats, effects: EffectValues) -> Model:  # noqa: ARG002
+        """Return the model with its candidates linearised about a fit; see :meth:`near`."""
+        return self
+
+    def exact_residuals(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return reading minus what it would be under a fit, without any linearisation, (n,)."""
+        return np.asarray(self.readings.values - self.predict(nuisance, effects))
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Return the machine's errors (µm, arcsec, by name) for before and after."""

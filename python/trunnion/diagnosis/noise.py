@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.dependence import changes, length
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
 
@@ -85,10 +86,13 @@ class Channel:
 class Whitener:
     """Linear map (n, ...) → (n, ...) after which the noise is white and of size 1.
 
-    ``filters``: consecutive readings, and their noise.
+    filters: Consecutive readings, and their noise.
+    dependent: Filters of readings whose residual is no stationary noise
+        (:mod:`.dependence`): they are divided by the root of their long-run variance.
     """
 
     filters: tuple[tuple[IntArray, Autoregression], ...]
+    dependent: tuple[int, ...] = ()
 
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
@@ -102,12 +106,18 @@ class Whitener:
 
 
 def whitener(
-    model: Model, residuals: Array, channels: Iterable[Channel], groups: IntArray
+    model: Model,
+    residuals: Array,
+    channels: Iterable[Channel],
+    groups: IntArray,
+    *,
+    all_dependent: bool = False,
 ) -> Whitener:
     """Noise of each channel, as left when all that need not be noise is fitted at once.
 
     An effect is thus not mistaken for noise; what the fit takes of the noise is allowed for. Where
-    the residual has a memory, unexplained structure is fitted too if that explains more.
+    the residual has a memory, unexplained structure is fitted too if that explains more. What is no
+    stationary noise gets its long-run variance and no autoregression.
 
     Parameters
     ----------
@@ -119,21 +129,45 @@ def whitener(
         Together, all readings.
     groups:
         Group of each reading, shape (n,): the noise has no memory from one to another.
+    all_dependent:
+        Take no residual for stationary noise.
     """
     filters: list[tuple[IntArray, Autoregression]] = []
+    dependent: list[int] = []
     terms: dict[str, list[Array]] | None = None
     for channel in channels:
         y, own_groups = residuals[channel.rows], groups[channel.rows]
         segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
         segments = [s for s in segments if len(s)]
-        noise = fit_noise(y, _absorbed(y, channel, Autoregression(), segments), segments)
+        q = _absorbed(y, channel, Autoregression(), segments)
+        left = y - q @ (q.T @ y)
+        if all_dependent or changes(innovations([left[s] for s in segments])):
+            noise = _long_run_noise([left[s] for s in segments], q.shape[1])
+            dependent += range(len(filters), len(filters) + len(segments))
+            filters += [(channel.rows[s], noise) for s in segments]
+            continue
+        noise = fit_noise(y, q, segments)
         if noise.order:  # beside noise with a memory another place may fit best
             q = _absorbed(y, channel, noise, segments)
             terms = structure_terms(model) if terms is None else terms
             unnamed = [x[channel.rows] for x in terms[channel.component]]
             noise = fit_noise_beside_structure(y, q, segments, unnamed)
         filters += [(channel.rows[s], noise) for s in segments]
-    return Whitener(tuple(filters))
+    return Whitener(tuple(filters), tuple(dependent))
+
+
+def innovations(series: Sequence[Array]) -> Array:
+    """What an autoregression leaves of series, one after the other."""
+    ar = _autoregression(series)
+    parts = [_predicted_off(x[:, None], ar, len(ar))[:, 0] for x in series if len(x) > len(ar)]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _long_run_noise(series: Sequence[Array], fitted: int) -> Autoregression:
+    """White noise of the long-run variance of residuals of so many fitted columns."""
+    n = sum(len(x) for x in series)
+    variance = sum(float(x @ x) for x in series) / max(n - fitted, 1)
+    return Autoregression(sizes=(max(float(np.sqrt(length(series) * variance)), MIN_NOISE),))
 
 
 def structure_terms(model: Model) -> dict[str, list[Array]]:

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
-from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.explain import MIN_EXPLAINED
 from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
@@ -24,6 +24,7 @@ from trunnion.diagnosis.records import (
     units_of,
     with_unit,
 )
+from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 
@@ -34,7 +35,7 @@ PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
 TINY = 1e-300
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
-SINGULAR = 1e-8  # of a correlation matrix of estimates
+CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
@@ -47,12 +48,12 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
     kept = case.without(dropped)
     plain = kept.plain
-    unexplained = _unexplained(e)
-    verdict = _verdict(unexplained, len(alternatives), len(dropped))
-    if verdict == "consistent":
+    unexplained = remaining(kept, f, e.terms) or _unexplained(e)
+    if not alternatives and not e.terms:
         f = plain
     variance = float(case.floor.noise(f.rss, f.dof))
     gain = _gain(kept, rows, plain, f)
+    verdict = _verdict(unexplained, gain, len(alternatives), len(dropped))
     growth = kept.growth(f, variance)
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
     f = replace(f, covariance=f.covariance * np.outer(growth, growth))
@@ -66,10 +67,10 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
-    contributions, ladder = contributions_of(kept, plain, f, rows)
+    contributions, ladder = contributions_of(kept, case.given or plain, f, rows)
     return Diagnosis(
         verdict=verdict,
-        causes=_causes(case, e, f, variance, wide.std(), alternatives),
+        causes=_causes(case, e, f, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=unexplained,
@@ -91,13 +92,22 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         units={x.name: x.unit for x in model.nuisance},
         labels={x.id: x.label for x in model.effects if x.id in named.union(lost)},
         residuals=Residuals.of(
-            model, case.plain.residuals, f.residuals, rows, f.nuisance, f.effects
+            model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
-        notes=(*model.remarks, *_notes(case, variance)),
+        notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _minor(kept: Case) -> tuple[str, ...]:
+    """Say which effects are there but explain too little to be named."""
+    if not kept.minor:
+        return ()
+    names = ", ".join(sorted(kept.minor))
+    least = f"{100 * MIN_EXPLAINED:.0f} %"
+    return (f"Not named, as each explains less than {least} of what is left: {names}.",)
 
 
 def _notes(case: Case, variance: float) -> tuple[str, ...]:
@@ -123,9 +133,9 @@ def _notes(case: Case, variance: float) -> tuple[str, ...]:
 def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:
     """Residuals fitted and cross-validated, on the readings that are no outliers."""
     units, index = units_of(case.model.readings)
-    before = cross_validated(case.model, rows, plain, case.whiten)
+    before = cross_validated(case.model, rows, case.given or plain, case.whiten)
     return Gain.of(
-        plain.residuals[rows],
+        (case.given or plain).residuals[rows],
         f.residuals[rows],
         before,
         before if f is plain else cross_validated(case.model, rows, f, case.whiten),
@@ -191,8 +201,9 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
-def _verdict(unexplained: str | None, sets: int, outliers: int) -> Verdict:
-    if unexplained is not None:
+def _verdict(unexplained: str | None, gain: Gain, sets: int, outliers: int) -> Verdict:
+    clear = sets and all(g.rms_after_um <= CLEAR * g.rms_before_um for g in gain.by_unit().values())
+    if unexplained is not None and not clear:
         return "unexplained"
     if sets > 1:
         return "ambiguous"
@@ -252,18 +263,18 @@ def _causes(
     e: Explanation,
     f: Fit,
     variance: float,
-    every_std: Floats,
+    wide: Fit,
     alternatives: Sequence[Alternative],
 ) -> tuple[Cause, ...]:
-    """Describe the effects of a fit, strongest first; ``every_std``: of all its parameters."""
+    """Describe the effects of a fit, strongest first; ``wide``: with the doubt between sets."""
     named = alternatives[0].causes if alternatives else frozenset()
     out = []
     for j, effect in enumerate(case.effects):
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
-        at, wald, k = _size(case, effect, f)
-        std = np.where(every_std[at] >= 0, every_std[at], np.inf)
+        _, wald, k = case.size(effect, f, variance)
+        std = case.size(effect, wide, 1.0)[0]
         chance = float(special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)))
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
@@ -284,17 +295,3 @@ def _causes(
         out.append((wald, cause))
     out.sort(key=lambda t: -t[0])
     return tuple(cause for _, cause in out)
-
-
-def _size(case: Case, effect: Effect, f: Fit) -> tuple[list[int], float, int]:
-    """Columns of an effect's parameters; Wald's statistic of the linear ones, its rank."""
-    p = len(case.model.nuisance)
-    at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
-    b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])
-    linear = np.array([q.linear for q in effect.parameters])
-    cov = f.covariance[np.ix_(at, at)][np.ix_(linear, linear)]
-    size = np.sqrt(np.maximum(np.diag(cov), TINY))
-    inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
-    wald = float(b[linear] / size @ inverse @ (b[linear] / size))
-    rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
-    return at, wald, max(rank, 1)

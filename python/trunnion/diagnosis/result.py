@@ -77,7 +77,8 @@ class Diagnosis(Result):
     gain:
         Residual rms before and after, of the fit and cross-validated.
     unexplained:
-        What the residual depends on, or None.
+        What the residual depends on, or None. Beside causes that leave a fifth of the rms or less
+        it does not change the verdict.
     errors_before, errors_after:
         The machine's errors under the plain and the extended model.
     errors_std:
@@ -288,6 +289,8 @@ class Diagnosis(Result):
                 lines = [f"Unexplained: no known cause fits; {self.unexplained}."]
                 if said:
                     lines.append(f"Named beside it: {'; '.join(said)}.")
+        if self.unexplained and self.verdict in ("explained", "ambiguous"):
+            lines.append(f"Left unexplained: {self.unexplained}.")
         if said:
             falls = all(
                 g.heldout_rms_after_um < g.heldout_rms_before_um

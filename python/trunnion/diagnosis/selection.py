@@ -82,10 +82,10 @@ def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
     g = c.gram_rows(block) - s.taken[:, span].T @ s.taken
     own = g[:, span]
     if len(own) == 1:
-        back = np.full((int(own[0, 0] > DEPENDENT), 1), max(own[0, 0], DEPENDENT) ** -0.5)
+        back = np.full((int(own[0, 0] > c.dependent), 1), max(own[0, 0], c.dependent) ** -0.5)
     else:
         w, u = np.linalg.eigh(own)
-        seen = w > DEPENDENT
+        seen = w > c.dependent
         back = (u[:, seen] / np.sqrt(w[seen])).T
     new = back @ g
     a = back @ s.residual[span]
@@ -124,8 +124,11 @@ def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Floats, Integers]:
         count = np.zeros((len(states), len(blocks)), dtype=np.intp)
         for i in range(k):
             pivot = a[i][i]
-            seen = pivot > DEPENDENT
+            seen = pivot > c.dependent
             inverse = np.where(seen, 1.0 / np.where(seen, pivot, 1.0), 0.0)
+            if k == 1 and c.positive:
+                seen = seen & ~((z[0] < 0) & np.isin(c.owner[blocks], sorted(c.positive)))
+                inverse = np.where(seen, inverse, 0.0)
             total += z[i] * z[i] * inverse
             count += seen
             for row in range(i + 1, k):
@@ -223,7 +226,7 @@ class Search:
 
     def widen(self, beam: int, most: int) -> None:
         """Keep the best sets of each size and add every candidate to them, while that helps."""
-        states = [self.empty]
+        states = [self.expected()]
         for _ in range(min(most, len(self.c.leaders), self.c.dof - 2)):
             before = self.best
             states = self.grow(states, beam)
@@ -249,6 +252,17 @@ class Search:
             if not fresh:
                 break
             self.grow(fresh, 0)
+
+    def expected(self) -> _State:
+        """Set of what costs nothing to name; the empty one if there is none."""
+        blocks = tuple(map(int, np.flatnonzero(self.c.penalty == 0)))
+        state = self.built(blocks)
+        if blocks:
+            columns = state.taken.shape[0]
+            score = float(self.score(state.rss, columns, state.penalty))
+            self.best = min(self.best, score)
+            self.remember(state.mask, blocks, score, state.rss, columns)
+        return state
 
     def bit(self, block: int) -> int:
         """Bit of a block's candidate in the mask of a set."""

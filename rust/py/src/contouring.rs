@@ -325,6 +325,7 @@ pub fn contour_axis_response<'py>(
         py,
         letter,
         &vector_with_limits("axis", &axis)?,
+        None,
         period_s,
         feedback,
         &vector("command", &command)?,
@@ -333,10 +334,11 @@ pub fn contour_axis_response<'py>(
     array(py, out)
 }
 
-/// The same of an axis with each of m sets of parameters (m, 13), every `stride`-th control period:
-/// (m, n).
+/// The same of an axis with each of m sets of parameters (m, 17), every `stride`-th control period:
+/// (m, n). `starts`: position ahead of the first command and speed at the beginning (mm, mm/s; deg,
+/// deg/s), (m, 2); by default rest.
 #[pyfunction]
-#[pyo3(signature = (letter, axes, period_s, feedback, command, *, stride))]
+#[pyo3(signature = (letter, axes, period_s, feedback, command, *, stride, starts=None))]
 pub fn contour_axis_responses<'py>(
     py: Python<'py>,
     letter: char,
@@ -345,10 +347,13 @@ pub fn contour_axis_responses<'py>(
     feedback: &str,
     command: PyReadonlyArray1<'py, f64>,
     stride: usize,
+    starts: Option<PyReadonlyArray2<'py, f64>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let command = vector("command", &command)?;
     let axes = rows_with_limits("axes", &axes, AXIS_FIELDS)?;
-    let out = axis_responses(py, letter, &axes, period_s, feedback, &command, stride)?;
+    let starts = starts.as_ref().map(|starts| rows("starts", starts, 2)).transpose()?;
+    let starts = starts.as_deref();
+    let out = axis_responses(py, letter, &axes, starts, period_s, feedback, &command, stride)?;
     matrix(py, out, command.len().div_ceil(stride))
 }
 
@@ -356,6 +361,7 @@ fn axis_responses(
     py: Python<'_>,
     letter: char,
     axes: &[f64],
+    starts: Option<&[f64]>,
     period_s: f64,
     feedback: &str,
     command: &[f64],
@@ -379,9 +385,13 @@ fn axis_responses(
             axis(&row, !matches!(letter, 'X' | 'Y' | 'Z'))
         })
         .collect();
+    let starts: Vec<[f64; 2]> = match starts {
+        None => vec![[0.0; 2]; axes.len()],
+        Some(numbers) => numbers.chunks_exact(2).map(|s| [s[0] * unit, s[1] * unit]).collect(),
+    };
     let command: Vec<f64> = command.iter().map(|r| r * unit).collect();
-    let mut out =
-        py.detach(|| responses(&axes, letter, period_s, feedback, &command, stride)).into_py()?;
+    let follow = || responses(&axes, &starts, letter, period_s, feedback, &command, stride);
+    let mut out = py.detach(follow).into_py()?;
     out.iter_mut().for_each(|load| *load /= unit);
     Ok(out)
 }

@@ -9,9 +9,10 @@ likewise. Noise is divided out axis by axis and, where what no servo effect can 
 autocorrelated, whitened by an autoregression (:mod:`trunnion.diagnosis.noise`).
 
 The response of an axis is simulated exactly (:mod:`trunnion.contouring`). Each effect's column is a
-chord of it (:mod:`.effects`). A single effect is thus compared and sized without any linearisation;
-of several on one axis, what one does to the other's column is left out, which is of second order
-(1 % of gain with 0.3 ms of time constant: 0.05 µm).
+chord of it (:mod:`.servo_effects`). A single effect is thus compared and sized without any
+linearisation; of several on one axis, what one does to the other's column is left out, which is of
+second order (1 % of gain with 0.3 ms of time constant: 0.05 µm). Where that is not small beside
+what is left, strong effects are fitted jointly and all columns are taken about them (:mod:`.near`).
 
 Where two effects look alike:
 
@@ -23,9 +24,9 @@ Where two effects look alike:
 - a rotary axis out of place is not identifiable from axis positions. It is from the tool tip
   measured in the table's frame (columns ``tip_x_mm``, ``tip_y_mm``, ``tip_z_mm``).
 
-:mod:`.signals` has the readings and the servo model's responses, :mod:`.effects` the table of
-effects, :mod:`.columns` what its entries are made of, :mod:`.checks` what a log must be,
-:mod:`.model` what the engine asks.
+:mod:`.inputs` has further columns of the log, :mod:`.signals` the readings and the servo model's
+responses, :mod:`.effects` the table of effects, :mod:`.columns` what its entries are made of,
+:mod:`.checks` what a log must be, :mod:`.model` what the engine asks.
 """
 
 from trunnion.models.axis_log.model import AxisLogModel as AxisLogModel

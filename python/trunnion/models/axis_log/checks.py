@@ -5,12 +5,18 @@ from collections.abc import Iterable
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.resolution import recognised
+from trunnion.base.units import Floats
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
 
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
+MAX_UNCOMMANDED = 0.2  # of the motion, that goes otherwise than commanded
+MIN_ERROR = 1.0  # following error from which on the reference is checked, µm or arcsec
+MAX_AGREEMENT = 1e-3  # of the following error that the servo model says
+MIN_DISTINCT = 5  # positions in which a step is recognised
 MAX_LEAD = 0.25  # time by which an axis may be ahead of its command, times the loop gain
 
 
@@ -52,12 +58,49 @@ def check_loops(signals: Iterable[AxisSignal], servo: Servo) -> None:
                 )
 
 
+def check_axis(signal: AxisSignal) -> None:
+    """Check that positions of an axis can say something of its servo.
+
+    Raises DataError: see the checks.
+    """
+    check_resolution(signal)
+    check_motion(signal)
+    check_reference(signal)
+
+
+def check_resolution(signal: AxisSignal) -> None:
+    """Check that positions are recorded finely enough.
+
+    Raises DataError: in steps that are larger than what the axis is away from its command.
+    """
+    unit, name = signal.units.large, signal.letter.lower()
+    error = float(np.std(signal.commanded - signal.actual))
+    for what, values in (("act", signal.actual), ("cmd", signal.commanded)):
+        step = _step(values)
+        if step > error > 0.0 and len(np.unique(signal.commanded)) > 1:
+            raise DataError(
+                f"axis log, {name}_{what}_{unit}: got positions in steps of {step:.3g} {unit}, "
+                f"where actual and commanded ones differ by {error:.3g} {unit} rms: such data do "
+                "not tell what the servo does; expected positions with more digits"
+            )
+
+
+def _step(values: Floats) -> float:
+    """Step of positions; of a fixed count of digits, that of the largest ones."""
+    distinct = np.unique(values)
+    size = float(np.abs(distinct).max(initial=0.0))
+    if size <= 0.0:
+        return 0.0
+    largest = distinct[np.abs(distinct) >= 10.0 ** np.floor(np.log10(size))]
+    return max(recognised(distinct), recognised(largest) if len(largest) > MIN_DISTINCT else 0.0)
+
+
 def check_motion(signal: AxisSignal) -> None:
     """Check that an axis goes where it is commanded, as far and not earlier.
 
     Raises DataError: actual positions that move less than half or more than twice as far as the
-        servo model says (another unit), or that are ahead of the commanded ones (columns
-        exchanged).
+        servo model says (another unit), the other way (another sense), or otherwise (another
+        axis); or that are ahead of the commanded ones (columns exchanged).
     """
     unit, name = signal.units.large, signal.letter.lower()
     actual, model = signal.actual.copy(), signal.predicted.copy()
@@ -69,6 +112,18 @@ def check_motion(signal: AxisSignal) -> None:
     if float(model @ model) < len(model) * MIN_MOTION**2:
         return  # at rest, or nearly
     ratio = float(model @ actual / (model @ model))
+    if -2.0 < ratio < -0.5:
+        raise DataError(
+            f"axis log, {name}_act_{unit}: got motion opposite to {name}_cmd_{unit}, expected the "
+            "same sense: change the sign of one of them"
+        )
+    off = float(np.sqrt(np.mean((actual - ratio * model) ** 2)))
+    if off > MAX_UNCOMMANDED * float(np.sqrt(np.mean(actual**2))):
+        raise DataError(
+            f"axis log, {name}_act_{unit}: got motion of {off:.3g} {unit} rms that "
+            f"{name}_cmd_{unit} does not command: does another axis move what is measured, or are "
+            "these columns of different axes?"
+        )
     if not 0.5 < ratio < 2.0:
         raise DataError(
             f"axis log, {name}_act_{unit}: got {ratio:.3g} times the motion that the servo model "
@@ -79,6 +134,22 @@ def check_motion(signal: AxisSignal) -> None:
         raise DataError(
             f"axis log, {name}_act_{unit}: got positions {-1e3 * late_s:.3g} ms ahead of "
             f"{name}_cmd_{unit}, expected them behind: are the columns exchanged?"
+        )
+
+
+def check_reference(signal: AxisSignal) -> None:
+    """Check that commanded and actual positions are two things.
+
+    Raises DataError: they agree far better than a servo follows.
+    """
+    units, name = signal.units, signal.letter.lower()
+    expected = float(np.std(signal.commanded - signal.predicted)) * units.scale
+    found = float(np.std(signal.commanded - signal.actual)) * units.scale
+    if expected > MIN_ERROR and found < MAX_AGREEMENT * expected:
+        raise DataError(
+            f"axis log, {name}_act_{units.large}: got positions that agree with "
+            f"{name}_cmd_{units.large} within {found:.2g} {units.small_symbol} rms, where the "
+            f"servo model says {expected:.3g}: both look like the same counter"
         )
 
 

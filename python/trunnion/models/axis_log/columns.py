@@ -28,12 +28,21 @@ class Places:
     design: What initial states may change in the readings, shape (n, p).
     readings: Shape (n,).
     given: Name → value, of another log; they are not sought anew.
+    about: Id → value, of effects that are in what the readings are compared with: their columns are
+        slopes there.
 
     found: Name → value, in the end of all.
     """
 
-    def __init__(self, design: Floats, readings: Floats, given: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        design: Floats,
+        readings: Floats,
+        given: Mapping[str, float],
+        about: Mapping[str, float] | None = None,
+    ) -> None:
         self.found = dict(given)
+        self.about = dict(about or {})
         self._design = design
         self._readings = readings
         self._basis = np.linalg.qr(design)[0]

@@ -9,7 +9,7 @@ chord: the exact change of the response divided by the parameter, at the value w
 alone fits the log best.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,36 +17,22 @@ import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
 from trunnion.base.units import Floats
-from trunnion.contouring.servo import Axis, Servo
+from trunnion.contouring.servo import Axis, Servo, varied
 from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
 from trunnion.machine.effects import Owner
 from trunnion.models.axis_log.columns import Places, Signals
-from trunnion.models.axis_log.signals import AxisSignal, Units
+from trunnion.models.axis_log.servo_effects import (
+    AxisEffect,
+    FrictionByDirection,
+    ServoEffect,
+    Stribeck,
+)
+from trunnion.models.axis_log.signals import AxisSignal
 
 LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
 ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
-
-
-@dataclass(frozen=True)
-class AxisEffect:
-    """An entry of the table for each axis; id and label are those without the axis.
-
-    whole_grid: Noise is what is left beside any place of its grid, not beside its middle.
-    """
-
-    id: str
-    label: str
-    whole_grid: bool = field(default=False, kw_only=True)
-
-    def build(self, axis: AxisSignal, places: Places) -> Effect:
-        """Return the effect on an axis of a log."""
-        raise NotImplementedError
-
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:  # noqa: ARG002
-        """Return an axis with the effect in it; as it is if its parameters cannot say it."""
-        return servo
 
 
 @dataclass(frozen=True)
@@ -56,101 +42,6 @@ class LogEffect:
     id: str
     label: str
     build: Callable[["LogEffect", Signals, Places], Effect | None]
-
-
-def _id(entry: AxisEffect, axis: AxisSignal) -> str:
-    return f"{entry.id}_{axis.letter.lower()}"
-
-
-def _label(entry: AxisEffect, axis: AxisSignal) -> str:
-    return entry.label.format(axis=axis.letter)
-
-
-# --- effects of an axis
-
-
-@dataclass(frozen=True)
-class ServoEffect(AxisEffect):
-    """Parameters of the servo differ from the set-up's by one amount.
-
-    parameter, unit: Name of the amount; its unit where the name does not say it.
-    servo: Fields of `LinearAxis` or `RotaryAxis` that it is added to.
-    start, start_share: Amount from which its size is sought; at least this share of the servo's own
-        parameter.
-    percent: The amount is in % of the servo's own parameter.
-    signed: It can be negative.
-    """
-
-    parameter: str
-    servo: tuple[str, ...]
-    unit: str = ""
-    start: float = 1.0
-    start_share: float = 0.0
-    percent: bool = False
-    signed: bool = True
-
-    def build(self, axis: AxisSignal, places: Places) -> Effect:
-        """Return the effect on an axis of a log, its column the chord."""
-        parameter = Parameter(axis.units.name(self.parameter), self.unit)
-        columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
-        return linear(_id(self, axis), [parameter], columns, _label(self, axis))
-
-    def column(self, axis: AxisSignal, places: Places) -> Floats:
-        """Change of the axis's readings by a unit of the amount, shape (blocks,)."""
-
-        def change(amount: float) -> Floats:
-            return axis.place(axis.change(self._with(axis.servo, axis.units, amount)))
-
-        own = getattr(axis.servo, axis.units.name(self.servo[0]))
-        start = max(self.start_share * own, self.start)
-        return places.chord(_id(self, axis), start, change, signed=self.signed)[axis.rows]
-
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
-        """Return an axis with the amount, the first of the values, added."""
-        return self._with(servo, units, float(next(iter(values.values()))))
-
-    def _with(self, servo: Axis, units: Units, amount: float) -> Axis:
-        names = [units.name(name) for name in self.servo]
-        step = amount * (0.01 * getattr(servo, names[0])) if self.percent else amount
-        changed: dict[str, Any] = {name: getattr(servo, name) + step for name in names}
-        return replace(servo, **changed)
-
-
-@dataclass(frozen=True)
-class Friction(ServoEffect):
-    """Coulomb friction, a change of the servo, and with it a Stribeck drop of its own."""
-
-    def build(self, axis: AxisSignal, places: Places) -> Effect:
-        """Return the effect on an axis of a log."""
-        units = axis.units
-        sense, speed = axis.sense_and_speed()
-        top = float(np.quantile(speed, 0.9)) if len(speed) else 0.0
-        peaks = tuple(float(v) for v in np.geomspace(0.01, 0.3, 6) * max(top, 1e-9))
-        drop = units.name("speed_{large}_s")
-        parameters = (
-            Parameter(units.name(self.parameter)),
-            Parameter(units.name("stribeck_{small}")),
-            Parameter(drop, unit=f"{units.large}/s", grid=peaks, bounds=(1e-9, np.inf)),
-        )
-        columns = FrictionColumns(axis, drop, self.column(axis, places), sense, speed)
-        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionColumns:
-    """Columns of Coulomb friction and of a Stribeck drop over a speed, (n, 2)."""
-
-    axis: AxisSignal
-    name: str
-    coulomb: Floats
-    sense: Floats
-    speed: Floats
-
-    def __call__(self, values: Mapping[str, float]) -> Floats:
-        """Return the columns at a speed."""
-        bump = self.sense * np.exp(-((self.speed / values[self.name]) ** 2))
-        drop = self.axis.mean(-self.axis.through_loop(bump))
-        return self.axis.blocks.place(self.axis.rows, np.stack([self.coulomb, drop], axis=1))
 
 
 @dataclass(frozen=True)
@@ -177,11 +68,11 @@ class CyclicError(AxisEffect):
             Parameter(pitch, grid=seen, bounds=(0.5 * seen[0], 2 * seen[-1])),
         )
         columns = CyclicColumns(axis, pitch, waves)
-        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
+        return gridded(self.id_of(axis), parameters, columns, self.label_of(axis))
 
-    def changed(self, servo: Axis, units: Units, values: Mapping[str, float]) -> Axis:
-        """Return an axis with the cyclic error; as it is if it has one already."""
-        names = [units.name(n) for n in ("cyclic_{small}", "pitch_{large}", "phase_deg")]
+    def changed(self, servo: Axis, axis: AxisSignal, values: Mapping[str, float]) -> Axis:
+        """Return the servo of an axis with the cyclic error; as it is if it has one already."""
+        names = [axis.units.name(n) for n in ("cyclic_{small}", "pitch_{large}", "phase_deg")]
         if getattr(servo, names[0]):
             return servo
         cosine, sine, pitch = values.values()
@@ -195,7 +86,7 @@ class CyclicError(AxisEffect):
         The grid is close enough to find the valley, not for its bottom: what a large error leaves
         there would be named as another cause.
         """
-        name = f"{_id(self, axis)}_pitch"
+        name = f"{self.id_of(axis)}_pitch"
         if name in places.found:
             return places.found[name]
         left, y = places.unexplained(axis.rows)
@@ -261,7 +152,7 @@ class Resonance(AxisEffect):
             Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, 0.9)),
         )
         columns = ResonanceColumns(axis)
-        return gridded(_id(self, axis), parameters, columns, _label(self, axis))
+        return gridded(self.id_of(axis), parameters, columns, self.label_of(axis))
 
     def _best_place(self, axis: AxisSignal, top_hz: float, places: Places) -> tuple[float, float]:
         """Frequency and damping at which a structure that carries the whole load fits best.
@@ -269,7 +160,7 @@ class Resonance(AxisEffect):
         A resonance's place is sharp, and with a free share of the load many a wrong frequency fits
         about as well at the start: so it is sought with the whole load, on a grid, then refined.
         """
-        keys = (f"{_id(self, axis)}_hz", f"{_id(self, axis)}_damping")
+        keys = (f"{self.id_of(axis)}_hz", f"{self.id_of(axis)}_damping")
         if keys[0] not in places.found:
             left, y = places.unexplained(axis.rows)
             grid = [(f, d) for f in RESONANCES_HZ if f < top_hz for d in DAMPINGS]
@@ -312,7 +203,7 @@ def _resonance(axis: AxisSignal, frequency_hz: float, damping: float) -> Floats:
 
 def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iterator[Floats]:
     """The same at many frequencies (Hz) and dampings: in parts, (blocks, m)."""
-    servos = [replace(axis.servo, resonance_hz=f, damping=d) for f, d in places]
+    servos = [varied(axis.servo, {"resonance_hz": f, "damping": d}) for f, d in places]
     for responses in axis.responses(servos, "motor"):
         yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
 
@@ -325,6 +216,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("gain_per_s",),
         unit="%",
         percent=True,
+        expected=True,
     ),
     ServoEffect(
         "time_constant",
@@ -333,6 +225,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("time_constant_ms",),
         start=0.02,
         start_share=0.02,
+        expected=True,
     ),
     ServoEffect(
         "loop_delay",
@@ -349,12 +242,47 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("backlash_{small}",),
         signed=False,
     ),
-    Friction(
+    ServoEffect(
         "friction",
         "friction of the {axis} axis",
         "coulomb_{small}",
         ("coulomb_{small}", "breakaway_{small}"),
         signed=False,
+    ),
+    Stribeck(),
+    ServoEffect(
+        "offset",
+        "constant force on the {axis} axis",
+        "offset_{small}",
+        ("offset_{small}",),
+        positive=False,
+    ),
+    FrictionByDirection(
+        "friction_direction",
+        "friction of the {axis} axis that depends on speed and direction",
+        "drag_percent",
+        ("friction_direction_percent",),
+        unit="%",
+        start=0.1,
+        positive=False,
+    ),
+    ServoEffect(
+        "velocity_forward",
+        "velocity feed-forward of the {axis} axis",
+        "forward_percent",
+        ("velocity_forward_percent",),
+        unit="%",
+        positive=False,
+        rare=True,
+    ),
+    ServoEffect(
+        "acceleration_forward",
+        "acceleration feed-forward of the {axis} axis",
+        "forward_ms",
+        ("acceleration_forward_ms",),
+        start=0.1,
+        positive=False,
+        rare=True,
     ),
     CyclicError(),
     Resonance(),
@@ -422,12 +350,19 @@ def catalogue(signals: Signals, places: Places) -> list[Located]:
     return out + [Located(effect, every) for effect in made if effect is not None]
 
 
-def changed_servo(servo: Servo, effects: Mapping[str, Mapping[str, float]]) -> Servo:
+def changed_servo(
+    servo: Servo, axes: Iterable[AxisSignal], effects: Mapping[str, Mapping[str, float]]
+) -> Servo:
     """Return the servo model with what a diagnosis found in it, as far as its parameters say it."""
-    axes = dict(servo.axes)
-    known = {f"{e.id}_{a.lower()}": (e, a) for a in axes for e in AXIS_EFFECTS}
+    changed = dict(servo.axes)
+    known = {e.id_of(axis): (e, axis) for axis in axes for e in AXIS_EFFECTS}
     for name, values in effects.items():
         if name in known:
-            entry, letter = known[name]
-            axes[letter] = entry.changed(axes[letter], Units.of(letter), values)
-    return replace(servo, axes=axes)
+            entry, axis = known[name]
+            changed[axis.letter] = entry.changed(changed[axis.letter], axis, values)
+    return replace(servo, axes=changed)
+
+
+def servo_effects(axis: AxisSignal) -> dict[str, ServoEffect]:
+    """Return the effects that are an amount of a servo parameter, by id."""
+    return {e.id_of(axis): e for e in AXIS_EFFECTS if isinstance(e, ServoEffect)}

@@ -1,7 +1,8 @@
 """The model of an axis log that the diagnosis engine asks."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -11,13 +12,21 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.effect import EffectLike, EffectValues, for_compensation, with_own
+from trunnion.diagnosis.effect import (
+    Effect,
+    EffectLike,
+    EffectValues,
+    for_compensation,
+    with_own,
+)
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.machine.estimate import Estimate
-from trunnion.models.axis_log.checks import check_loops, check_motion, check_servo, has_tip
+from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
-from trunnion.models.axis_log.effects import Located, catalogue, changed_servo
+from trunnion.models.axis_log.effects import Located, catalogue, changed_servo, servo_effects
+from trunnion.models.axis_log.inputs import Inputs
+from trunnion.models.axis_log.near import Point, near
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
 from trunnion.setup import Setup
 
@@ -69,6 +78,7 @@ class AxisLogModel(Model):
         *,
         chords: Mapping[str, float] | None = None,
         block: int | None = None,
+        point: Point | None = None,
     ) -> None:
         self.data = log
         self.setup = setup
@@ -79,18 +89,51 @@ class AxisLogModel(Model):
         self.has_tip = has_tip(log)
         channels = len(self.axes) + (len(TIP_COLUMNS) if self.has_tip else 0)
         self._blocks = Blocks(self.runs, len(self.axes), channels, block)
+        self._point = point
+        self.inside = frozenset(() if point is None else point.effects)
         self._signals = self._read()
-        self.readings = self._deviations()
+        self._off = self.readings = self._deviations()
         self.nuisance, self._design = self._initial_states()
-        places = Places(self._design, self.readings.values, chords or {})
+        self._given, self._chords = tuple(effects), dict(chords or {})
+        with_own([], [e for e in effects if not isinstance(e, str)], log)  # checked at once
+        if any(isinstance(e, str) for e in effects):
+            with_own(self.effects, [e for e in effects if isinstance(e, str)], log)
+        if point is not None:
+            self.readings = self._without_point(point)
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:  # type: ignore[override]
+        """The catalogue, and the user's own effects."""
+        return tuple(one.effect for one in self._located)
+
+    @cached_property
+    def _made(self) -> tuple[list[Located], Mapping[str, float]]:
+        """The catalogue, and the values at which its columns are taken."""
+        amounts = {} if self._point is None else self._point.effects
+        places = Places(self._design, self._off.values, self._chords, amounts)
         made = catalogue(self._signals, places)
-        self._given = tuple(effects)
-        own = with_own([m.effect for m in made], effects, log)[len(made) :]
-        every = range(channels)
-        located = (Located(on_readings(e, len(log), self._signals), every) for e in own)
-        self._located: tuple[Located, ...] = (*made, *located)
-        self._places = places.found
-        self.effects = tuple(one.effect for one in self._located)
+        axes = range(len(self.axes))
+        made += [Located(e, axes) for e in self._inputs.effects(self._signals)]
+        return made, places.found
+
+    @cached_property
+    def _inputs(self) -> Inputs:
+        """Further columns of the log."""
+        return Inputs.of(self.data, self._signals.axes)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say which further columns are no inputs."""
+        return self._inputs.remarks()
+
+    @cached_property
+    def _located(self) -> tuple[Located, ...]:
+        """Effects with the channels that they act on."""
+        made, _ = self._made
+        own = with_own([m.effect for m in made], self._given, self.data)[len(made) :]
+        every = range(self._blocks.channels)
+        located = (Located(on_readings(e, len(self.data), self._signals), every) for e in own)
+        return (*made, *located)
 
     def _read(self) -> Signals:
         """Axes and tool tip of the log, checked."""
@@ -99,6 +142,7 @@ class AxisLogModel(Model):
             AxisSignal(
                 letter,
                 channel,
+                self.servo.axes[letter],
                 self.servo.axes[letter],
                 feedback,
                 np.array(log.commanded(letter.lower()), dtype=np.float64),
@@ -110,9 +154,60 @@ class AxisLogModel(Model):
         )
         check_loops(axes, self.servo)
         for axis in axes:
-            check_motion(axis)
+            check_axis(axis)
+        if self._point is not None:
+            axes = tuple(self._at(axis, self._point) for axis in axes)
         tip = ToolTip.of(log, self.setup) if self.has_tip else None
         return Signals(axes, tip, self._blocks)
+
+    @staticmethod
+    def _at(axis: AxisSignal, point: Point) -> AxisSignal:
+        """Axis about a point."""
+        servo = axis.nominal
+        for name, entry in servo_effects(axis).items():
+            if name in point.effects:
+                servo = entry.added(servo, axis, point.effects[name])
+        rest = np.zeros((len(axis.runs), 2))
+        return replace(axis, servo=servo, starts=point.starts.get(axis.letter, rest))
+
+    def _without_point(self, point: Point) -> Readings:
+        """Readings less the plain model's: to what the point leaves, what it holds is added."""
+        values = self.readings.values.copy()
+        for effect in self.effects:
+            if effect.id in point.effects:
+                values += np.asarray(effect.change(effect.values([point.effects[effect.id]])))
+        rest = np.zeros((len(self.runs), 2))
+        starts = [point.starts.get(letter, rest).ravel() for letter in self.axes]
+        return replace(self.readings, values=values + self._design @ np.concatenate(starts))
+
+    def near(self, *, always: bool = False) -> "AxisLogModel":
+        """Return the model about a point near its log; itself where chords are exact enough."""
+        point = near(self._signals.axes, self._inputs.columns.values(), always=always)
+        return self if point is None else self._about(point)
+
+    def about(self, nuisance: Floats, effects: EffectValues) -> "AxisLogModel":
+        """Return the model about a fit of itself."""
+        return self._about(self._point_of(nuisance, effects))
+
+    def _point_of(self, nuisance: Floats, effects: EffectValues) -> Point:
+        starts = np.asarray(nuisance).reshape(len(self.axes), len(self.runs), 2)
+        known = {name for axis in self._signals.axes for name in servo_effects(axis)}
+        amounts = {n: float(next(iter(v.values()))) for n, v in effects.items() if n in known}
+        return Point(amounts, dict(zip(self.axes, starts, strict=True)))
+
+    def exact_residuals(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return what a fit leaves when its servo effects are simulated together."""
+        point = self._point_of(nuisance, effects)
+        out = self.readings.values - self.predict(nuisance, effects)
+        others = {n: v for n, v in effects.items() if n not in point.effects}
+        added = self.predict(0.0 * nuisance, others)
+        for axis in self._signals.axes:
+            out[axis.rows] = self._at(axis, point).deviation() - added[axis.rows]
+        return out
+
+    def _about(self, point: Point) -> "AxisLogModel":
+        size = self._blocks.size
+        return AxisLogModel(self.data, self.setup, self._given, block=size, point=point)
 
     def _deviations(self) -> Readings:
         """Readings of every channel: deviations from the model."""
@@ -206,6 +301,11 @@ class AxisLogModel(Model):
         """
         return whitener(self, residuals, self._noise_channels(), self.groups)
 
+    def dependent(self, residuals: Floats) -> Callable[[Floats], Floats]:
+        """Divide by the long-run noise of each axis, beside what every effect of it explains."""
+        channels = self._noise_channels()
+        return whitener(self, residuals, channels, self.groups, all_dependent=True)
+
     def _noise_channels(self) -> Iterator[Channel]:
         """Each channel with the columns that in it are not noise: initial states and effects.
 
@@ -235,7 +335,7 @@ class AxisLogModel(Model):
 
     def bind(self, data: AxisLog) -> "AxisLogModel":
         """Return the same model, with the same columns, on another log."""
-        return AxisLogModel(data, self.setup, self._given, chords=self._places)
+        return AxisLogModel(data, self.setup, self._given, chords=self._made[1])
 
     def extended(
         self,
@@ -253,7 +353,7 @@ class AxisLogModel(Model):
             errors[error] = known.get(error, 0.0) + value
             std_errors[error] = std_errors.pop(f"rotary_centre.{name}", 0.0)
         return ExtendedServo(
-            servo=changed_servo(self.servo, effects),
+            servo=changed_servo(self.servo, self._signals.axes, effects),
             errors=errors,
             effects=found,
             **fields,

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 import trunnion._core as _core
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats, Integers
-from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo
+from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo, numbers
 from trunnion.data.axis_log import AxisLog
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -23,6 +23,7 @@ from trunnion.setup import Setup
 MAX_READINGS = 4500
 MIN_SAMPLES = 20  # of a run
 MAX_SUBSTEPS = 100  # control periods between two samples
+START_STEP = 0.1  # µm and µm/ms, arcsec and arcsec/ms, over which the free response is differenced
 MAX_BATCH = 2_000_000  # numbers in one batch of responses: 16 MB
 TIP_COLUMNS = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
@@ -140,20 +141,26 @@ class AxisSignal:
     """One axis of a log: its positions, and those that the servo model says.
 
     letter, channel: "X", and its place among the axes of the log.
-    servo: Parameters of the set-up, which may know of backlash and the like.
+    servo: Parameters about which effects are taken: those of the set-up, which may know of backlash
+        and the like, or (:mod:`.near`) with strong effects in.
+    nominal: Parameters of the set-up.
     feedback: Which position the loop is closed on.
     commanded, actual: Positions by row, mm or deg, shape (rows,).
     runs, blocks: Of the log.
+    starts: How far each run begins ahead of its first command, and its speed then, µm (arcsec) and
+        µm/ms, shape (runs, 2); None: at rest.
     """
 
     letter: str
     channel: int
     servo: Axis
+    nominal: Axis
     feedback: Feedback
     commanded: Floats
     actual: Floats
     runs: tuple[Run, ...]
     blocks: Blocks
+    starts: Floats | None = None
 
     @property
     def units(self) -> Units:
@@ -183,7 +190,15 @@ class AxisSignal:
         batch = max(1, MAX_BATCH // len(self.commanded))
         for start in range(0, len(servos), batch):
             some = servos[start : start + batch]
-            yield self._follow(some, feedback or self.feedback, self._fine_commands)
+            yield self._follow(some, feedback or self.feedback, self._fine_commands, self.starts)
+
+    def readings_of(self, servos: Sequence[Axis], starts: Floats) -> Floats:
+        """Readings as positions under each of m parameters from starts (m, runs, 2): (m, blocks).
+
+        In µm or arcsec, less the commanded positions.
+        """
+        y = self._follow(servos, self.feedback, self._fine_commands, starts)
+        return self.blocks.mean(self.units.scale * (y - self.commanded), axis=1)
 
     def change(self, servo: Axis) -> Floats:
         """Exact change of the response by other parameters, µm or arcsec, by row."""
@@ -209,13 +224,30 @@ class AxisSignal:
             out.append(values)
         return out
 
-    def _follow(self, servos: Sequence[Axis], feedback: Feedback, fine: Sequence[Floats]) -> Floats:
-        """Load positions for commands by control period, shape (servos, rows)."""
-        numbers = np.stack([Servo({self.letter: s}).row(self.letter) for s in servos])
+    def _follow(
+        self,
+        servos: Sequence[Axis],
+        feedback: Feedback,
+        fine: Sequence[Floats],
+        starts: Floats | None = None,
+    ) -> Floats:
+        """Load positions for commands by control period, shape (servos, rows).
+
+        ``starts``: of all servos (runs, 2), or of each, (servos, runs, 2).
+        """
+        each = numbers(servos)
         out = np.empty((len(servos), len(self.commanded)))
-        for run, command in zip(self.runs, fine, strict=True):
+        some = np.zeros((len(self.runs), 2)) if starts is None else starts * [1.0, 1e3]
+        some = np.broadcast_to(some / self.units.scale, (len(servos), len(self.runs), 2))
+        for i, (run, command) in enumerate(zip(self.runs, fine, strict=True)):
             out[:, run.rows] = _core.contour_axis_responses(
-                self.letter, numbers, run.control_s, feedback, command, stride=run.substeps
+                self.letter,
+                each,
+                run.control_s,
+                feedback,
+                command,
+                stride=run.substeps,
+                starts=np.ascontiguousarray(some[:, i]),
             )
         return out
 
@@ -229,6 +261,10 @@ class AxisSignal:
     def free(self) -> Floats:
         """Free response to 1 µm (arcsec) and to 1 µm a ms at the start of a run, (rows, 2)."""
         out = np.empty((len(self.commanded), 2))
+        if self.starts is not None:
+            moved = self.starts + START_STEP * np.eye(2)[:, None, :]
+            y = self._follow([self.servo] * 2, self.feedback, self._fine_commands, moved)
+            return np.asarray((self.units.scale / START_STEP * (y - self.predicted)).T)
         for run in self.runs:
             poles, vectors = np.linalg.eig(self.step(run).astype(complex))
             powers = poles ** (run.substeps * np.arange(run.count))[:, None]
@@ -258,6 +294,12 @@ class AxisSignal:
             kept = np.maximum.accumulate(np.where(s != 0, np.arange(len(s)), 0))
             sense[run.rows], speed[run.rows] = s[kept], np.abs(v)
         return sense, speed
+
+    @cached_property
+    def typical_speed(self) -> float:
+        """Mean of the commanded speed, mm/s or deg/s."""
+        speeds = [np.abs(np.gradient(self.commanded[r.rows], r.period_s)) for r in self.runs]
+        return float(np.mean(np.concatenate(speeds)))
 
     def kinematic(self, order: int) -> Floats:
         """Commanded position, speed or acceleration of each of its readings."""

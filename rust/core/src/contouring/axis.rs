@@ -1,11 +1,14 @@
 //! One axis: a servo of first order with gain, and what real axes add to it.
 //!
 //! ```text
+//! w = K_v (r - y - offset) + f_v dr/dt + f_a d²r/dt²          position loop with feed-forward
 //! τ dv/dt + v = w(t - delay) - friction,   dy/dt = v          drive (motor position y)
 //! q'' + 2 ζ ω q' + ω² q = ω² y                                structure, if it resonates
 //! load = play(q) + A sin(2π y / pitch + φ)                    screw or gear, if it is not exact
 //! ```
 //!
+//! friction = sign(v) level(|v|) + drag |v|. A friction level of its own in each direction is a level
+//! and an offset; friction in proportion to the speed is another gain and time constant.
 //! w is the velocity command, held over a control period (exact zero-order hold, so that a step has
 //! no discretisation error), with the loop closed in the motor's or in the load's position.
 
@@ -36,6 +39,9 @@ pub struct Friction {
     pub breakaway: f64,
     /// Speed over which one goes into the other (Stribeck), mm/s or rad/s.
     pub stribeck: f64,
+    /// Share of the speed by which friction is larger in the positive direction and smaller in the
+    /// other.
+    pub drag: f64,
 }
 
 /// Parameters of one axis, in mm (rad) and s. Zero switches a part off.
@@ -63,6 +69,12 @@ pub struct Axis {
     pub damping: f64,
     /// Largest velocity command; infinite for none.
     pub limit: f64,
+    /// Position error that a constant force takes to hold.
+    pub offset: f64,
+    /// Share of the commanded velocity that is fed forward.
+    pub velocity_forward: f64,
+    /// Time by which the commanded acceleration is fed forward, s.
+    pub acceleration_forward: f64,
 }
 
 impl Axis {
@@ -72,7 +84,7 @@ impl Axis {
         Self {
             gain,
             time_constant,
-            friction: Friction { coulomb: 0.0, breakaway: 0.0, stribeck: 0.0 },
+            friction: Friction { coulomb: 0.0, breakaway: 0.0, stribeck: 0.0, drag: 0.0 },
             backlash: 0.0,
             cyclic: 0.0,
             pitch: 0.0,
@@ -81,6 +93,9 @@ impl Axis {
             resonance: 0.0,
             damping: 0.0,
             limit: f64::INFINITY,
+            offset: 0.0,
+            velocity_forward: 0.0,
+            acceleration_forward: 0.0,
         }
     }
 
@@ -111,6 +126,20 @@ impl Axis {
         }
         if !(self.cyclic.is_finite() && self.phase.is_finite()) {
             return fail("cyclic error", self.cyclic, "finite numbers");
+        }
+        let signed = [
+            ("offset", self.offset),
+            ("velocity feed-forward", self.velocity_forward),
+            ("acceleration feed-forward, s", self.acceleration_forward),
+        ];
+        for (what, value) in signed {
+            if !value.is_finite() {
+                return fail(what, value, "a finite number");
+            }
+        }
+        // Above 1 the axis would speed up by itself.
+        if self.friction.drag.is_nan() || self.friction.drag.abs() >= 1.0 {
+            return fail("friction by direction", self.friction.drag, "above -1 and below 1");
         }
         if self.friction.breakaway < self.friction.coulomb {
             return fail("breakaway friction", self.friction.breakaway, "at least coulomb");
@@ -212,6 +241,8 @@ pub struct Drive {
     structure: Option<Structure>,
     has_friction: bool,
     feedback: Feedback,
+    period: f64,
+    targets: [f64; 2],
     y: f64,
     v: f64,
     q: [f64; 2],
@@ -243,8 +274,10 @@ impl Drive {
             next: 0,
             structure: (axis.resonance > 0.0)
                 .then(|| Structure::new(axis.resonance, axis.damping, period)),
-            has_friction: axis.friction.breakaway > 0.0,
+            has_friction: axis.friction.breakaway > 0.0 || axis.friction.drag != 0.0,
             feedback,
+            period,
+            targets: [position; 2],
             y: position,
             v: 0.0,
             q: [position, 0.0],
@@ -253,6 +286,16 @@ impl Drive {
         };
         drive.load = drive.load_position();
         Ok(drive)
+    }
+
+    /// Let the axis be `ahead` of where it stands and move at a speed, as it does when a log begins.
+    pub fn start(&mut self, ahead: f64, speed: f64) {
+        self.y += ahead;
+        self.v = speed;
+        self.q = [self.q[0] + ahead, speed];
+        self.play += ahead;
+        self.commands = [speed; MAX_DELAY];
+        self.load = self.load_position();
     }
 
     /// Position the loop is closed on.
@@ -280,6 +323,19 @@ impl Drive {
     #[must_use]
     pub fn gain(&self) -> f64 {
         self.axis.gain
+    }
+
+    /// One control period to a target that the axis is `error` away from.
+    pub fn follow(&mut self, error: f64, target: f64) {
+        let axis = &self.axis;
+        let mut w = axis.gain * error;
+        if axis.velocity_forward != 0.0 || axis.acceleration_forward != 0.0 {
+            let rate = (target - self.targets[0]) / self.period;
+            let change = (rate - (self.targets[0] - self.targets[1]) / self.period) / self.period;
+            w += axis.velocity_forward * rate + axis.acceleration_forward * change;
+            self.targets = [target, self.targets[0]];
+        }
+        self.step(w);
     }
 
     /// One control period under velocity command `w` (mm/s, rad/s).
@@ -318,6 +374,7 @@ impl Drive {
     }
 
     fn drive(&mut self, w: f64, hold: Hold) {
+        let w = w - self.axis.gain * self.axis.offset;
         if self.has_friction {
             self.drive_with_friction(w, hold);
         } else {
@@ -326,7 +383,7 @@ impl Drive {
         }
     }
 
-    /// Motion with friction: the level is that of the speed at the beginning of the stretch (the
+    /// Motion with friction: the level (and what goes with the speed by direction) is that of the speed at the beginning of the stretch (the
     /// Stribeck curve moves within a period by less than dt·|dv/dt|/stribeck of its drop); the
     /// instant at which the axis stops is exact, and there it stays unless the command exceeds the
     /// level at rest.
@@ -345,7 +402,7 @@ impl Drive {
             };
             let drop = if f.stribeck > 0.0 { (-(self.v / f.stribeck).powi(2)).exp() } else { 0.0 };
             let level = f.coulomb + (f.breakaway - f.coulomb) * drop;
-            let target = w - direction * level;
+            let target = w - direction * level - f.drag * self.v.abs();
             let end = hold.e * self.v + (1.0 - hold.e) * target;
             if end * direction >= 0.0 {
                 self.y += hold.g * self.v + hold.h * target;
@@ -362,12 +419,14 @@ impl Drive {
 }
 
 /// Load positions of drives with each of many parameters that follow the same commands, one a control
-/// period, from rest at the first; every `stride`-th of them, one drive after the other. On all cores.
+/// period; every `stride`-th of them, one drive after the other. On all cores. `starts`: of each drive,
+/// how far it begins ahead of the first command, and its speed then.
 ///
 /// # Errors
-/// Parameters out of range, a stride of 0.
+/// Parameters out of range, a stride of 0, fewer starts than axes.
 pub fn responses(
     axes: &[Axis],
+    starts: &[[f64; 2]],
     name: char,
     period: f64,
     feedback: Feedback,
@@ -377,21 +436,25 @@ pub fn responses(
     if stride == 0 {
         return Err(Error::input("stride", stride, "1 or more"));
     }
-    let start = commands.first().copied().unwrap_or(0.0);
-    let follow = |axis: &Axis| {
-        let mut drive = Drive::new(axis, name, period, feedback, start)?;
+    if starts.len() != axes.len() {
+        return Err(Error::input("starts", starts.len(), format!("{} of them", axes.len())));
+    }
+    let first = commands.first().copied().unwrap_or(0.0);
+    let follow = |(axis, start): (&Axis, &[f64; 2])| {
+        let mut drive = Drive::new(axis, name, period, feedback, first)?;
+        drive.start(start[0], start[1]);
         let mut out = Vec::with_capacity(commands.len().div_ceil(stride));
         for (i, command) in commands.iter().enumerate() {
             if i.is_multiple_of(stride) {
                 out.push(drive.load());
             }
-            drive.step(drive.gain() * (command - drive.measured()));
+            drive.follow(command - drive.measured(), *command);
         }
         Ok(out)
     };
-    if let [axis] = axes {
-        return follow(axis); // no need to wake other threads
+    if let ([axis], [start]) = (axes, starts) {
+        return follow((axis, start)); // no need to wake other threads
     }
-    let each: Vec<Vec<f64>> = axes.par_iter().map(follow).collect::<Result<_>>()?;
+    let each: Vec<Vec<f64>> = axes.par_iter().zip(starts).map(follow).collect::<Result<_>>()?;
     Ok(each.concat())
 }

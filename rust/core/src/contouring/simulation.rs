@@ -195,8 +195,8 @@ impl<'a> Loop<'a> {
             _ => {}
         }
         self.commanded = [0, 1, 2, 3, 4].map(|i| y[i] + command[i]);
-        for (drive, error) in self.drives.iter_mut().zip(command) {
-            drive.step(drive.gain() * error);
+        for ((drive, error), target) in self.drives.iter_mut().zip(command).zip(self.commanded) {
+            drive.follow(error, target);
         }
         self.k += 1;
     }

@@ -7,7 +7,9 @@ use trunnion_core::contouring::{Axis, Feed, Figures, Friction, Path, Reference, 
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, MS, UM};
 
 /// Number of parameters in a row that describes an axis, in the order of [`axis`].
-pub const AXIS_FIELDS: usize = 13;
+pub const AXIS_FIELDS: usize = 17;
+
+const PERCENT: f64 = 0.01;
 
 /// mm, or rad per degree: what a position of an axis counts in.
 pub fn position_unit(letter: char) -> f64 {
@@ -17,8 +19,9 @@ pub fn position_unit(letter: char) -> f64 {
 /// An axis from a row: gain (1/s), time constant (ms), Coulomb and breakaway friction as the position
 /// error they take (µm | arcsec), Stribeck speed (mm/min | deg/min), backlash (µm | arcsec),
 /// amplitude of the cyclic error (µm | arcsec), its pitch (mm | deg) and phase (deg), delay (ms),
-/// resonance (Hz), damping ratio, limit of the velocity command (mm/min | deg/min); the second unit
-/// for a rotary axis.
+/// resonance (Hz), damping ratio, limit of the velocity command (mm/min | deg/min), offset (µm |
+/// arcsec), friction by direction (%), velocity feed-forward (%), acceleration feed-forward (ms); the
+/// second unit for a rotary axis.
 pub fn axis(row: &[f64; AXIS_FIELDS], rotary: bool) -> Axis {
     let (small, large) = if rotary { (ARCSEC, DEG) } else { (UM, 1.0) };
     let speed = large * MM_PER_MIN;
@@ -29,6 +32,7 @@ pub fn axis(row: &[f64; AXIS_FIELDS], rotary: bool) -> Axis {
             coulomb: row[2] * small * row[0],
             breakaway: row[3] * small * row[0],
             stribeck: row[4] * speed,
+            drag: row[14] * PERCENT,
         },
         backlash: row[5] * small,
         cyclic: row[6] * small,
@@ -38,6 +42,9 @@ pub fn axis(row: &[f64; AXIS_FIELDS], rotary: bool) -> Axis {
         resonance: row[10] * TAU,
         damping: row[11],
         limit: row[12] * speed,
+        offset: row[13] * small,
+        velocity_forward: row[15] * PERCENT,
+        acceleration_forward: row[16] * MS,
     }
 }
 

@@ -1,0 +1,82 @@
+"""Residuals that are no stationary noise: how dependent they are, and what follows from that.
+
+Where a model is not complete, what it leaves depends on the motion, on time, on itself. An
+autoregression would take such structure for noise with a memory and estimate from the rest. Two
+things are taken instead (Newey and West 1987, with the bandwidth of Andrews 1991): the variance of
+such readings is their long-run variance, which counts n dependent readings as n / `length`
+independent ones; and standard errors come from the long-run covariance of the scores.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trunnion.base.units import Floats, Integers
+
+BLOCK = 24  # readings, in which the size of innovations is taken
+DISTURBED = 3  # blocks that have to be far larger than the middle one: a jump disturbs two
+LARGER = 3.0  # in variance; of normal noise the third of 200 blocks is 1.8 times as large
+MAX_SHARE = 0.1  # of a series, that the bandwidth is at most
+
+
+def changes(innovations: Floats) -> bool:
+    """Whether the size of innovations (n,) changes with time, by far."""
+    count = len(innovations) // BLOCK
+    if count <= 2 * DISTURBED:
+        return False
+    squares = np.array([float(np.mean(b**2)) for b in np.array_split(innovations, count)])
+    ordered = np.sort(squares)
+    return bool(ordered[-DISTURBED] > LARGER * np.median(ordered))
+
+
+def bandwidth(series: Sequence[Floats]) -> int:
+    """Bandwidth of a Bartlett kernel for these series, by an autoregression of first order."""
+    n = sum(len(x) for x in series)
+    top = sum(float(x[1:] @ x[:-1]) for x in series)
+    rho = float(np.clip(top / max(sum(float(x @ x) for x in series), 1e-300), 0.0, 0.99))
+    alpha = 4 * rho**2 / ((1 - rho) * (1 + rho)) ** 2
+    return int(np.clip(1.1447 * (alpha * n) ** (1 / 3), 1, max(1, MAX_SHARE * n)))
+
+
+def long_run(series: Sequence[Floats], width: int) -> Floats:
+    """Long-run covariance of series of k scores, each (n, k): summed over readings, shape (k, k).
+
+    A Bartlett kernel: mean over windows of ``width`` readings of the squares of their sums.
+    """
+    out = np.zeros((series[0].shape[1],) * 2)
+    for x in series:
+        edge = np.zeros((width, x.shape[1]))
+        total = np.cumsum(np.concatenate([edge, x, edge]), axis=0)
+        window = total[width:] - total[:-width]
+        out += window.T @ window / width
+    return out
+
+
+def length(series: Sequence[Floats]) -> float:
+    """Readings that count as one: long-run variance over variance, 1 at least."""
+    width = bandwidth(series)
+    variance = sum(float(x @ x) for x in series)
+    return max(
+        1.0, float(long_run([x[:, None] for x in series], width)[0, 0]) / max(variance, 1e-300)
+    )
+
+
+def growth(
+    jacobian: Floats,
+    white: Floats,
+    covariance: Floats,
+    variance: float,
+    segments: Sequence[Integers],
+) -> Floats:
+    """How many times larger standard errors are than of independent readings, shape (p,).
+
+    ``jacobian`` (n, p) and residuals ``white`` (n,), whitened; ``covariance``: of the parameters
+    per unit of noise; ``variance``: of a reading; ``segments``: readings in a row.
+    """
+    series = [white[s] for s in segments]
+    scores = [jacobian[s] * white[s][:, None] for s in segments]
+    meat = long_run(scores, bandwidth(series))
+    n, p = jacobian.shape
+    sandwich = np.einsum("ij,jk,ik->i", covariance, meat, covariance) * n / max(n - p, 1)
+    usual = np.diag(covariance) * variance
+    return np.asarray(np.sqrt(np.where(usual > 0, sandwich / np.where(usual > 0, usual, 1.0), 1.0)))

@@ -1,0 +1,74 @@
+"""What is left beside the causes where it is no stationary noise: how much, when, on what."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.case import Case, rms
+from trunnion.diagnosis.dependence import BLOCK
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import units_of, with_unit
+
+LARGER = 4.0  # in variance than the middle block of readings: the residual is large there
+MAX_STRETCHES = 3
+MIN_STRETCHED = 0.25  # of the variance, that the largest stretches are named for
+
+
+def remaining(case: Case, f: Fit, terms: Sequence[tuple[str, float]]) -> str | None:
+    """Say what a fit leaves; None where all of it is stationary noise.
+
+    ``terms``: quantities that it depends on, with their share of its variance.
+    """
+    segments = case.dependent
+    if not segments:
+        return None
+    rows = case.rows[np.concatenate(segments)]
+    left = f.residuals
+    units, index = units_of(case.model.readings)
+    sizes = [
+        with_unit(f"{rms(left[rows[index[rows] == i]]):.3g}", unit)
+        for i, unit in enumerate(units)
+        if np.any(index[rows] == i)
+    ]
+    where = [name for name, c in case.model.components.items() if np.any(np.asarray(c)[rows])]
+    axis = f" of {', '.join(where)}" if where and any(where) else ""
+    text = f"{' and '.join(sizes)} rms{axis} is left that is no stationary noise"
+    if terms:
+        said = " or ".join(sentence for sentence, _ in terms)
+        text += f"; it depends on {said}: {100 * terms[0][1]:.0f} % of its variance"
+    places = [case.rows[some] for some in segments]
+    return text + _when(case.model, left, places)
+
+
+def _when(model: Model, left: Floats, segments: Sequence[Integers]) -> str:
+    """Say where in the sequence of readings the residual is largest, if it is so anywhere."""
+    along = next((c for c in model.covariates if c.sequence), None)
+    if along is None:
+        return ""
+    blocks = [b for s in segments for b in np.array_split(s, max(1, len(s) // BLOCK))]
+    squares = np.array([float(left[b] @ left[b]) for b in blocks])
+    each = squares / [len(b) for b in blocks]
+    large = each > LARGER * np.median(each)
+    stretches: list[tuple[float, Integers]] = []
+    joined = False
+    for block, size, out in zip(blocks, squares.tolist(), large.tolist(), strict=True):
+        if out and joined and block[0] == stretches[-1][1][-1] + 1:
+            before, rows = stretches.pop()
+            stretches.append((before + size, np.concatenate([rows, block])))
+        elif out:
+            stretches.append((size, block))
+        joined = out
+    stretches.sort(key=lambda s: -s[0])
+    some = stretches[:MAX_STRETCHES]
+    share = sum(size for size, _ in some) / max(float(squares.sum()), 1e-300)
+    if share < MIN_STRETCHED:
+        return ""
+    values = np.asarray(along.values, dtype=np.float64)
+    some.sort(key=lambda s: int(s[1][0]))
+    said = ", ".join(
+        f"{values[rows].min():.4g} to {with_unit(f'{values[rows].max():.4g}', along.unit)}"
+        for _, rows in some
+    )
+    return f"; {100 * share:.0f} % of it lies at {along.name} {said}"

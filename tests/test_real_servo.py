@@ -1,0 +1,148 @@
+"""Servo logs of real axes whose owners published what they are, and of an independent rig.
+
+The EMPS benchmark (Janot, Gautier and Brunot 2019) is put in from nominal values up to 20 % off.
+In terms of the following error it has: gain 156.46 1/s, Coulomb friction 14.88 µm, constant force
+-2.31 µm (one lap: -2.2). What no file can show is shown on tests/servo_rig_twin.py.
+"""
+
+import csv
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import servo_rig_twin as rig
+import trunnion as tn
+from trunnion.base.errors import DataError
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.setup import Artefact, Setup
+
+MEASURED = Path(__file__).resolve().parents[2] / "shared" / "measured" / "servo"
+CORNERS = [(1.0, 1.0), (0.8, 0.8), (0.8, 1.2), (1.2, 0.8), (1.2, 1.2), (1.02, 0.95)]
+
+
+def measured(name: str) -> Path:
+    path = MEASURED / name
+    if not path.exists():
+        pytest.skip(f"{name} is not here: it may not be copied into the project")
+    return path
+
+
+def setup(gain_per_s: float, time_constant_ms: float, axes: str = "X") -> Setup:
+    axis = {"gain_per_s": gain_per_s, "time_constant_ms": time_constant_ms}
+    return Setup(artefact=Artefact("none"), servo=dict.fromkeys(axes, axis))
+
+
+@pytest.mark.parametrize(("gain", "tau"), CORNERS)
+def test_emps_is_found_from_any_nominal_values(gain: float, tau: float) -> None:
+    log = tn.read_axis_log(measured("emps_lap1.csv"))
+    d = tn.diagnose(log, setup(160.18 * gain, 11.11 * tau))
+    assert d.verdict == "explained"
+    axis = d.model.servo.axes["X"]
+    assert axis.gain_per_s == pytest.approx(156.5, abs=0.5)
+    assert axis.coulomb_um == pytest.approx(14.9, abs=0.4)
+    assert axis.time_constant_ms == pytest.approx(9.4, abs=0.1)
+    assert d.effects["offset_x"]["offset_um"] == pytest.approx(-2.2, abs=0.3)
+    assert d.gain.rms_after_um < 1.6
+    assert d.gain.rms_after_um < d.gain.rms_before_um
+    assert d.named - {"gain_x", "time_constant_x", "friction_x", "offset_x"} == {
+        "friction_direction_x"
+    }
+    assert d.unexplained is not None
+    assert "is left that is no stationary noise" in d.unexplained
+    assert d.ladder is not None
+    assert d.ladder.rms_um[0] == pytest.approx(d.gain.rms_before_um)
+    assert np.all(np.diff(d.ladder.rms_um) < 0)
+
+
+def test_positions_in_steps_of_a_millimetre_are_refused() -> None:
+    with measured("cnc_mill_05.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    columns = {"time_s": np.arange(len(rows)) * 0.1}
+    for letter in "XYZ":
+        for what, name in (("cmd", "Command"), ("act", "Actual")):
+            values = [float(row[f"{letter}1_{name}Position"]) for row in rows]
+            columns[f"{letter.lower()}_{what}_mm"] = np.array(values)
+    with pytest.raises(DataError, match=r"x_act_mm: got positions in steps of 1 mm, .* digits"):
+        tn.diagnose(tn.AxisLog(**columns), setup(10.0, 50.0, "XYZ"))
+
+
+# --- the rig
+
+
+@cache
+def command() -> rig.Array:
+    return rig.commanded()
+
+
+def diagnosed(one: rig.Rig, gain: float = 1.0, tau: float = 1.0, seed: int = 0) -> Diagnosis:
+    log = rig.log(one, command(), np.random.default_rng(seed))
+    time_constant = 1e3 * (one.motor_kg + one.load_kg) / one.velocity_gain
+    return tn.diagnose(log, setup(one.position_gain * gain, time_constant * tau))
+
+
+@pytest.mark.parametrize(("gain", "tau"), [(1.0, 1.0), (0.82, 1.2), (1.2, 0.8)])
+def test_lugre_friction_on_two_masses_is_coulomb_friction(gain: float, tau: float) -> None:
+    truth = rig.Rig()
+    d = diagnosed(truth, gain, tau)
+    assert d.verdict in ("explained", "ambiguous")
+    certain = frozenset.intersection(*d.alternatives)
+    assert certain == {"gain_x", "time_constant_x", "friction_x", "offset_x"}
+    assert d.named - certain <= {"stribeck_x"}  # friction about rest is not Coulomb's
+    axis = d.model.servo.axes["X"]
+    assert axis.gain_per_s == pytest.approx(truth.gain, rel=0.003)
+    assert axis.coulomb_um == pytest.approx(truth.coulomb_um, rel=0.1)
+    assert d.effects["offset_x"]["offset_um"] == pytest.approx(truth.offset_um, abs=0.5)
+    assert d.gain.rms_after_um < 0.1 * d.gain.rms_before_um
+
+
+def test_force_pulses_that_no_column_records_are_stated_with_size_and_time() -> None:
+    pulses = ((1.0, 1.2, 300.0), (2.5, 2.6, -500.0), (4.2, 4.5, 200.0))
+    d = diagnosed(replace(rig.Rig(), pulses=pulses))
+    assert d.verdict == "unexplained"
+    assert d.unexplained is not None
+    assert "µm rms of X is left that is no stationary noise" in d.unexplained
+    assert "of it lies at time" in d.unexplained
+    assert d.gain.rms_after_um <= d.gain.rms_before_um
+
+
+@pytest.mark.parametrize(("gain", "tau"), [(1.0, 1.0), (0.85, 1.2)])
+def test_a_recorded_force_is_an_input_and_a_drive_voltage_is_none(gain: float, tau: float) -> None:
+    pulses = ((1.0, 1.2, 300.0), (2.5, 2.6, -500.0), (4.2, 4.5, 200.0))
+    truth = replace(rig.Rig(), pulses=pulses)
+    log = rig.log(truth, command(), np.random.default_rng(3))
+    t = log.time_s
+    force = sum(np.where((t >= a) & (t < b), size, 0.0) for a, b, size in pulses)
+    speed = np.gradient(log.actual("x"), 1e-3)
+    drive = 0.002 * (truth.position_gain * (log.commanded("x") - log.actual("x")) - speed)
+    d = tn.diagnose(log.with_columns(force_n=force, drive_v=drive), setup(120.0 * gain, 11.1 * tau))
+    assert d.verdict == "explained"
+    expected = 1e6 / truth.stiffness_of_loop
+    assert d.effects["input_force_n"]["x_um"] == pytest.approx(expected, rel=0.02)
+    assert d.model.servo.axes["X"].coulomb_um == pytest.approx(truth.coulomb_um, rel=0.05)
+    assert "input_drive_v" not in d.named
+    assert any("Column drive_v is not taken for an input" in note for note in d.notes)
+
+
+# --- logs that cannot tell
+
+
+def test_logs_that_cannot_tell_are_refused() -> None:
+    log = rig.log(rig.Rig(), command(), np.random.default_rng(1))
+    servo = setup(120.0, 11.0)
+    x = log.commanded("x")
+    with pytest.raises(DataError, match="motion opposite to x_cmd_mm"):
+        tn.diagnose(log.with_columns(x_act_mm=-log.actual("x")), servo)
+    counter = x + 2e-5 * np.random.default_rng(2).standard_normal(len(x))
+    with pytest.raises(DataError, match=r"agree with x_cmd_mm within 0\.0\d+ µm .* same counter"):
+        tn.diagnose(log.with_columns(x_act_mm=counter), servo)
+    other = log.actual("x") + 30.0 * np.sin(3.0 * log.time_s)
+    with pytest.raises(DataError, match="does not command: does another axis move"):
+        tn.diagnose(log.with_columns(x_act_mm=other), servo)
+    with pytest.raises(DataError, match="steps of 1 mm"):
+        tn.diagnose(log.with_columns(x_act_mm=np.round(log.actual("x"))), servo)
+    slow = log[::50]
+    with pytest.raises(DataError, match=r"got samples every 50 ms, expected at most 16\.7 ms"):
+        tn.diagnose(slow, setup(120.0, 11.0))
