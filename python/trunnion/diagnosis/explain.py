@@ -159,7 +159,7 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
     # What is expected to differ gives way last, and first what can take its place.
     return (
         {j for j in out if not case.effects[j].expected}
-        or {k for j in out if (k := _stand_in(case, f, j)) is not None}
+        or {other for j in out if (other := _stand_in(case, f, j)) is not None}
         or out
     )
 
@@ -173,8 +173,8 @@ def _stand_in(case: Case, f: Fit, expected: int) -> int | None:
     own = names.index(case.effects[expected].id)
     ids = {e.id: j for j, e in enumerate(case.effects) if not e.expected}
     others = [i for i, name in enumerate(names) if name in ids]
-    best = max(others, key=lambda i: correlation[own, i], default=None)
-    if best is None or correlation[own, best] < STAND_IN:
+    best = max(others, key=lambda i: float(correlation[own, i]), default=own)
+    if best == own or correlation[own, best] < STAND_IN:
         return None
     return ids[names[best]]
 
