@@ -61,6 +61,8 @@ def diagnose(
         shown = [*said_of(d.data), d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
+    if said := said_of(d.data):
+        values["recognised"] = said[0].to_dict()
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:

@@ -53,6 +53,8 @@ from trunnion.setup import Setup
 
 UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
 MAX_SETS = 6  # in a sentence
+MAX_WORST = 3  # errors that are stated to be in doubt
+MIN_DOUBT = 0.5  # of the uncertainty of such an error
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
 
@@ -80,7 +82,8 @@ class Diagnosis(Result):
     errors_before, errors_after:
         The machine's errors under the plain and the extended model.
     errors_std:
-        Standard errors of ``errors_after``; inf: not identifiable.
+        Standard uncertainties of ``errors_after``, the doubt between the sets of causes included;
+        inf: not identifiable.
     outliers:
         Data rows, counted from 0, that belong to no model.
     not_identifiable:
@@ -106,6 +109,10 @@ class Diagnosis(Result):
         What each named cause explains, and what it had biased, in descending order.
     ladder:
         Residual rms after each cause.
+    doubt:
+        Of ``errors_std``, what is due to the doubt between the sets of causes.
+    rivals:
+        Set of causes that moves an error from ``errors_after`` most, by its probability.
     none_probability:
         That no cause of the catalogue acts: noise, or structure that none of them makes.
     data, setup, candidates:
@@ -135,6 +142,8 @@ class Diagnosis(Result):
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0
+    doubt: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, frozenset[str]] = field(default_factory=dict)
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -323,7 +332,30 @@ class Diagnosis(Result):
             f"{text or 'no further cause'} ({percent(a.probability)})"
             for text, a in zip((first, *others), self.evidence, strict=False)
         )
-        return [*lines, f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}."]
+        return [
+            *lines,
+            f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}.",
+            *self._widened(),
+        ]
+
+    def _widened(self) -> list[str]:
+        """Say of which errors the uncertainty is mostly the doubt between two sets."""
+        shares = {
+            k: self.doubt[k] / self.errors_std[k]
+            for k in self.rivals
+            if np.isfinite(self.errors_std[k]) and self.doubt[k] > ROUNDING
+        }
+        worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+        lines = []
+        for name in worst[:MAX_WORST]:
+            std, part = (f"{v[name]:.2g}" for v in (self.errors_std, self.doubt))
+            one, other = self.alternatives[0], self.rivals[name]
+            pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
+            lines.append(
+                f"{name} ± {std} {self._unit(name)}, of it ± {part} from the doubt between "
+                f"{' and '.join(pair)}"
+            )
+        return [f"{'; '.join(lines)}."] if lines else []
 
     def _bias(self) -> list[str]:
         """Name the machine error that the causes had biased most, in its standard errors."""
