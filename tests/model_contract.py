@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 import trunnion as tn
+from trunnion.base.units import unit_of
 from trunnion.compensation import volumetric_error
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.model import Model, Uncertainty
@@ -180,6 +181,7 @@ def check_catalogue(model: Model, setup: Any) -> None:
         assert info.label != info.id
         assert isinstance(info.owner, Owner)
         assert all(p.unit for p in info.parameters), info.id
+        assert all(p.unit in ("1", unit_of(p.name)) for p in info.parameters), info.id
         assert len({p.name for p in info.parameters}) == len(info.parameters), info.id
         assert set(info.needs) <= set(model.data.columns), info.id
 
