@@ -16,6 +16,8 @@ import pytest
 import servo_rig_twin as rig
 import trunnion as tn
 from trunnion.base.errors import DataError
+from trunnion.diagnosis import engine
+from trunnion.diagnosis.case import Case, Explanation, rms
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.setup import Artefact, Setup
 
@@ -106,6 +108,23 @@ def test_force_pulses_that_no_column_records_are_stated_with_size_and_time() -> 
     assert "µm rms of X is left that is no stationary noise" in d.unexplained
     assert "of it lies at time" in d.unexplained
     assert d.gain.rms_after_um <= d.gain.rms_before_um
+
+
+def test_no_reported_fit_is_worse_than_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever a search returns: here fits that leave a little more than the plain model."""
+    explain, plain = engine.explain, diagnosed(rig.Rig(), 0.82).gain.rms_before_um
+
+    def worse(case: Case) -> Explanation:
+        found = explain(case)
+        left = 1.01 * plain / rms(found.fit.residuals) * found.fit.residuals
+        return replace(found, fit=replace(found.fit, residuals=left))
+
+    monkeypatch.setattr(engine, "explain", worse)
+    d = diagnosed(rig.Rig(), 0.82)
+    assert d.verdict == "unexplained"
+    assert not d.named
+    before, after = d.gain.rms_before_um, d.gain.rms_after_um
+    assert float(f"{after:.3g}") <= float(f"{before:.3g}")
 
 
 @pytest.mark.parametrize(("gain", "tau"), [(1.0, 1.0), (0.85, 1.2)])

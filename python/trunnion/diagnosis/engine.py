@@ -23,6 +23,8 @@ that the readings themselves show.
 Time and memory are linear in readings. Numbers do not depend on the count of threads.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from trunnion.base.errors import DataError
@@ -53,6 +55,7 @@ MIN_DOF = 5  # degrees of freedom from which outliers can be told
 FAR_SIGMAS = 4.0
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
+WORSE = "sets of causes that fit better by the noise leave a larger rms than the plain model"
 
 Choice = tuple[float, Explanation, Integers]  # score, explanation, readings set aside
 
@@ -66,14 +69,8 @@ def diagnose(model: Model) -> Diagnosis:
         Fewer readings than unknowns, or readings that are not finite.
     """
     with one_blas_thread():
-        nearer = model.near()
-        # A model that was far from its data is not complete either: what it leaves is no noise.
-        case = case_of(nearer, dependent=nearer is not model)
-        if case.dependent and nearer is model:
-            case = case_of(model.near(always=True), dependent=True)
-        choice = _choose(case)
-        if not case.dependent and _worse(case, choice):
-            # The noise was estimated beside something else than what the causes leave.
+        case, choice = _ordinary(model)
+        if choice is None:
             case = case_of(model.near(always=True), dependent=True)
             choice = _choose(case)
         if case.dependent:
@@ -87,7 +84,34 @@ def diagnose(model: Model) -> Diagnosis:
             case, choice = again, _choose(again)
             if set(choice[1].fit.effects) == before:
                 break
+        if _worse(case, choice):
+            case, choice = _without_causes(case, choice)
         return report(case, choice[1], choice[2])
+
+
+def _ordinary(model: Model) -> tuple[Case, Choice | None]:
+    """Explain about the set-up's own values; no choice where that does not do.
+
+    Residuals are no stationary noise; the noise was estimated beside something else than what the
+    causes leave; or the data are far from the set-up, and the causes, all simulated together, are
+    not what was fitted, or not all.
+    """
+    case = case_of(model)
+    if case.dependent:
+        return case, None
+    choice = _choose(case)
+    if _worse(case, choice):
+        return case, None
+    found = choice[1]
+    if (found.terms or not _to_first_order(case, found.fit)) and model.near() is not model:
+        return case, None
+    return case, choice
+
+
+def _to_first_order(case: Case, found: Fit) -> bool:
+    """Whether a fit's causes, simulated together, leave about what they leave linearised."""
+    exact = case.model.exact_residuals(found.nuisance, found.effects)
+    return rms(exact - found.residuals) <= MAX_NONLINEAR * rms(found.residuals)
 
 
 def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
@@ -97,9 +121,7 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
     """
     for _ in range(MAX_POINTS):
         found = choice[1].fit
-        exact = case.model.exact_residuals(found.nuisance, found.effects)
-        near = rms(exact - found.residuals) <= MAX_NONLINEAR * rms(found.residuals)
-        if near and case.model.inside <= found.effects.keys():
+        if _to_first_order(case, found) and case.model.inside <= found.effects.keys():
             break
         case = case_of(case.model.about(found.nuisance, found.effects), dependent=True)
         choice = _choose(case)
@@ -108,12 +130,30 @@ def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
 
 
 def _worse(case: Case, choice: Choice) -> bool:
-    """Whether causes leave a larger rms of the readings of a unit than the plain model does."""
+    """Whether causes leave a larger rms of the readings of a unit than the plain model, as printed.
+
+    Not by rounding alone: what is printed is larger, or it is by more than `MAX_WORSE`.
+    """
     rows = kept_rows(len(case.rows), choice[2])
     _, index = units_of(case.model.readings)
-    before, after = case.without(choice[2]).plain.residuals, choice[1].fit.residuals
+    plain, found = case.given or case.without(choice[2]).plain, choice[1].fit
     units = [rows & (index == i) for i in range(index.max() + 1)]
-    return any(rms(after[u]) > MAX_WORSE * rms(before[u]) for u in units if np.any(u))
+    sizes = [(rms(plain.residuals[u]), rms(found.residuals[u])) for u in units if np.any(u)]
+    return any(
+        after > MAX_WORSE * before or float(f"{after:.3g}") > float(f"{before:.3g}")
+        for before, after in sizes
+    )
+
+
+def _without_causes(case: Case, choice: Choice) -> tuple[Case, Choice]:
+    """Return the plain model alone, and say that nothing improves on it."""
+    if case.given is not None:
+        case = case_of(case.model.about(case.given.nuisance, {}), dependent=True)
+    kept = case.without(choice[2])
+    nothing = replace(
+        choice[1], fit=kept.plain, rss=kept.plain.rss, penalty=0.0, sets=[], terms=[], note=WORSE
+    )
+    return case, (choice[0], nothing, choice[2])
 
 
 def _plain(model: Model) -> Fit:
