@@ -82,6 +82,20 @@ def test_sizes_are_found_and_a_held_out_feed_gains() -> None:
     assert servo.axes["Y"].gain_per_s == pytest.approx(80.544 * 1.02, rel=1e-4)
 
 
+@pytest.mark.parametrize(("axis", "hz", "damping"), [("A", 26.0, 0.05), ("Z", 58.0, 0.09)])
+def test_a_resonance_is_no_sum_of_servo_effects(axis: str, hz: float, damping: float) -> None:
+    """A strong one is far from the set-up's servo; of a high one share and frequency look alike."""
+    cases = twin.Cases(1)
+    column = "XYZAC".index(axis)
+    cases.frequency[0, column], cases.damping[0, column] = hz, damping
+    rng = np.random.default_rng(3)
+    log = twin.log(commands(), [twin.actual(c, cases)[0] for c in commands()], rng)
+    d = diagnose(log, SETUP)
+    assert d.verdict == "explained"
+    assert d.named == {f"resonance_{axis.lower()}"}
+    assert d.causes[0].p_value < 1e-6
+
+
 def test_rotary_centre_shows_in_the_tool_tip_only() -> None:
     errors = {"EX0C": 12.0, "EZ0A": -8.0}
     run = ct.simulate(ct.Path.paper(offset_mm=(0, 0, 20)), 3000.0, controller="independent")

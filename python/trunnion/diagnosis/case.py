@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
+from scipy import special
 
 from trunnion.base.resolution import MIN_STEP, NO_FLOOR, Floor, Grid, Repeats, growth, inflation
 from trunnion.base.units import Floats, Integers
@@ -24,6 +25,7 @@ from trunnion.diagnosis.scan import Dictionary
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
+CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
 RARE_LEVEL = 1e-12  # at which a rare effect is named
 TINY = 1e-300
 
@@ -102,17 +104,40 @@ class Case:
 
         ``variance``: of a whitened reading, by which the statistic is to be divided.
         """
+        std = f.std()[self._places(effect, f)] * np.sqrt(variance)
+        wald, rank = self._wald(effect, f, held=False)
+        return np.where(std >= 0, std, np.inf), wald, rank
+
+    def chance(self, effect: Effect, f: Fit, variance: float) -> float:
+        """Probability of readings like these without an effect of a fit, not counting candidates.
+
+        Where its size cannot be told from its place (share and frequency of a resonance far above
+        what the motion excites) it may be there without doubt all the same: at the place found.
+        """
+        tests = (self._wald(effect, f, held=held) for held in (False, True))
+        dof, variance = max(f.dof, 1), max(variance, TINY)
+        sought, held = (float(special.fdtrc(k, dof, wald / k / variance)) for wald, k in tests)
+        return held if held < CERTAIN_P else sought
+
+    def _places(self, effect: Effect, f: Fit) -> list[int]:
+        """Places of an effect's parameters among those of a fit."""
         p = len(self.model.nuisance)
-        at = [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
-        b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])
-        std = f.std()[at] * np.sqrt(variance)
-        linear = np.array([q.linear for q in effect.parameters])
-        cov = f.covariance[np.ix_(at, at)][np.ix_(linear, linear)]
+        return [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
+
+    def _wald(self, effect: Effect, f: Fit, *, held: bool) -> tuple[float, int]:
+        """Wald's statistic of an effect's linear parameters, and its rank.
+
+        ``held``: its other parameters stay at what was found.
+        """
+        at, linear = self._places(effect, f), np.array([q.linear for q in effect.parameters])
+        b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])[linear]
+        some = np.ones_like(linear) if held else linear
+        cov = f.covariance[np.ix_(at, at)][np.ix_(some, some)]
         size = np.sqrt(np.maximum(np.diag(cov), TINY))
         inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
-        wald = float(b[linear] / size @ inverse @ (b[linear] / size))
-        rank = int(np.linalg.matrix_rank(inverse, hermitian=True))
-        return np.where(std >= 0, std, np.inf), wald, max(rank, 1)
+        inverse, size = inverse[np.ix_(linear[some], linear[some])], size[linear[some]]
+        wald = float(b / size @ inverse @ (b / size))
+        return wald, max(int(np.linalg.matrix_rank(inverse, hermitian=True)), 1)
 
     def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""

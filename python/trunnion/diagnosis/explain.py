@@ -138,13 +138,13 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
     out = set()
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:
-            std, wald, k = case.size(effect, f, variance)
+            std, wald, _ = case.size(effect, f, variance)
             nonlinear = [not p.linear for p in effect.parameters]
             # The moment of a shift has no standard error either.
             if case.dependent and np.any(np.isinf(std[nonlinear])):
                 out.add(j)
                 continue
-            chance = special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY))
+            chance = case.chance(effect, f, variance)
             places = case.candidates.places[case.candidates.owner == j]
             count = case.candidates.multiplicity * float(places.max(initial=1.0))
             if (

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
 from trunnion.base.units import Integers
 from trunnion.diagnosis.candidates import Candidates
@@ -32,7 +31,6 @@ LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
 PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
-TINY = 1e-300
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
@@ -273,9 +271,9 @@ def _causes(
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
-        _, wald, k = case.size(effect, f, variance)
+        wald = case.size(effect, f, variance)[1]
         std = case.size(effect, wide, 1.0)[0]
-        chance = float(special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)))
+        chance = case.chance(effect, f, variance)
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0
         aliases = {
