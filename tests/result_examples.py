@@ -219,6 +219,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
     "InstrumentComparison": two_instruments,
     "Iso2302Rotary": turning_table,
+    "Iso2304": lambda: tn.iso230_4(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))[0],
     "CompensationTable": lambda: turning_table().compensation_table(zero_at=60.0),
     "Conformity": lambda: turning_table().conformity(accuracy_arcsec=20.0, reversal_arcsec=0.5),
     "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),
