@@ -110,6 +110,10 @@ $(RS274):
 clean:  ## remove everything that was built
 	rm -rf .venv target
 
+.PHONY: real-machines
+real-machines: build  ## docs/real-machines.md with figures, from the measured files of others
+	$(BIN)/python docs/make_real_machines.py
+
 .PHONY: docs
 docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_effects_table.py

@@ -34,6 +34,7 @@ LAYERS = (
     "studies",
     "plot",
     "samples",
+    "datasets",
     "demo",
     "cli",
     "__main__",

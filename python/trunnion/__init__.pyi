@@ -3,6 +3,7 @@
 # --- errors
 # --- the other machines, part programs, pictures, samples
 from . import contouring as contouring
+from . import datasets as datasets
 from . import hybrid as hybrid
 from . import nc as nc
 from . import plot as plot
@@ -38,6 +39,8 @@ from .data.axis_log import AxisLog as AxisLog
 from .data.axis_log import read_axis_log as read_axis_log
 from .data.ballbar import Ballbar as Ballbar
 from .data.ballbar import read_ballbar as read_ballbar
+from .data.clocks import ClockOffset as ClockOffset
+from .data.clocks import align_clocks as align_clocks
 from .data.diameters import Diameters as Diameters
 from .data.diameters import read_diameters as read_diameters
 from .data.flatness import Flatness as Flatness

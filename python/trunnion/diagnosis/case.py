@@ -24,6 +24,7 @@ from trunnion.diagnosis.scan import Dictionary
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
+RARE_LEVEL = 1e-12  # at which a rare effect is named
 TINY = 1e-300
 
 
@@ -85,7 +86,7 @@ class Case:
         rows = slice(None) if self.complete else self.rows
         pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
         numbers = self.linearised.width * len(self.rows)
-        own = np.array([float(e.expected) for e in self.effects])
+        own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
         found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
         low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])

@@ -103,6 +103,8 @@ class Effect:
         it, at this size or a few times it, is among the alternatives together with the effect.
     expected:
         Whether it costs nothing to name: what differs from a set-up that is known to be far off.
+    rare:
+        Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
     """
 
     id: str
@@ -115,6 +117,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     least: NamedValues | None = None
     expected: bool = False
+    rare: bool = False
 
     @property
     def linear(self) -> bool:

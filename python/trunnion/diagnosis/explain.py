@@ -26,6 +26,7 @@ MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
+STAND_IN = 0.9  # correlation of two effects of which one can take the other's place
 EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
@@ -139,7 +140,8 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
         if effect.id in f.effects:
             std, wald, k = case.size(effect, f, variance)
             nonlinear = [not p.linear for p in effect.parameters]
-            if np.any(np.isinf(std[nonlinear])):
+            # The moment of a shift has no standard error either.
+            if case.dependent and np.any(np.isinf(std[nonlinear])):
                 out.add(j)
                 continue
             chance = special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY))
@@ -154,8 +156,27 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
                 out.add(j)
             elif chance > EXPECTED_P if effect.expected else chance * count > UNDETERMINED_P:
                 out.add(j)
-    # What is expected to differ gives way last.
-    return {j for j in out if not case.effects[j].expected} or out
+    # What is expected to differ gives way last, and first what can take its place.
+    return (
+        {j for j in out if not case.effects[j].expected}
+        or {other for j in out if (other := _stand_in(case, f, j)) is not None}
+        or out
+    )
+
+
+def _stand_in(case: Case, f: Fit, expected: int) -> int | None:
+    """Effect of a fit that is not expected, and that does what an expected one would."""
+    p = len(f.nuisance)
+    spread = np.sqrt(np.maximum(np.diag(f.covariance), TINY))
+    correlation = np.abs(f.covariance / np.outer(spread, spread))[p:, p:]
+    names = [name for name, _ in f.names]
+    own = names.index(case.effects[expected].id)
+    ids = {e.id: j for j, e in enumerate(case.effects) if not e.expected}
+    others = [i for i, name in enumerate(names) if name in ids]
+    best = max(others, key=lambda i: float(correlation[own, i]), default=own)
+    if best == own or correlation[own, best] < STAND_IN:
+        return None
+    return ids[names[best]]
 
 
 def _share(case: Case, f: Fit, effect: Effect, wald: float) -> float:

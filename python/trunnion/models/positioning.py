@@ -41,6 +41,10 @@ from trunnion.machine.estimate import Estimate
 
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
+MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
+MAX_HARMONIC = 6
+MIN_TARGETS_OF_A_HARMONIC = 4
+MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 DURATIONS = 10
 SAME_COUNTER_UM = 0.5
@@ -98,6 +102,18 @@ class PositioningModel(LinearModel):
         same = np.array_equal(self.data.stops[0], other.data.stops[0])
         return frozenset() if same else frozenset(("reversal_of_position", "curve"))
 
+    def shared(self, effect: Effect) -> tuple[str, float] | None:
+        """Scale and reversal are errors of the axis in any measurement; others of its stops.
+
+        A backlash makes an approach in + stop short: the reversal is its opposite.
+        """
+        axis = None if self.data.axis is None else str(self.data.axis[0]).lower()
+        if effect.id in OF_TIME:
+            return None
+        if axis in ("x", "y", "z") and effect.id in ("scale", "reversal"):
+            return (f"scale_{axis}", 1.0) if effect.id == "scale" else (f"backlash_{axis}", -1.0)
+        return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
+
     def extended(
         self,
         nuisance: Floats,
@@ -116,6 +132,11 @@ class PositioningModel(LinearModel):
     def remarks(self) -> tuple[str, ...]:
         """Say it where the instrument looks like the axis' own counter."""
         largest = float(np.ptp(self.readings.values))
+        if self.data.rotary and not self.data.instruments and largest > 0:
+            return (
+                "One instrument on a turning axis: whether the axis or the instrument has the "
+                "error, the data do not say. Another instrument on the same stops would.",
+            )
         if self.data.rotary or largest > SAME_COUNTER_UM:
             return ()
         return (
@@ -137,11 +158,13 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
+OF_TIME = ("cycle_drift", "drift", "warmup", "expansion")
 IDS = (
     "scale",
     "reversal",
     "reversal_of_position",
     "periodic",
+    *(f"harmonic_{n}" for n in range(1, MAX_HARMONIC + 1)),
     "cycle_drift",
     "drift",
     "warmup",
@@ -180,6 +203,8 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         out.append(linear("reversal_of_position", names, d[:, None] / 2 * beside, label))
     if len(targets) >= MIN_WAVE_TARGETS:
         out.append(_periodic(data, targets, unit))
+    if data.rotary and np.ptp(targets) >= MIN_TURN_DEG:
+        out += _harmonics(data, min(MAX_HARMONIC, len(targets) // MIN_TARGETS_OF_A_HARMONIC))
     if len(np.unique(data.cycle)) > 1:
         cycles = np.asarray(data.cycle, dtype=np.float64) - float(np.min(data.cycle))
         out.append(linear("cycle_drift", [f"rate_{unit}"], cycles, "drift from cycle to cycle"))
@@ -188,7 +213,7 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         warmer = np.asarray(data.temperature_c) - float(data.temperature_c[0])
         label = "thermal expansion of the axis"
         out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
-    if len(targets) > 3:
+    if len(targets) > 3 and len(data) >= MIN_REPEATS * len(targets):
         line = np.stack([np.ones(len(targets)), targets - targets.mean()], axis=1)
         beside = _beside(each, line)
         names = [f"c{i}_{unit}" for i in range(1, beside.shape[1] + 1)]
@@ -212,6 +237,21 @@ def _periodic(data: Positioning, targets: Floats, unit: str) -> Effect:
     pitch = Parameter(name, "deg" if data.rotary else "mm", tuple(np.geomspace(low, high, count)))
     parts = [(data.target, np.ones(len(data)))]
     return periodic("periodic", pitch, parts, "periodic error of the axis", unit=unit)
+
+
+def _harmonics(data: Positioning, count: int) -> list[Effect]:
+    """Waves that close after one turn: eccentricity of a scale, faults of a resolver."""
+    turn = np.radians(data.target)
+    often = {1: "once", 2: "twice"}
+    return [
+        linear(
+            f"harmonic_{n}",
+            [f"a{n}_arcsec", f"b{n}_arcsec"],
+            np.stack([np.cos(n * turn), np.sin(n * turn)], axis=1),
+            f"error {often.get(n, f'{n} times')} a turn, of the axis or of its instrument",
+        )
+        for n in range(1, count + 1)
+    ]
 
 
 def _of_time(data: Positioning, unit: str) -> list[Effect]:

@@ -273,6 +273,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("velocity_forward_percent",),
         unit="%",
         positive=False,
+        rare=True,
     ),
     ServoEffect(
         "acceleration_forward",
@@ -281,6 +282,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
         ("acceleration_forward_ms",),
         start=0.1,
         positive=False,
+        rare=True,
     ),
     CyclicError(),
     Resonance(),

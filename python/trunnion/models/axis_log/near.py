@@ -15,8 +15,6 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis
-from trunnion.diagnosis.dependence import changes
-from trunnion.diagnosis.noise import innovations
 from trunnion.models.axis_log.effects import servo_effects
 from trunnion.models.axis_log.signals import AxisSignal
 
@@ -27,7 +25,6 @@ MAX_HALVINGS = 5
 SETTLED = 1e-6  # of the variance left, by which a step still gains
 DEPENDENT = 1e-6  # of a squared unit column
 NONLINEAR = 1.0  # of the rms left, by which chords are off from the exact response
-SLIGHTLY_NONLINEAR = 0.1
 
 
 @dataclass(frozen=True)
@@ -210,18 +207,11 @@ class _Search:
         return others[int(np.argmax(gain))] if enough else ""
 
     def nonlinear(self) -> bool:
-        """Whether chords, one an effect, are off by more than what is left.
-
-        By less, if what is left is no stationary noise: the model is not complete then.
-        """
+        """Whether chords, one an effect, are off by more than what is left."""
         k = len(self.taken)
         alone = np.zeros((k + 1, len(self.at)))
         alone[:, k:] = self.at[k:]
         alone[np.arange(k), np.arange(k)] = self.at[:k]
         each = self.predicted(list(alone))
         off = (self.y - self.left) - each[k] - (each[:k] - each[k]).sum(axis=0)
-        share = np.sqrt(float(off @ off) / max(float(self.left @ self.left), 1e-300))
-        if share < SLIGHTLY_NONLINEAR:
-            return False
-        series = [self.left[self.run_of == i] for i in range(self.runs)]
-        return share > NONLINEAR or changes(innovations(series))
+        return bool(off @ off > NONLINEAR**2 * (self.left @ self.left))

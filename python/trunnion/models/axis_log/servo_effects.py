@@ -62,6 +62,7 @@ class ServoEffect(AxisEffect):
     signed: It can be negative.
     positive: The servo's own parameter cannot be negative.
     expected: Where the set-up is far from the log, it costs nothing to name.
+    rare: A set-up seldom has it wrong.
     """
 
     parameter: str
@@ -73,6 +74,7 @@ class ServoEffect(AxisEffect):
     signed: bool = True
     positive: bool = True
     expected: bool = False
+    rare: bool = False
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""
@@ -81,7 +83,9 @@ class ServoEffect(AxisEffect):
         columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
         expected = self.expected and axis.starts is not None
         label = self.label_of(axis)
-        return linear(self.id_of(axis), [parameter], columns, label, expected=expected)
+        return linear(
+            self.id_of(axis), [parameter], columns, label, expected=expected, rare=self.rare
+        )
 
     def column(self, axis: AxisSignal, places: Places) -> Floats:
         """Change of the axis's readings by a unit of the amount, shape (blocks,)."""

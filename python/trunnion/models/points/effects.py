@@ -20,11 +20,13 @@ from trunnion.data.points import Points
 from trunnion.diagnosis.effect import Effect, Parameter, drift, gridded, linear, periodic
 from trunnion.machine.effects import Owner
 from trunnion.machine.linear_axes import LinearMotion, Travel, angular, bow
-from trunnion.models.points.geometry import AXES, Places, groups_of
+from trunnion.models.points.geometry import AXES, Places, groups_of, places_of
 
 CATALOGUED = ("scale_x", "scale_y", "scale_z", "squareness_xy", "squareness_xz", "squareness_yz")
 """Ids that are in the catalogue of the machine, too."""
-OF_TIME = ("drift_x", "drift_y", "drift_z", "setup_shift")
+OF_TIME = ("drift_x", "drift_y", "drift_z", "common_drift", "setup_shift")
+COMMON_DEGREE = 6
+MIN_REPEATS = 20
 MAX_MOMENTS = 48
 
 Shape: TypeAlias = Callable[[Points, Places], Floats]
@@ -104,6 +106,30 @@ class Drift:
             f"drift of the {AXES[self.axis].upper()} axis",
             owner=Owner.TIME,
         )
+
+
+@dataclass(frozen=True)
+class CommonDrift:
+    """Part and instrument drift from each other, slowly and in any way, alike at all places.
+
+    Polynomials of time or order (Legendre) in each coordinate. It shows where each place was
+    measured over and over; elsewhere it looks like an error of the axes.
+    """
+
+    def effect(self, points: Points, _: Places) -> Effect | None:
+        """Return the effect, bound to points; None if they were not measured over and over."""
+        place = places_of(points.nominal_mm)
+        if len(points) < MIN_REPEATS * (int(place.max()) + 1):
+            return None
+        when = _moments(points)
+        u = 2.0 * (when - when.min()) / max(float(np.ptp(when)), 1e-9) - 1.0
+        shapes = np.polynomial.legendre.legvander(u, COMMON_DEGREE)[:, 1:]
+        columns = [_enter(points, a, s) for a in range(points.dimension) for s in shapes.T]
+        names = [
+            f"{a}{k}_um" for a in AXES[: points.dimension] for k in range(1, COMMON_DEGREE + 1)
+        ]
+        label = "drift between part and instrument, common to all points"
+        return linear("common_drift", names, np.stack(columns, axis=1), label, owner=Owner.TIME)
 
 
 @dataclass(frozen=True)
@@ -188,7 +214,7 @@ def entries(dimension: int) -> list[Entry]:
     expansion = "thermal expansion of the part"
     out.append(LinearError("expansion", ("ppm",), expansion, _larger, Owner.WORKPIECE))
     out += [Drift(i) for i in axes]
-    return [*out, SetupShift()]
+    return [*out, SetupShift(), CommonDrift()]
 
 
 def catalogue(points: Points, places: Places) -> list[Effect]:

@@ -36,6 +36,7 @@ from trunnion.diagnosis.model import (
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
+from trunnion.models.rotary.passes import check_one_axis
 
 BLOCKS = 10
 NOISE_LEVEL = 0.01
@@ -107,6 +108,7 @@ class SweepModel(Model):
         measured = (data.position_mm - self._geometry.origin) @ self._geometry.frame
         away = np.einsum("nij,nj->ni", self._local, measured - self._reference)
         self._check_near(away)
+        check_one_axis(np.asarray(data.angle_deg), 1e3 * away, self._target)
         n = len(data)
         self.readings = Readings(
             1e3 * away.reshape(-1),
