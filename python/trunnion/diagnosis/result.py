@@ -220,7 +220,7 @@ class Diagnosis(Result):
         return {
             **super().to_dict(),
             "model": plain(model),
-            "data": data.described() if isinstance(data, DataTable) else None,
+            "data": _described(data),
             "candidates": [getattr(c, "id", c) for c in self.candidates],
         }
 
@@ -230,9 +230,7 @@ class Diagnosis(Result):
         if not isinstance(values, Mapping):
             return super().from_dict(values)
         given = {**values, "candidates": ()}
-        if isinstance(values.get("data"), Mapping):
-            table = class_named(str(values["data"].get("data")), DataTable)
-            given["data"] = table.from_description(values["data"])
+        given["data"] = _data_of(values.get("data"))
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
         made = super().from_dict(given)
@@ -390,13 +388,24 @@ class Diagnosis(Result):
         lines = []
         if self.outliers:
             what = "Outlier" if len(self.outliers) == 1 else "Outliers"
-            lines.append(f"{what}, left out: {places(self.data, self.outliers)}.")
+            lines.append(f"{what}, left out: {self._places()}.")
         lost = [k for k in self.not_identifiable if k in self.errors_after]
         if lost:
             reasons = {self.not_identifiable[k] for k in lost}
             why = next(iter(reasons)) if len(reasons) == 1 else ""
             lines.append(f"Not identifiable: {', '.join(lost)}{f' ({why})' if why else ''}.")
         return lines
+
+    def _places(self) -> str:
+        """Say where people find the outliers; rows of several measurements are counted on."""
+        if not isinstance(self.data, tuple):
+            return places(self.data, self.outliers)
+        parts, first = [], 0
+        for one in self.data:
+            mine = [row - first for row in self.outliers if 0 <= row - first < len(one)]
+            parts += [places(one, mine)] if mine else []
+            first += len(one)
+        return ", ".join(parts)
 
     def _unit(self, name: str) -> str:
         return self.units.get(name) or unit_of(name)
@@ -455,6 +464,22 @@ class Diagnosis(Result):
             return Table.of(table.title, table.columns, rows)
         once = [(name, after, unit) for name, _, after, unit in rows]
         return Table.of(table.title, ("", "model", "unit"), once)
+
+
+def _described(data: Any) -> Any:
+    """Return data, or several, as plain values; None for what is no table."""
+    if isinstance(data, tuple) and all(isinstance(one, DataTable) for one in data):
+        return [one.described() for one in data]
+    return data.described() if isinstance(data, DataTable) else None
+
+
+def _data_of(values: Any) -> Any:
+    """Return the data that `_described` described."""
+    if isinstance(values, list):
+        return tuple(map(_data_of, values))
+    if not isinstance(values, Mapping):
+        return values
+    return class_named(str(values.get("data")), DataTable).from_description(values)
 
 
 def _shown_like(value: float, std: float | None) -> Cell:
