@@ -224,6 +224,16 @@ def lathes() -> str:
     return "`tn.compare(found, bent_back)`:\n\n" + "\n".join(f"> {x}" for x in changed.sentences())
 
 
+def flatness() -> str:
+    """Return flatness and zero of the plate."""
+    found = data("surface_plate").flatness()
+    zero = found.instrument_zero_um_m or (np.nan, np.nan)
+    return (
+        f"Flatness {found.flatness_um:.2f} µm (minimum zone {found.minimum_zone_um:.2f} µm); zero "
+        f"of the level by reversal {zero[0]:.1f} and {zero[1]:.1f} µm/m."
+    )
+
+
 def clocks() -> str:
     """Return the offset of the robot's clocks."""
     d = data("ur5")
@@ -268,6 +278,7 @@ SECTIONS = (
         (lathes,),
         "real_lathe",
     ),
+    Section("Surface plate", ("surface_plate",), (flatness,)),
     Section(
         "Resolver with a fault, reflectors at rest",
         ("resolver", "reflectors"),

@@ -77,6 +77,27 @@ def with_outliers() -> Diagnosis:
     )
 
 
+@cache
+def together() -> Diagnosis:
+    """Two measurements of one machine."""
+    return tn.diagnose([turned_axis(4.0), turned_axis(4.0, seed=2)])
+
+
+def turned_axis(backlash_um: float, seed: int = 1) -> tn.Positioning:
+    """Stops of the X axis with a backlash."""
+    rng = np.random.default_rng(seed)
+    target = np.tile(np.concatenate([np.arange(6.0), np.arange(6.0)[::-1]]) * 50.0, 3)
+    sense = np.tile(np.repeat([1, -1], 6), 3)
+    error = -0.5 * backlash_um * sense + rng.normal(0, 0.3, 36)
+    return tn.Positioning(
+        target_mm=target,
+        measured_mm=target + 1e-3 * error,
+        direction=sense,
+        cycle=np.repeat([1, 2, 3], 12),
+        axis=["X"] * 36,
+    )
+
+
 POSE = [1100.0, 1130.0, 1110.0, 20.0, 5.0]
 CENTRE = (0.0, -350.0, -1400.0)
 
@@ -180,6 +201,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     **{f"data {kind.name}": partial(data_of, kind) for kind in kinds()},
     **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
     "diagnosis with outliers": with_outliers,
+    "diagnosis of several": together,
+    "model of several": lambda: together().model,
     **{f"model {kind.name}": partial(model_of, kind.name) for kind in kinds()},
     "Recognised": lambda: tn.read(tn.sample_path("plate/first.csv"), units="inch").recognised,
     "FieldMotion": field_motion,
@@ -219,6 +242,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
     "InstrumentComparison": two_instruments,
     "Iso2302Rotary": turning_table,
+    "Iso2304": lambda: tn.iso230_4(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))[0],
     "CompensationTable": lambda: turning_table().compensation_table(zero_at=60.0),
     "Conformity": lambda: turning_table().conformity(accuracy_arcsec=20.0, reversal_arcsec=0.5),
     "Straightness": lambda: tn.read_levels(tn.sample_path("levels/bed.csv")).straightness(),

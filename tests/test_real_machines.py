@@ -90,6 +90,17 @@ def test_the_report_of_the_x_drive() -> None:
     assert got.accuracy_um == pytest.approx(135.27, abs=0.01)
 
 
+def test_the_granite_plate() -> None:
+    """With the level turned its zero is told apart; from one orientation it is not."""
+    both = tn.datasets.load("surface_plate", FOLDER)
+    assert len(both) == 108
+    by_hand = (both["along_um_m"][:54] + both["along_um_m"][54:][::-1]).mean() / 2
+    zero = both.flatness().instrument_zero_um_m
+    assert zero is not None
+    assert zero[0] == pytest.approx(by_hand, abs=0.5)
+    assert "instrument_zero" in tn.diagnose(both[:54]).not_identifiable
+
+
 def test_an_axis_against_its_own_counter() -> None:
     assert "reference and axis look like the same counter" in str(diagnosis("self_reference"))
 

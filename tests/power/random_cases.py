@@ -125,8 +125,9 @@ def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
 
 
 def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles."""
-    causes = tuple(n for n in positioning_twin.HIDDEN if n != "unknown")
+    """Stops of an axis, 11 or 15 targets, 3 to 5 cycles; of causes that look alike one."""
+    alike = (("scale",), ("reversal",), ("drift", "cycle_drift", "warmup"), ("curve", "periodic"))
+    causes = tuple(str(rng.choice(group)) for group in alike)
     hidden = _some(rng, causes)
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     data = positioning_twin.axis(

@@ -11,6 +11,7 @@ import html
 import importlib
 import io
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -412,8 +413,9 @@ class Result:
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
     def title(self) -> str:
-        """Return the heading of its page."""
-        return type(self).__name__
+        """Return the heading of its page: the name of its class in words, unless it has its own."""
+        words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__)
+        return words[:1] + words[1:].lower()
 
     def to_html(self, path: str | PathLike[str]) -> Path:
         """Write one self-contained page with sentences, pictures and tables; return its path."""

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 DataAndSetup = Annotated[
     list[Path],
     typer.Argument(
-        metavar="DATA [SETUP]",
+        metavar="DATA... [SETUP]",
         help="measured data (CSV), and the set-up (TOML) where the kind of data needs one",
     ),
 ]
+MAX_FILES = 50  # of a joint diagnosis
 Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
 
 
@@ -43,16 +44,25 @@ def diagnose(
         int,
         typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
     ] = 0,
+    joint: Annotated[
+        bool, typer.Option("--joint", help="several measurements of one machine, together")
+    ] = False,
     output: Output = None,
 ) -> Answer:
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
 
     With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
-    d = _diagnosis(files, kind, probe_log, units, decimal)
-    shown: list[Any] = [*said_of(d.data), d]
+    if joint:
+        d = _together(files, kind, units, decimal)
+        shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
+    else:
+        d = _diagnosis(files, kind, probe_log, units, decimal)
+        shown = [*said_of(d.data), d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
+    if said := said_of(d.data):
+        values["recognised"] = said[0].to_dict()
     if html is not None:
         shown.append(save(html, d.to_html))
     if next_:
@@ -79,6 +89,13 @@ def diagnose_as(kind: str) -> Any:
 
     run.__doc__ = f"Diagnose data of the kind {kind}: the same as `trunnion diagnose`."
     return run
+
+
+def _together(files: list[Path], kind: str, units: str, decimal: str) -> Diagnosis:
+    """Diagnose several measurements of one machine together."""
+    data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
+    read = [tn.read(path, kind=kind or None, units=units, decimal=decimal or None) for path in data]
+    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
 
 
 def _diagnosis(

@@ -145,6 +145,10 @@ class _Results:
     spread_backward: Floats
     std_errors: Mapping[str, float]
 
+    def title(self) -> str:
+        """Name the result."""
+        return "Positioning, ISO 230-2"
+
     @classmethod
     def of(cls, targets: Floats, up: Sequence[Floats], down: Sequence[Floats]) -> Self:
         """Results of deviations at targets, from the positive and the negative direction."""

@@ -169,6 +169,23 @@ def _lathe(path: Path) -> Levels:
     return found
 
 
+def _granite(*paths: Path) -> Levels:
+    """Row by row of 9, 50 mm apart; then with the level turned, in the reverse order."""
+    x, y = np.tile(50.0 * np.arange(9), 6), np.repeat(50.0 * np.arange(6), 9)
+    places = {"x_mm": np.concatenate([x, x[::-1]]), "y_mm": np.concatenate([y, y[::-1]])}
+    parts, begin = [], 0
+    for path in paths:
+        end = begin + len(_columns(path)["Date Time"])
+        where = {name: values[begin:end] for name, values in places.items()}
+        turn = np.where(np.arange(begin, end) < len(x), 0, 180)
+        parts.append(read(path, columns={**_WYLER, **where, "turn_deg": turn}))
+        begin = end
+    return Levels.concatenate(parts)
+
+
+_WYLER = {"along_um_m": "B7514X [rad]", "across_um_m": "B7514Y [rad]"}
+
+
 def _reflectors(path: Path) -> Points:
     """Reflectors at rest; nominal places are the medians, lost readings are left out."""
     columns = _columns(path)
@@ -218,6 +235,11 @@ _MUTS = ("anderssandstrom/ecmc_target_muts_logger", "ee350e4c813139fde4608dd0edd
 _LEVEL = ("gamozolabs/level_solver", "da8fc52f01962e35baa31f01794b75964e45b288")
 _ARM = ("hanbyeolyoonucla/robot-calibration", "33d50d777f1e182ddefb2774b054b090c6009ae7")
 _PLATE = ("csayres/fitPlugPlateMeas", "eae6bf809f7e100f9eefe35254d8f92b81fca3b1")
+_GRANITE = {
+    "0": ("01-10-10", "f8287d3f6c7f28ffe5616748c1df1fb63719e171dda403bc1bd2c16228a029d6"),
+    "180_a": ("01-40-04", "2bc272846f48769a220becbfb5d5c45487730a6f252a0d1ea8ae00978c2cd2ec"),
+    "180_b": ("01-56-16", "73eb5e2ab05717bd72429dd3c8ea40a37fcc24e92aa0c29185a92a42f6f43f08"),
+}
 _UR5_FOLDER = "source/ForwardKinematics/Markus"
 
 _ALL = (
@@ -325,6 +347,22 @@ _ALL = (
             ("lathe_bed_found", "as found", "143"),
             ("lathe_bed_bent_back", "after its owner had bent it back", "−37"),
         )
+    ),
+    Dataset(
+        "surface_plate",
+        tuple(f"levels/surface_plate_{part}.csv" for part in _GRANITE),
+        "granite plate of 18 x 24 inches, two-axis level on a grid of 50 mm, then turned by 180 "
+        "degrees",
+        "reversal parts the level's own zero from the plate",
+        *_LEVEL,
+        public={
+            f"levels/surface_plate_{part}.csv": (
+                f"data/surface_plate_20241218/wylerUNIVERSAL%20data%202024-12-18%20{time}.csv",
+                digest,
+            )
+            for part, (time, digest) in _GRANITE.items()
+        },
+        reader=_granite,
     ),
     Dataset(
         "reflectors",

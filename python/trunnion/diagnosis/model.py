@@ -268,6 +268,13 @@ class Model:
         """
         return RANK_TOLERANCE
 
+    def shared(self, effect: Effect) -> tuple[str, float] | None:
+        """Under which id other measurements of the machine know an effect, and its sign there.
+
+        None: it is this measurement's own.
+        """
+        return (effect.id, 1.0) if effect.owner is Owner.MACHINE else None
+
     def effect(self, name: str) -> Effect:
         """Return the effect of this id."""
         for effect in self.effects:

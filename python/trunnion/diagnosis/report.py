@@ -1,18 +1,19 @@
 """Put what was found into a :class:`Diagnosis`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy import special
 
-from trunnion.base.units import Integers
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
+from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.explain import MIN_EXPLAINED
-from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     Alternative,
@@ -26,6 +27,7 @@ from trunnion.diagnosis.records import (
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
+from trunnion.machine.unnoticed import unnoticed
 
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
@@ -54,37 +56,44 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     gain = _gain(kept, rows, plain, f)
     verdict = _verdict(unexplained, gain, len(alternatives), len(dropped))
     growth = kept.growth(f, variance)
+    doubt = Doubt.of(kept, f, alternatives, variance, growth)
     f = replace(f, covariance=f.covariance * np.outer(growth, growth))
+    wide = replace(f, covariance=doubt.covariance)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
         # Where units are mixed the fit is in units of the noise of each reading.
         sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
     names = [x.name for x in model.nuisance]
-    std = _errors_std(model, f, variance)
+    std = _errors_std(model, wide, 1.0)
+    doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
+    weak = _unnoticed(kept, f, std, variance)
     contributions, ladder = contributions_of(kept, case.given or plain, f, rows)
     return Diagnosis(
         verdict=verdict,
-        causes=_causes(case, e, f, variance, alternatives),
+        causes=_causes(case, e, f, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=unexplained,
         errors_before=model.location_errors(case.plain.nuisance, {}),
         errors_after=model.location_errors(f.nuisance, f.effects),
         errors_std=std,
+        doubt=doubts,
+        rivals=rivals,
+        unnoticed=weak,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable={
             **_not_identifiable(case, plain, f, std),
             **lost,
         },
-        model=model.extended(f.nuisance, f.effects, _uncertainty(model, f, variance, sigma)),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(model, wide, 1.0, sigma)),
         p_value=e.alarm,
         sigma=sigma,
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in model.effects if x.id in named.union(lost)},
+        labels={x.id: x.label for x in model.effects if x.id in named.union(lost, weak)},
         residuals=Residuals.of(
             model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
@@ -179,6 +188,21 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     return out
 
 
+def _unnoticed(case: Case, f: Fit, std: dict[str, float], variance: float) -> dict[str, str]:
+    """Effects beside a fit that may be there unnoticed, and what they would do to an error."""
+    others = [e for e in case.effects if e.linear and e.id not in f.effects]
+    if not others or not std or variance <= 0:
+        return {}
+    columns: dict[str, Floats] = {}
+    for effect in others:
+        x = variant_columns(case.model, effect, f.nuisance, grid_values(effect)[:1])[0]
+        white = case.white(x) / np.sqrt(variance)
+        columns |= {f"{effect.id}.{p.name}": white[:, i] for i, p in enumerate(effect.parameters)}
+    jacobian = case.white(f.jacobian) / np.sqrt(variance)
+    names = _names(case.model, f)
+    return unnoticed(jacobian, f.covariance * variance, names, columns, std, ABSORBED_SHARE)
+
+
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     """List the sets of causes, each once, best first."""
     ids = [x.id for x in case.effects]
@@ -211,6 +235,20 @@ def _errors_std(model: Model, f: Fit, variance: float) -> dict[str, float]:
     return {x.name: float(s) for x, s in zip(model.nuisance, std, strict=False) if x.name in known}
 
 
+def _doubts(
+    model: Model, doubt: Doubt, sets: Sequence[Alternative], std: Mapping[str, float]
+) -> tuple[dict[str, float], dict[str, frozenset[str]]]:
+    """Of errors of the machine, uncertainty by doubt between sets, and the set that adds most."""
+    if not any(doubt.rival):
+        return {}, {}
+    mine = [i for i, x in enumerate(model.nuisance) if x.name in std and doubt.rival[i]]
+    names = [model.nuisance[i].name for i in mine]
+    return (
+        {name: float(doubt.between[i]) for i, name in zip(mine, names, strict=True)},
+        {name: sets[doubt.rival[i]].causes for i, name in zip(mine, names, strict=True)},
+    )
+
+
 def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
     names = _names(model, f)
     std = f.std() * np.sqrt(variance)
@@ -239,16 +277,22 @@ def _unexplained(e: Explanation) -> str | None:
 
 
 def _causes(
-    case: Case, e: Explanation, f: Fit, variance: float, alternatives: Sequence[Alternative]
+    case: Case,
+    e: Explanation,
+    f: Fit,
+    variance: float,
+    wide: Fit,
+    alternatives: Sequence[Alternative],
 ) -> tuple[Cause, ...]:
-    """Describe the effects of a fit, strongest first."""
+    """Describe the effects of a fit, strongest first; ``wide``: with the doubt between sets."""
     named = alternatives[0].causes if alternatives else frozenset()
     out = []
     for j, effect in enumerate(case.effects):
         if effect.id not in f.effects:
             continue
         numbers = f.effects[effect.id]
-        std, wald, k = case.size(effect, f, variance)
+        _, wald, k = case.size(effect, f, variance)
+        std = case.size(effect, wide, 1.0)[0]
         chance = float(special.fdtrc(k, max(f.dof, 1), wald / k / max(variance, TINY)))
         owned = np.flatnonzero(e.candidates.owner == j)
         places = float(e.candidates.places[owned[0]]) if len(owned) else 1.0

@@ -53,6 +53,8 @@ from trunnion.setup import Setup
 
 UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
 MAX_SETS = 6  # in a sentence
+MAX_WORST = 3  # errors that are stated to be in doubt
+MIN_DOUBT = 0.5  # of the uncertainty of such an error
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
 
@@ -80,7 +82,8 @@ class Diagnosis(Result):
     errors_before, errors_after:
         The machine's errors under the plain and the extended model.
     errors_std:
-        Standard errors of ``errors_after``; inf: not identifiable.
+        Standard uncertainties of ``errors_after``, the doubt between the sets of causes included;
+        inf: not identifiable.
     outliers:
         Data rows, counted from 0, that belong to no model.
     not_identifiable:
@@ -106,6 +109,13 @@ class Diagnosis(Result):
         What each named cause explains, and what it had biased, in descending order.
     ladder:
         Residual rms after each cause.
+    doubt:
+        Of ``errors_std``, what is due to the doubt between the sets of causes.
+    rivals:
+        Set of causes that moves an error from ``errors_after`` most, by its probability.
+    unnoticed:
+        Id of an effect that is not named → how much of it can stay unnoticed, and what it would do
+        to the location error that it shifts most; the worst three, worst first.
     none_probability:
         That no cause of the catalogue acts: noise, or structure that none of them makes.
     data, setup, candidates:
@@ -135,6 +145,9 @@ class Diagnosis(Result):
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0
+    doubt: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    unnoticed: Mapping[str, str] = field(default_factory=dict)
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -207,7 +220,7 @@ class Diagnosis(Result):
         return {
             **super().to_dict(),
             "model": plain(model),
-            "data": data.described() if isinstance(data, DataTable) else None,
+            "data": _described(data),
             "candidates": [getattr(c, "id", c) for c in self.candidates],
         }
 
@@ -217,9 +230,7 @@ class Diagnosis(Result):
         if not isinstance(values, Mapping):
             return super().from_dict(values)
         given = {**values, "candidates": ()}
-        if isinstance(values.get("data"), Mapping):
-            table = class_named(str(values["data"].get("data")), DataTable)
-            given["data"] = table.from_description(values["data"])
+        given["data"] = _data_of(values.get("data"))
         if isinstance(values.get("setup"), Mapping):
             given["setup"] = structured(values["setup"], Setup)
         made = super().from_dict(given)
@@ -294,7 +305,14 @@ class Diagnosis(Result):
                 f"Cross-validated rms {verb} {self.gain.fall()}; "
                 f"the plain model alone has {chance(self.p_value)}.",
             ]
-        return (*lines, *self._left_out(), *self.notes)
+        weak = (f"{labelled(k, self.labels.get(k, ''))}: {v}" for k, v in self.unnoticed.items())
+        small = "; ".join(weak)
+        return (
+            *lines,
+            *self._left_out(),
+            *((f"Not excluded: {small}.",) if small else ()),
+            *self.notes,
+        )
 
     def _probable(self, cause: Cause) -> str:
         return f"{cause.headline()} ({percent(cause.probability)})"
@@ -325,7 +343,30 @@ class Diagnosis(Result):
             f"{text or 'no further cause'} ({percent(a.probability)})"
             for text, a in zip((first, *others), self.evidence, strict=False)
         )
-        return [*lines, f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}."]
+        return [
+            *lines,
+            f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}.",
+            *self._widened(),
+        ]
+
+    def _widened(self) -> list[str]:
+        """Say of which errors the uncertainty is mostly the doubt between two sets."""
+        shares = {
+            k: self.doubt[k] / self.errors_std[k]
+            for k in self.rivals
+            if np.isfinite(self.errors_std[k]) and self.doubt[k] > ROUNDING
+        }
+        worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+        lines = []
+        for name in worst[:MAX_WORST]:
+            std, part = (f"{v[name]:.2g}" for v in (self.errors_std, self.doubt))
+            one, other = self.alternatives[0], self.rivals[name]
+            pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
+            lines.append(
+                f"{name} ± {std} {self._unit(name)}, of it ± {part} from the doubt between "
+                f"{' and '.join(pair)}"
+            )
+        return [f"{'; '.join(lines)}."] if lines else []
 
     def _bias(self) -> list[str]:
         """Name the machine error that the causes had biased most, in its standard errors."""
@@ -347,13 +388,24 @@ class Diagnosis(Result):
         lines = []
         if self.outliers:
             what = "Outlier" if len(self.outliers) == 1 else "Outliers"
-            lines.append(f"{what}, left out: {places(self.data, self.outliers)}.")
+            lines.append(f"{what}, left out: {self._places()}.")
         lost = [k for k in self.not_identifiable if k in self.errors_after]
         if lost:
             reasons = {self.not_identifiable[k] for k in lost}
             why = next(iter(reasons)) if len(reasons) == 1 else ""
             lines.append(f"Not identifiable: {', '.join(lost)}{f' ({why})' if why else ''}.")
         return lines
+
+    def _places(self) -> str:
+        """Say where people find the outliers; rows of several measurements are counted on."""
+        if not isinstance(self.data, tuple):
+            return places(self.data, self.outliers)
+        parts, first = [], 0
+        for one in self.data:
+            mine = [row - first for row in self.outliers if 0 <= row - first < len(one)]
+            parts += [places(one, mine)] if mine else []
+            first += len(one)
+        return ", ".join(parts)
 
     def _unit(self, name: str) -> str:
         return self.units.get(name) or unit_of(name)
@@ -412,6 +464,22 @@ class Diagnosis(Result):
             return Table.of(table.title, table.columns, rows)
         once = [(name, after, unit) for name, _, after, unit in rows]
         return Table.of(table.title, ("", "model", "unit"), once)
+
+
+def _described(data: Any) -> Any:
+    """Return data, or several, as plain values; None for what is no table."""
+    if isinstance(data, tuple) and all(isinstance(one, DataTable) for one in data):
+        return [one.described() for one in data]
+    return data.described() if isinstance(data, DataTable) else None
+
+
+def _data_of(values: Any) -> Any:
+    """Return the data that `_described` described."""
+    if isinstance(values, list):
+        return tuple(map(_data_of, values))
+    if not isinstance(values, Mapping):
+        return values
+    return class_named(str(values.get("data")), DataTable).from_description(values)
 
 
 def _shown_like(value: float, std: float | None) -> Cell:

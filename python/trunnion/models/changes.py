@@ -141,6 +141,10 @@ class MachineComparison(Result):
     level: float
     notes: tuple[str, ...] = ()
 
+    def title(self) -> str:
+        """Name the result."""
+        return "What changed"
+
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
         """Name → change from the first measurement to the last, and its standard error."""

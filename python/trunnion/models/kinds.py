@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
@@ -22,6 +23,8 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.machine.effects import EffectInfo
+from trunnion.models.joint import JointModel
+from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
 
@@ -168,7 +171,9 @@ def table_of(columns: Any, kind: str | None = None) -> Any:
 
 @checked
 def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] = ()) -> Model:
-    """Return the model of a measurement, with its whole catalogue of candidates."""
+    """Return the model of a measurement, or of several, with its whole catalogue of candidates."""
+    if isinstance(data, list | tuple):
+        return _joint(_measured(data, setup, effects), setup, effects)
     for base in type(data).__mro__:
         for kind in _KINDS:
             if kind.data == f"{base.__module__}:{base.__qualname__}":
@@ -275,6 +280,8 @@ def diagnose(
     """
     if isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset"):
         data = table_of(data)
+    if isinstance(data, list | tuple):
+        return _of_several(data, setup, effects)
     used, first = _distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
@@ -294,3 +301,37 @@ def diagnose(
     )
     outliers = tuple(int(first[row]) for row in found.outliers)
     return replace(found, outliers=outliers, notes=(note, *found.notes))
+
+
+def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
+    """Diagnose several measurements of one machine."""
+    measured = _measured(data, setup, effects)
+    model = _joint(measured, setup, effects)
+    given = {"setup": setup, "candidates": tuple(effects)}
+    return joined(diagnose_model(model), model, measured, given)
+
+
+def _measured(
+    data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]
+) -> list[Measured]:
+    """Diagnose each of several measurements alone."""
+    if len(data) < 2:
+        raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
+    return [
+        Measured(_name_of(one), one, _distinct_rows(one)[1], diagnose(one, setup, effects=effects))
+        for one in data
+    ]
+
+
+def _joint(
+    measured: Sequence[Measured], setup: Any, effects: Sequence[EffectLike | str]
+) -> JointModel:
+    """Return the model of several measurements of one machine."""
+    model = partial(model_of, setup=setup, effects=effects)
+    return joint_model(measured, model, model)
+
+
+def _name_of(data: Any) -> str:
+    """Name of the kind of data; of a model of one's own that of its class."""
+    classes = {f"{base.__module__}:{base.__qualname__}" for base in type(data).__mro__}
+    return next((kind.name for kind in _KINDS if kind.data in classes), type(data).__name__)

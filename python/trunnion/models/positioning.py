@@ -102,6 +102,18 @@ class PositioningModel(LinearModel):
         same = np.array_equal(self.data.stops[0], other.data.stops[0])
         return frozenset() if same else frozenset(("reversal_of_position", "curve"))
 
+    def shared(self, effect: Effect) -> tuple[str, float] | None:
+        """Scale and reversal are errors of the axis in any measurement; others of its stops.
+
+        A backlash makes an approach in + stop short: the reversal is its opposite.
+        """
+        axis = None if self.data.axis is None else str(self.data.axis[0]).lower()
+        if effect.id in OF_TIME:
+            return None
+        if axis in ("x", "y", "z") and effect.id in ("scale", "reversal"):
+            return (f"scale_{axis}", 1.0) if effect.id == "scale" else (f"backlash_{axis}", -1.0)
+        return (effect.id if axis is None else f"{effect.id}_of_{axis}", 1.0)
+
     def extended(
         self,
         nuisance: Floats,
@@ -146,6 +158,7 @@ class ExtendedPositioning(Estimate):
     offset: float
 
 
+OF_TIME = ("cycle_drift", "drift", "warmup", "expansion")
 IDS = (
     "scale",
     "reversal",

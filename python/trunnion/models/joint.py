@@ -1,0 +1,388 @@
+"""Several measurements of one machine as one model for the diagnosis engine.
+
+Readings, what is always fitted and candidates of the measurements stand below each other. What is
+the machine's is one parameter that acts on every measurement: location errors of one name, and
+effects that :meth:`~trunnion.diagnosis.model.Model.shared` calls alike. All else belongs to one
+measurement and has its name in front ("touches:probe_radius"): placements, instruments, artefacts,
+what changes with time. Each measurement keeps the noise that its own diagnosis found.
+
+Measurements of one kind are of several dates, in the order given. For each error and effect that
+they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
+from trunnion.diagnosis.model import Model, Nuisance, OneEffect, Readings, Uncertainty
+from trunnion.diagnosis.records import units_of
+from trunnion.machine.effects import Owner
+from trunnion.machine.estimate import Estimate
+
+Whiten = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One of the measurements.
+
+    Attributes
+    ----------
+    name
+        As results call it.
+    kind
+        Measurements of one kind are of several dates.
+    model
+        Of the readings that are no outliers.
+    rows
+        Data row of each reading, counted through all measurements, shape (n,).
+    whiten
+        Makes the noise of its readings white, of size 1.
+    """
+
+    name: str
+    kind: str
+    model: Model
+    rows: Integers
+    whiten: Whiten
+
+
+@dataclass(frozen=True)
+class _Acts:
+    """How a joint effect acts on one part: as that part's own effect, times ``sign``."""
+
+    part: int
+    effect: Effect
+    sign: float
+
+
+@dataclass(frozen=True)
+class _Change:
+    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''."""
+
+    since: int
+    error: str = ""
+    effect: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Whitener:
+    """Whiten the readings of each part by its own."""
+
+    parts: tuple[tuple[slice, Whiten], ...]
+
+    def __call__(self, columns: Floats) -> Floats:
+        return np.concatenate([np.asarray(whiten(columns[at])) for at, whiten in self.parts])
+
+
+class JointModel(Model):
+    """Several measurements of one machine, as the diagnosis engine asks for them.
+
+    Parameters
+    ----------
+    parts
+        The measurements, at least two.
+    binder
+        Makes this model of other measurements.
+    """
+
+    def __init__(
+        self, parts: Sequence[Part], binder: Callable[[Sequence[Any]], Model] | None = None
+    ) -> None:
+        self.parts = tuple(parts)
+        self.data = tuple(p.model.data for p in parts)
+        self._binder = binder
+        ends = np.cumsum([0, *(len(p.model.readings) for p in parts)])
+        self._at = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+        self.readings = _readings(self.parts)
+        self._join_nuisance()
+        self._join_effects()
+
+    # --- what is joined
+
+    def _join_nuisance(self) -> None:
+        joined: dict[str, Nuisance] = {}
+        start: list[float] = []
+        index: list[Integers] = []
+        for part in self.parts:
+            mine = []
+            for x, value in zip(part.model.nuisance, part.model.start, strict=True):
+                shared = x.owner is Owner.MACHINE
+                name = x.name if shared else f"{part.name}:{x.name}"
+                if name not in joined:
+                    joined[name] = replace(x, name=name)
+                    start.append(float(value))
+                mine.append(list(joined).index(name))
+            index.append(np.array(mine, dtype=np.intp))
+        self.nuisance = tuple(joined.values())
+        self._start = np.array(start)
+        self._index = index
+
+    def _join_effects(self) -> None:
+        self._acts: dict[str, list[_Acts]] = {}
+        self._changes: dict[str, _Change] = {}
+        made: dict[str, Effect] = {}
+        for i, part in enumerate(self.parts):
+            for own in part.model.effects:
+                known = part.model.shared(own)
+                id_, sign = (f"{part.name}:{own.id}", 1.0) if known is None else known
+                if id_ in made and not _alike(made[id_], own):
+                    id_, sign = f"{part.name}:{own.id}", 1.0
+                self._acts.setdefault(id_, []).append(_Acts(i, own, sign))
+                if id_ not in made:
+                    label = own.label or own.id.replace("_", " ")
+                    label = label if ":" not in id_ else f"{label} ({part.name})"
+                    made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
+        for effect in self._possible_changes(made):
+            made[effect.id] = effect
+        self.effects = tuple(made.values())
+
+    def _effect(
+        self,
+        id_: str,
+        parameters: tuple[Parameter, ...],
+        label: str,
+        owner: Owner,
+        own: Effect | None = None,
+    ) -> Effect:
+        bound = OneEffect(self, id_)
+        motion = None if own is None else own.motion
+        return Effect(id_, parameters, bound.change, bound.jacobian, label, owner, motion)
+
+    def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
+        """Changes of what measurements of one kind share, before a later one of them."""
+        for i, part in enumerate(self.parts):
+            earlier = [j for j in range(i) if self.parts[j].kind == part.kind]
+            if not earlier:
+                continue
+            before = earlier[-1]
+            for k in sorted(set(self._index[before]) & set(self._index[i])):
+                x = self.nuisance[k]
+                id_ = f"{part.name}:change_{x.name}"
+                self._changes[id_] = _Change(i, error=x.name)
+                unit = {"µm": "um"}.get(x.unit, x.unit)
+                label = f"change of {x.name} before {part.name}"
+                yield self._effect(id_, (Parameter(f"change_{unit}", x.unit),), label, x.owner)
+            for shared, acts in list(self._acts.items()):
+                effect = made[shared]
+                if not {before, i} <= {a.part for a in acts} or not effect.linear:
+                    continue
+                id_ = f"{part.name}:change_{shared}"
+                self._changes[id_] = _Change(i, effect=shared)
+                label = f"change of {effect.label} before {part.name}"
+                yield self._effect(id_, effect.parameters, label, effect.owner)
+
+    # --- the model
+
+    @property
+    def start(self) -> Floats:
+        """Values that the parts start from."""
+        return self._start.copy()
+
+    def _of_part(
+        self, i: int, nuisance: Floats, effects: EffectValues
+    ) -> tuple[Floats, dict[str, Values]]:
+        """Nuisance and effects of one part."""
+        at = np.array(nuisance[self._index[i]])
+        own: dict[str, Values] = {}
+
+        def add(id_: str, values: Mapping[str, float]) -> None:
+            for acts in self._acts[id_]:
+                if acts.part == i:
+                    sizes = zip(acts.effect.parameters, values.values(), strict=True)
+                    known: Mapping[str, float] = own.get(acts.effect.id, {})
+                    own[acts.effect.id] = Values(
+                        {
+                            p.name: (acts.sign * v + known.get(p.name, 0.0)) if p.linear else v
+                            for p, v in sizes
+                        }
+                    )
+
+        for id_, values in effects.items():
+            change = self._changes.get(id_)
+            if change is None:
+                add(id_, values)
+            elif i >= change.since and self._concerns(i, change):
+                if change.effect:
+                    add(change.effect, values)
+                else:
+                    at[self._position(i, change.error)] += next(iter(values.values()))
+        return at, own
+
+    def _concerns(self, i: int, change: _Change) -> bool:
+        """Whether a change acts on a part: one of the same kind."""
+        return self.parts[i].kind == self.parts[change.since].kind
+
+    def _position(self, i: int, error: str) -> int:
+        return next(k for k, x in enumerate(self.parts[i].model.nuisance) if x.name == error)
+
+    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return the readings of all parts, shape (n,)."""
+        return np.concatenate(
+            [
+                part.model.predict(*self._of_part(i, nuisance, effects))
+                for i, part in enumerate(self.parts)
+            ]
+        )
+
+    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return the derivative by what is always fitted, shape (n, p)."""
+        out = np.zeros((len(self.readings), len(self.nuisance)))
+        for i, part in enumerate(self.parts):
+            own = part.model.jacobian(*self._of_part(i, nuisance, effects))
+            out[self._at[i], self._index[i]] = own
+        return out
+
+    def effect_jacobian(
+        self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
+    ) -> Floats:
+        """Return the derivative by one effect's parameters, shape (n, k)."""
+        out = np.zeros((len(self.readings), len(effect.parameters)))
+        change = self._changes.get(effect.id)
+        if change is not None and change.error:
+            for i, part in enumerate(self.parts):
+                if i >= change.since and self._concerns(i, change):
+                    own = part.model.jacobian(nuisance[self._index[i]], {})
+                    out[self._at[i], 0] = own[:, self._position(i, change.error)]
+            return out
+        for acts in self._acts[effect.id if change is None else change.effect]:
+            if change is not None and (
+                acts.part < change.since or not self._concerns(acts.part, change)
+            ):
+                continue
+            names = (p.name for p in acts.effect.parameters)
+            signs = np.array([acts.sign if p.linear else 1.0 for p in acts.effect.parameters])
+            own_values = Values(zip(names, signs * list(values.values()), strict=True))
+            at = nuisance[self._index[acts.part]]
+            model = self.parts[acts.part].model
+            own = model.effect_jacobian(at, acts.effect, own_values)
+            out[self._at[acts.part]] = own * signs
+        return out
+
+    def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
+        """Each part by the noise that its own diagnosis found."""
+        return _Whitener(
+            tuple((at, part.whiten) for at, part in zip(self._at, self.parts, strict=True))
+        )
+
+    # --- what the engine asks
+
+    @property
+    def allows_outliers(self) -> bool:
+        """No: those of each part are set aside before."""
+        return False
+
+    @property
+    def groups(self) -> Integers:
+        """The groups of each part."""
+        return _labels([np.asarray(p.model.groups) for p in self.parts])
+
+    @property
+    def replicates(self) -> Integers | None:
+        """The repeats of each part."""
+        own = [p.model.replicates for p in self.parts]
+        if any(labels is None for labels in own):
+            return None
+        return _labels([np.asarray(labels) for labels in own])
+
+    @property
+    def rank_tolerance(self) -> float:
+        """The largest of the parts'."""
+        return max(p.model.rank_tolerance for p in self.parts)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Of each part, with its name."""
+        return tuple(f"{p.name}: {text}" for p in self.parts for text in p.model.remarks)
+
+    def bind(self, data: Any) -> Model:
+        """Return the model of other measurements, in the same order."""
+        if self._binder is None or not isinstance(data, list | tuple):
+            raise InputError(
+                f"other data: got {type(data).__name__}, expected a list of measurements"
+            )
+        return self._binder(data)
+
+    def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
+        """Return the machine's errors, by the first measurement that has them."""
+        out: dict[str, float] = {}
+        for i, part in enumerate(self.parts):
+            at, own = self._of_part(i, nuisance, {})
+            out = {**part.model.location_errors(at, own), **out}
+        return {k: v for k, v in out.items() if k in {x.name for x in self.nuisance}}
+
+    def extended(
+        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> ExtendedJoint:
+        """Return the machine by name, and what is each measurement's own."""
+        named = dict(zip((x.name for x in self.nuisance), map(float, nuisance), strict=True))
+        machine = {x.name for x in self.nuisance if x.owner is Owner.MACHINE}
+        found = [e for e in self.effects if e.id in effects]
+        return ExtendedJoint(
+            measurements=tuple(p.name for p in self.parts),
+            errors={k: v for k, v in named.items() if k in machine},
+            placement={k: v for k, v in named.items() if k not in machine},
+            effects={k: dict(v) for k, v in effects.items()},
+            owners={e.id: e.owner for e in found},
+            motions={e.id: e.motion for e in found if e.motion is not None},
+            not_compensable={
+                e.id: f"it belongs to {e.id.partition(':')[0]}" for e in found if ":" in e.id
+            },
+            **({} if uncertainty is None else uncertainty.fields()),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExtendedJoint(Estimate):
+    """What several measurements say of one machine.
+
+    Attributes
+    ----------
+    measurements
+        Their names, which stand in front of what is one measurement's own.
+    """
+
+    measurements: tuple[str, ...]
+
+
+def _alike(first: Effect, other: Effect) -> bool:
+    """Whether two effects have the same parameters, or one each in the same unit."""
+    if len(first.parameters) == len(other.parameters) == 1:
+        one, two = first.parameters[0], other.parameters[0]
+        return one.linear and two.linear and one.unit == two.unit
+    names = [p.name for p in first.parameters]
+    return names == [p.name for p in other.parameters] and first.linear == other.linear
+
+
+def _readings(parts: Sequence[Part]) -> Readings:
+    """Return the readings of all parts, each with its unit."""
+    own = [p.model.readings for p in parts]
+    units = []
+    for readings in own:
+        names, index = units_of(readings)
+        units += [names[i] for i in index]
+    steps = [np.zeros(len(r)) if r.step is None else np.asarray(r.step) for r in own]
+    return Readings(
+        np.concatenate([r.values for r in own]),
+        np.concatenate([p.rows for p in parts]),
+        tuple(units),
+        step=np.concatenate(steps),
+    )
+
+
+def _labels(parts: Sequence[Integers]) -> Integers:
+    """Labels that differ from part to part; -1 stays."""
+    out, first = [], 0
+    for labels in parts:
+        known = np.unique(labels, return_inverse=True)[1].reshape(-1)
+        out.append(np.where(labels >= 0, known + first, -1))
+        first += len(labels) + 1
+    return np.concatenate(out).astype(np.intp)

@@ -1,0 +1,126 @@
+"""What each measurement's own diagnosis leaves for the joint one: rows, noise, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.model import Model, Scaling
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.files.table import Table
+from trunnion.models.joint import JointModel, Part
+
+MIN_NOISE = 1e-9  # of a white reading: exact data
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One of several measurements of a machine.
+
+    Attributes
+    ----------
+    kind, data
+        Its kind, as the command line calls it, and the data.
+    distinct
+        Rows that do not repeat others in every column; None: all.
+    alone
+        Its own diagnosis.
+    """
+
+    kind: str
+    data: Any
+    distinct: Integers | None
+    alone: Diagnosis
+
+    @property
+    def size(self) -> int:
+        """Count of data rows."""
+        if isinstance(self.data, Table):
+            return len(self.data)
+        return int(np.max(self.data.readings.rows)) + 1
+
+    @property
+    def rows(self) -> Integers:
+        """Data rows of a table that are used, in order."""
+        every = np.arange(self.size) if self.distinct is None else self.distinct
+        return np.setdiff1d(every, self.alone.outliers).astype(np.intp)
+
+    @property
+    def used(self) -> Any:
+        """The data of these rows."""
+        whole = not isinstance(self.data, Table) or len(self.rows) == len(self.data)
+        return self.data if whole else self.data[self.rows]
+
+    def noise(self, model: Model) -> Callable[[Floats], Floats]:
+        """Return what makes the noise of the used readings white, of size 1."""
+        found = self.alone.residuals
+        if found is None:
+            return model.whitener(np.zeros(len(model.readings)))
+        of_row = found.rows if self.distinct is None else self.distinct[found.rows]
+        kept = ~np.isin(of_row, self.alone.outliers)
+        whiten = model.whitener(found.before[kept])
+        after = np.asarray(whiten(found.after[kept]))
+        parameters = sum(len(c.parameters) for c in self.alone.causes) + len(model.nuisance)
+        size = float(np.sqrt(np.sum(after**2) / max(len(after) - parameters, 1)))
+        return _Scaled(whiten, Scaling(np.full(len(after), max(size, MIN_NOISE))))
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """A whitener, then the same scale for all."""
+
+    whiten: Callable[[Floats], Floats]
+    scale: Scaling
+
+    def __call__(self, columns: Floats) -> Floats:
+        return self.scale(np.asarray(self.whiten(columns)))
+
+
+def joint_model(
+    measured: Sequence[Measured],
+    model_of: Callable[[Any], Model],
+    binder: Callable[[Sequence[Any]], Model],
+) -> JointModel:
+    """Return the model of several measurements, each without the outliers of its own diagnosis."""
+    parts: list[Part] = []
+    start = 0
+    for one in measured:
+        earlier = sum(part.kind == one.kind for part in parts)
+        name = one.kind if not earlier else f"{one.kind} {earlier + 1}"
+        model = model_of(one.used)
+        rows = np.asarray(model.readings.rows)
+        rows = one.rows[rows] if isinstance(one.data, Table) else rows
+        parts.append(Part(name, one.kind, model, rows + start, one.noise(model)))
+        start += one.size
+    return JointModel(parts, binder)
+
+
+def joined(
+    found: Diagnosis, model: JointModel, measured: Sequence[Measured], given: Mapping[str, Any]
+) -> Diagnosis:
+    """Return a joint diagnosis with what was found in each measurement alone.
+
+    ``given``: further fields of the diagnosis.
+    """
+    starts = np.cumsum([0, *(one.size for one in measured)])[:-1]
+    outliers = [
+        int(start) + row
+        for start, one in zip(starts, measured, strict=True)
+        for row in one.alone.outliers
+    ]
+    notes = [
+        f"{part.name} alone: {one.alone.unexplained}."
+        for part, one in zip(model.parts, measured, strict=True)
+        if one.alone.unexplained is not None
+    ]
+    return replace(
+        found,
+        data=tuple(one.data for one in measured),
+        outliers=tuple(outliers),
+        notes=(*found.notes, *notes),
+        **given,
+    )

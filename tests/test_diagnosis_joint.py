@@ -1,0 +1,208 @@
+"""Several measurements of one machine, diagnosed together: blind pairs, shares, dates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import model_contract as contract
+import trunnion as tn
+from ballbar_study import cartesian_cases
+from ballbar_twin import cartesian_lengths, record
+from positioning_twin import axis
+from power.study import ground
+from promise import kept, needed_runs
+from trunnion.cli import app
+from trunnion.models.kinds import model_of
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+FEWER = 40  # runs of what is only compared
+Rng = np.random.Generator
+Causes = dict[str, dict[str, float]]
+
+MACHINE = ("scale_x", "scale_y", "backlash_x", "backlash_y")
+OWN = ("probe_radius", "artefact_length", "artefact_width", "artefact_expansion")
+NAMES = {
+    "scale": "ppm",
+    "backlash": "b_um",
+    "probe_radius": "dr_um",
+    "artefact_length": "dl_um",
+    "artefact_width": "dw_um",
+    "artefact_expansion": "ppm",
+}
+
+
+def settled(d: tn.Diagnosis, hidden: set[str]) -> bool:
+    """Whether the hidden causes are in every set that is left: nothing can take their place."""
+    return bool(d.alternatives) and all(hidden <= causes for causes in d.alternatives)
+
+
+def hidden_cause(rng: Rng, name: str) -> Causes:
+    sign = rng.choice([-1.0, 1.0])
+    size = rng.uniform(4, 8) if "scale" in name or "expansion" in name else rng.uniform(0.7, 1.2)
+    parameter = NAMES.get(name) or NAMES[name.partition("_")[0]]
+    return {name: {parameter: float(sign * size)}}
+
+
+def touches(rng: Rng, effects: Causes, plan: str = "paper", **more: float) -> tn.Touches:
+    """Touches of the twin; ``more``: location errors."""
+    planned, setup, _, _ = ground(plan)
+    truth = Truth(
+        errors={**random_errors(rng), **more}, placement=random_placement(rng), effects=effects
+    )
+    made = measure(
+        planned, setup, truth, noise_um=0.3, tick_um=0.1, seed=int(rng.integers(1 << 31))
+    )
+    return tn.Touches(made.columns)
+
+
+def stops(rng: Rng, letter: str, effects: Causes) -> tn.Positioning:
+    """Stops of an axis of the same machine: it goes further by its scale, and lags by backlash."""
+    data = axis(rng, noise=0.5)
+    ppm = effects.get(f"scale_{letter}", {}).get("ppm", 0.0)
+    b = effects.get(f"backlash_{letter}", {}).get("b_um", 0.0)
+    error = 1e-3 * ppm * data.target - b / 2 * data.direction
+    return data.with_columns(
+        measured_mm=data.measured + 1e-3 * error, axis=[letter.upper()] * len(data)
+    )
+
+
+def test_what_touches_alone_leave_open_is_settled_by_positioning() -> None:
+    """A cause of the machine is named as such, one of probe or artefact never given to it."""
+    setup = ground("paper")[3]
+    runs = needed_runs(0.95)
+    right = alone = blamed = 0
+    for k in range(runs):
+        rng = np.random.default_rng([31, k])
+        name = str(rng.choice(MACHINE))
+        effects = hidden_cause(rng, name)
+        probed = touches(rng, effects)
+        found = tn.diagnose([probed, *(stops(rng, a, effects) for a in "xy")], setup)
+        right += settled(found, {name})
+        if k >= FEWER:
+            continue
+        alone += settled(tn.diagnose(probed, setup), {name})
+        own = {
+            k: v for name in OWN for k, v in hidden_cause(rng, name).items() if rng.random() < 0.4
+        }
+        other = tn.diagnose([touches(rng, own), *(stops(rng, a, {}) for a in "xy")], setup)
+        blamed += any(":" not in cause for cause in other.named)
+    assert kept(right, runs, 0.95)
+    assert alone < 0.6 * FEWER
+    assert blamed <= 2
+
+
+def bar(rng: Rng, ppm: float, longer_um: float) -> tn.Ballbar:
+    """An XY circle of a machine with this scale of X and Y, by a bar that is longer than stated."""
+    spot = rng.uniform(-200, 200, 3)
+    rec = record(spot, step_deg=8.0, arcs=(("XY", 0, 360),))
+    error = 1e-6 * ppm * (rec.points - spot) * [1.0, 1.0, 0.0]
+    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
+    return tn.Ballbar(
+        setup=rec.setup,
+        x_mm=rec.points[:, 0],
+        y_mm=rec.points[:, 1],
+        length_mm=lengths + 1e-3 * longer_um,
+        sense=rec.sense,
+        time_s=rec.time_s,
+    )
+
+
+def test_a_long_bar_and_a_long_machine_look_alike_until_the_axes_are_measured() -> None:
+    runs, right = needed_runs(0.95), 0
+    for k in range(runs):
+        rng = np.random.default_rng([32, k])
+        of_machine = k % 2
+        size = float(rng.uniform(10, 30) * rng.choice([-1, 1]))
+        data = bar(rng, size, 0.0) if of_machine else bar(rng, 0.0, 0.15 * size)
+        scale: Causes = {f"scale_{a}": {"ppm": size * of_machine} for a in "xy"}
+        found = tn.diagnose([data, *(stops(rng, a, scale) for a in "xy")])
+        expected = {"scale_x", "scale_y"} if of_machine else {"ballbar:ballbar_length"}
+        right += settled(found, expected)
+        if k < 6 and of_machine:
+            assert tn.diagnose(data).named == {"ballbar_length"}
+    assert kept(right, runs, 0.95)
+
+
+def test_one_value_for_all_measurements_with_its_sign() -> None:
+    rng = np.random.default_rng(33)
+    effects: Causes = {"scale_x": {"ppm": 20.0}, "backlash_y": {"b_um": 3.0}}
+    data = [touches(rng, effects, "rich"), *(stops(rng, a, effects) for a in "xy")]
+    d = tn.diagnose(data, ground("rich")[3])
+    assert d.named == set(effects)
+    for cause in d.causes:
+        for name, value in effects[cause.id].items():
+            assert abs(cause[name] - value) < 4 * cause.std_errors[name]
+    single = tn.diagnose(data[0], ground("rich")[3])
+    for cause in single.causes:
+        together = next(c for c in d.causes if c.id == cause.id)
+        for name, std in cause.std_errors.items():
+            assert together.std_errors[name] < std
+    assert d.model["scale_x.ppm"] == d.effects["scale_x"]["ppm"]
+    again = tn.Diagnosis.from_json(d.to_json())
+    assert again.to_dict() == d.to_dict()
+
+
+def test_what_changed_between_two_dates_is_named() -> None:
+    setup = ground("rich")[3]
+    rng = np.random.default_rng(34)
+    first = touches(rng, {}, "rich", EX0C=10.0)
+    errors = tn.identify(first, setup).errors
+    second = touches(rng, {}, "rich", **{**errors, "EX0C": errors["EX0C"] + 4.0})
+    d = tn.diagnose([first, second], setup)
+    (cause,) = d.causes
+    assert cause.id == "touches 2:change_EX0C"
+    assert cause["change_um"] == pytest.approx(4.0, abs=0.3)
+    assert "change of EX0C before touches 2" in d.summary()
+    same = tn.diagnose([first, touches(rng, {}, "rich", **errors)], setup)
+    assert same.verdict == "consistent"
+    assert same.errors_after["EX0C"] == pytest.approx(errors["EX0C"], abs=0.1)
+
+
+def test_outliers_are_counted_through_all_measurements() -> None:
+    rng = np.random.default_rng(35)
+    x, y = (stops(rng, a, {}) for a in "xy")
+    bad = np.array(y.measured)
+    bad[[7, 30]] += 0.05
+    d = tn.diagnose([x, y.with_columns(measured_mm=bad)])
+    assert d.outliers == (len(x) + 7, len(x) + 30)
+
+
+def test_the_joint_model_is_a_model() -> None:
+    rng = np.random.default_rng(36)
+    bars, _ = cartesian_cases(["squareness"], 36)
+    data = [touches(rng, {}), stops(rng, "x", {}), stops(rng, "x", {}), bars[::3]]
+    model = model_of(data, ground("paper")[3])
+    for check in (
+        contract.check_shapes,
+        contract.check_nuisance_derivative,
+        contract.check_effect_derivatives,
+        contract.check_zero_at_zero,
+        contract.check_bound_to_its_own_data,
+        contract.check_pickle,
+    ):
+        check(model, None)
+    ids = {effect.id for effect in model.effects}
+    assert {"scale_x", "backlash_x", "positioning 2:change_scale_x"} <= ids
+    assert {"touches:probe_radius", "ballbar:ballbar_length", "positioning:drift"} <= ids
+    assert sum(x.name == "EX0C" for x in model.nuisance) == 1
+
+
+def test_a_list_of_one_is_refused() -> None:
+    with pytest.raises(tn.InputError, match="at least two"):
+        tn.diagnose([axis(np.random.default_rng(1))])
+
+
+def test_the_command_diagnoses_together(tmp_path: Path) -> None:
+    rng = np.random.default_rng(37)
+    effects: Causes = {"backlash_x": {"b_um": 3.0}}
+    stops(rng, "x", effects).to_csv(tmp_path / "x.csv")
+    stops(rng, "y", effects).to_csv(tmp_path / "y.csv")
+    files = [str(tmp_path / "x.csv"), str(tmp_path / "y.csv")]
+    said = CliRunner().invoke(app, ["diagnose", "--joint", *files])
+    assert said.exit_code == 0, said.output
+    assert "backlash_x" in said.output
