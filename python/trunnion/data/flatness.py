@@ -255,13 +255,9 @@ class Straightness(Result):
             notes=(note,) if note else (),
         )
 
-    @classmethod
-    def labels(cls) -> dict[str, str]:
+    def labels(self) -> dict[str, str]:
         """Name of each figure → what people call it."""
-        return {
-            "straightness_um": "straightness, least squares",
-            "minimum_zone_um": "straightness, minimum zone",
-        }
+        return _zone_labels("straightness")
 
     def headline(self) -> str:
         """Both zones."""
@@ -355,13 +351,9 @@ class Flatness(Result):
             notes=(note,) if note else (),
         )
 
-    @classmethod
-    def labels(cls) -> dict[str, str]:
+    def labels(self) -> dict[str, str]:
         """Name of each figure → what people call it."""
-        return {
-            "flatness_um": "flatness, least squares",
-            "minimum_zone_um": "flatness, minimum zone",
-        }
+        return _zone_labels("flatness")
 
     def headline(self) -> str:
         """Both zones."""
@@ -448,13 +440,9 @@ class Twist(Result):
             noise_source=noise[-1].source,
         )
 
-    @classmethod
-    def labels(cls) -> dict[str, str]:
+    def labels(self) -> dict[str, str]:
         """Name of each figure → what people call it."""
-        return {
-            "twist_um_m_m": "twist",
-            "roll_um_m": "range of the slope across",
-        }
+        return {"twist_um_m_m": "twist", "roll_um_m": "range of the slope across"}
 
     def headline(self) -> str:
         """Twist."""
@@ -487,6 +475,10 @@ class Twist(Result):
 def _errors(name: str, zone: _Zone, noise: Sequence[Noise]) -> dict[str, float]:
     names = (name, "minimum_zone_um")
     return {k: _known(s, noise) for k, s in zip(names, zone.std_errors, strict=True)}
+
+
+def _zone_labels(what: str) -> dict[str, str]:
+    return {f"{what}_um": f"{what}, {LEAST_SQUARES}", "minimum_zone_um": f"{what}, {MINIMUM_ZONE}"}
 
 
 def _zones(
