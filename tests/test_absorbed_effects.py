@@ -18,6 +18,8 @@ TEN = {
     "a_twist": ({"k_arcsec": 10.0}, "5 arcsec of it"),
     "a_sag": ({"ky_um": 10.0, "kz_um": -10.0}, "5 µm of ky_um with -5 µm of kz_um"),
 }
+UNNOTICED = re.compile(r"([\d.]+) \S+ of it can stay unnoticed .* (E\w+) by ([+-][\d.]+) ")
+WEAK = {("paper", "drift_z"): "rate_um_h", ("rich", "scale_z"): "ppm"}
 SAG = {"a_sag": {"ky_um": 2.7, "kz_um": -3.5}}
 
 
@@ -59,6 +61,23 @@ def test_an_effect_that_shifts_the_placement_only_has_no_bias() -> None:
     seen = tn.observability(tn.plan(setup), setup)
     assert "artefact_height" not in seen.bias
     assert f"a_twist: {seen.bias['a_twist']}." in seen.sentences()
+
+
+@pytest.mark.parametrize(("plan", "effect"), WEAK)
+def test_what_can_stay_unnoticed_shifts_the_error_as_stated(plan: str, effect: str) -> None:
+    """Half of it is not named, twice of it is where that is of plausible size."""
+    without = diagnosed(plan, {}, 1)
+    said = UNNOTICED.match(without.unnoticed[effect])
+    assert said, without.unnoticed[effect]
+    size, error, shift = float(said[1]), said[2], float(said[3])
+    assert f"({effect}): {without.unnoticed[effect]}" in without.summary()
+    hidden = diagnosed(plan, {effect: {WEAK[plan, effect]: size / 2}}, 1)
+    assert hidden.verdict == "consistent"
+    bias = hidden.errors_after[error] - without.errors_after[error]
+    assert bias == pytest.approx(shift / 2, rel=0.1)
+    assert abs(shift) > without.errors_std[error]
+    large = diagnosed(plan, {effect: {WEAK[plan, effect]: 2 * size}}, 1)
+    assert effect in large.named or size in (5.0, 10.0)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -16,8 +16,8 @@ import pytest
 import servo_rig_twin as rig
 import trunnion as tn
 from trunnion.base.errors import DataError
-from trunnion.diagnosis import engine
 from trunnion.diagnosis.case import Case, Explanation, rms
+from trunnion.diagnosis.explain import explain
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.setup import Artefact, Setup
 
@@ -112,14 +112,14 @@ def test_force_pulses_that_no_column_records_are_stated_with_size_and_time() -> 
 
 def test_no_reported_fit_is_worse_than_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever a search returns: here fits that leave a little more than the plain model."""
-    explain, plain = engine.explain, diagnosed(rig.Rig(), 0.82).gain.rms_before_um
+    plain = diagnosed(rig.Rig(), 0.82).gain.rms_before_um
 
     def worse(case: Case) -> Explanation:
         found = explain(case)
         left = 1.01 * plain / rms(found.fit.residuals) * found.fit.residuals
         return replace(found, fit=replace(found.fit, residuals=left))
 
-    monkeypatch.setattr(engine, "explain", worse)
+    monkeypatch.setattr("trunnion.diagnosis.engine.explain", worse)
     d = diagnosed(rig.Rig(), 0.82)
     assert d.verdict == "unexplained"
     assert not d.named

@@ -49,6 +49,8 @@ from .data.flatness import Twist as Twist
 from .data.iso230_2 import CompensationTable as CompensationTable
 from .data.iso230_2 import Iso2302 as Iso2302
 from .data.iso230_2 import Iso2302Rotary as Iso2302Rotary
+from .data.iso230_4 import Iso2304 as Iso2304
+from .data.iso230_4 import iso230_4 as iso230_4
 from .data.levels import Levels as Levels
 from .data.levels import read_levels as read_levels
 from .data.linuxcnc_log import read_probe_log as read_probe_log

@@ -11,6 +11,7 @@ import html
 import importlib
 import io
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 C = TypeVar("C")
+
+MAX_NAME_WIDTH = 44  # of a first column that does not wrap
 
 Cell: TypeAlias = str | float | int | bool | None
 """What stands in a cell: text, a number (formatted when shown), or nothing."""
@@ -63,6 +66,11 @@ class Shown(float):
 def significant(value: float, digits: int = 3) -> Shown:
     """Return a number shown to so many digits."""
     return Shown(value, f"{value:.{digits}g}".replace("-", "−"))
+
+
+def position(value: float) -> Shown:
+    """Return a nominal number (a target, a place) shown without zeros at its end."""
+    return Shown(value, f"{value:.10g}".replace("-", "−"))
 
 
 def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
@@ -128,9 +136,12 @@ class Table:
         )
         cells = self.cells()
         for index, column in enumerate(self.columns):
+            if index:
+                table.add_column(column, justify="right")
+                continue
             # Names stay whole on a narrow terminal: the numbers beside them wrap.
-            width = max(len(row[0]) for row in cells) if index == 0 and cells else None
-            table.add_column(column, justify="left" if index == 0 else "right", min_width=width)
+            short = max((len(row[0]) for row in cells), default=0) <= MAX_NAME_WIDTH
+            table.add_column(column, no_wrap=short, max_width=None if short else MAX_NAME_WIDTH)
         for row in cells:
             table.add_row(*row)
         return table
@@ -402,8 +413,9 @@ class Result:
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
     def title(self) -> str:
-        """Return the heading of its page."""
-        return type(self).__name__
+        """Return the heading of its page: the name of its class in words, unless it has its own."""
+        words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__)
+        return words[:1] + words[1:].lower()
 
     def to_html(self, path: str | PathLike[str]) -> Path:
         """Write one self-contained page with sentences, pictures and tables; return its path."""

@@ -22,6 +22,7 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    start,
     sweep,
     turning,
 )
@@ -56,6 +57,7 @@ def _main(
 
 
 GROUPS = (
+    start,
     calibration,
     program,
     read,

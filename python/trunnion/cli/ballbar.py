@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, sort_files
+from trunnion.cli.command import Answer, command, save, sort_files
 from trunnion.cli.diagnose import diagnose_as
 from trunnion.cli.hybrid import mechanism_of
 
@@ -23,11 +23,31 @@ Lengths = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(help="Ball-bar tests: diagnose, identify, plan.", no_args_is_help=True)
+    group = typer.Typer(
+        help="Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.", no_args_is_help=True
+    )
     command(group, "diagnose")(diagnose_as("ballbar"))
+    command(group)(results)
     command(group)(identify)
     command(group)(plan)
     app.add_typer(group, name="ballbar")
+
+
+def results(
+    files: Lengths,
+    html: Annotated[
+        Path | None, typer.Option(help="write a page with the polar plot here, one a circle")
+    ] = None,
+) -> Answer:
+    """Evaluate circles by ISO 230-4: circular deviation G, hysteresis H, radial deviation F."""
+    data, _ = sort_files(files, (1, 1), (0, 1), "lengths")
+    circles = tn.iso230_4(tn.read_ballbar(data[0]))
+    shown: list[Any] = [*circles]
+    if html is not None:
+        for circle in circles:
+            name = html if len(circles) == 1 else html.with_stem(f"{html.stem}-{circle.setup}")
+            shown.append(save(name, circle.to_html))
+    return Answer([circle.to_dict() for circle in circles], tuple(shown))
 
 
 def identify(

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from trunnion.base.units import Integers
+from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.explain import MIN_EXPLAINED
-from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.records import (
     Alternative,
@@ -26,6 +26,7 @@ from trunnion.diagnosis.records import (
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
+from trunnion.machine.unnoticed import unnoticed
 
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
@@ -65,6 +66,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, f)
+    weak = _unnoticed(kept, f, std, variance)
     contributions, ladder = contributions_of(kept, case.given or plain, f, rows)
     return Diagnosis(
         verdict=verdict,
@@ -77,6 +79,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         errors_std=std,
         doubt=doubts,
         rivals=rivals,
+        unnoticed=weak,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
         not_identifiable={
             **_not_identifiable(case, plain, f, std),
@@ -88,7 +91,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in model.effects if x.id in named.union(lost)},
+        labels={x.id: x.label for x in model.effects if x.id in named.union(lost, weak)},
         residuals=Residuals.of(
             model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
@@ -181,6 +184,21 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         elif bias:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
     return out
+
+
+def _unnoticed(case: Case, f: Fit, std: dict[str, float], variance: float) -> dict[str, str]:
+    """Effects beside a fit that may be there unnoticed, and what they would do to an error."""
+    others = [e for e in case.effects if e.linear and e.id not in f.effects]
+    if not others or not std or variance <= 0:
+        return {}
+    columns: dict[str, Floats] = {}
+    for effect in others:
+        x = variant_columns(case.model, effect, f.nuisance, grid_values(effect)[:1])[0]
+        white = case.white(x) / np.sqrt(variance)
+        columns |= {f"{effect.id}.{p.name}": white[:, i] for i, p in enumerate(effect.parameters)}
+    jacobian = case.white(f.jacobian) / np.sqrt(variance)
+    names = _names(case.model, f)
+    return unnoticed(jacobian, f.covariance * variance, names, columns, std, ABSORBED_SHARE)
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:

@@ -113,6 +113,9 @@ class Diagnosis(Result):
         Of ``errors_std``, what is due to the doubt between the sets of causes.
     rivals:
         Set of causes that moves an error from ``errors_after`` most, by its probability.
+    unnoticed:
+        Id of an effect that is not named → how much of it can stay unnoticed, and what it would do
+        to the location error that it shifts most; the worst three, worst first.
     none_probability:
         That no cause of the catalogue acts: noise, or structure that none of them makes.
     data, setup, candidates:
@@ -144,6 +147,7 @@ class Diagnosis(Result):
     none_probability: float = 0.0
     doubt: Mapping[str, float] = field(default_factory=dict)
     rivals: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    unnoticed: Mapping[str, str] = field(default_factory=dict)
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -301,7 +305,14 @@ class Diagnosis(Result):
                 f"Cross-validated rms {verb} {self.gain.fall()}; "
                 f"the plain model alone has {chance(self.p_value)}.",
             ]
-        return (*lines, *self._left_out(), *self.notes)
+        weak = (f"{labelled(k, self.labels.get(k, ''))}: {v}" for k, v in self.unnoticed.items())
+        small = "; ".join(weak)
+        return (
+            *lines,
+            *self._left_out(),
+            *((f"Not excluded: {small}.",) if small else ()),
+            *self.notes,
+        )
 
     def _probable(self, cause: Cause) -> str:
         return f"{cause.headline()} ({percent(cause.probability)})"

@@ -22,7 +22,7 @@ from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_
 SECOND_ORDER = 1e-3
 """Components below this share of a combination are second-order and not named."""
 
-ASSUMED_SIZE = {"arcsec": 5.0, "µm": 5.0, "ppm": 10.0}
+ASSUMED_SIZE = {"arcsec": 5.0, "µm": 5.0, "µm/h": 5.0, "ppm": 10.0}
 """Of an effect that is not identifiable, by the unit of its parameter: 1 of any other."""
 MIN_BIAS = 0.5
 """Standard errors of a location error; a smaller shift of it is not mentioned."""

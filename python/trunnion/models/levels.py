@@ -209,9 +209,15 @@ class LevelsModel(LinearModel):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Say what one orientation, and one pass without times, do not tell."""
+        """Say the twist as a whole, and what one orientation or one pass do not tell."""
         data = self.data
         out = [] if data.reversed else [NOT_TURNED]
+        if not data.grid and "across" in data.components and len(data.stations[0]) > 2:
+            out.append(
+                f"By a straight line through the whole roll the twist is "
+                f"{data.twist().twist_um_m_m:.4g} µm/m per m; beside a kink or a smooth shape the "
+                "cause twist is what these leave."
+            )
         if _elapsed(data) is None:
             out.append(NO_DRIFT)
         return tuple(out)

@@ -1,6 +1,7 @@
 # Every picture; read at run time, too (lazy_loader), so each name stands once.
 from .changes import plot_changes as plot_changes
 from .changes import plot_comparison as plot_comparison
+from .circular import plot_circular as plot_circular
 from .contouring import plot_contour_error as plot_contour_error
 from .contouring import plot_contour_sweep as plot_contour_sweep
 from .contouring import plot_margins as plot_margins

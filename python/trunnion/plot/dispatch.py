@@ -25,6 +25,7 @@ PICTURES = {
     "Identifiability": "plot_identifiability",
     "Iso2302": "plot_positioning",
     "Iso2302Rotary": "plot_positioning",
+    "Iso2304": "plot_circular",
     "IdentificationResult": "plot_estimates",
     "MachineComparison": "plot_comparison",
     "Margins": "plot_margins",

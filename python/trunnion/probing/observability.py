@@ -18,6 +18,7 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
+from trunnion.machine.unnoticed import unnoticed
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
 from trunnion.setup import Setup
 
@@ -58,6 +59,9 @@ class Observability(Result):
         Id of an effect of which all or a combination of parameters is absorbed → what some of it
         would do to the location error that it shifts most, in words; those that shift none by half
         its standard error are left out.
+    unnoticed
+        Id of an effect that the readings show → how much of it can stay unnoticed, and what it
+        would do to the location error that it shifts most; the worst three, worst first.
     alike
         Sets of effects of which each can take the place of the others together: pairs and larger
         sets, smallest first; none contains another.
@@ -76,6 +80,7 @@ class Observability(Result):
     combinations: tuple[dict[str, float], ...]
     not_identifiable_effects: tuple[str, ...]
     bias: dict[str, str]
+    unnoticed: dict[str, str]
     alike: tuple[frozenset[str], ...]
     missing_columns: dict[str, str]
     share_left: dict[str, float]
@@ -99,7 +104,7 @@ class Observability(Result):
         if self.not_identifiable_effects:
             names = ", ".join(self.not_identifiable_effects)
             lines.append(f"Not identifiable beside the location errors and the placement: {names}.")
-        lines.extend(f"{effect}: {text}." for effect, text in self.bias.items())
+        lines.extend(f"{k}: {text}." for k, text in {**self.bias, **self.unnoticed}.items())
         groups, sums = self._grouped()
         lines.extend(f"Alike: {', '.join(group)} cannot be distinguished." for group in groups)
         lines.extend(
@@ -190,6 +195,7 @@ def observability(
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         not_identifiable_effects=hidden,
         bias=_bias(setup, plain, columns, sigma),
+        unnoticed=_unnoticed(setup, plain, columns, sigma),
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
@@ -266,6 +272,21 @@ def _bias(setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float)
         if text:
             said[entry.id] = text
     return said
+
+
+def _unnoticed(
+    setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float
+) -> dict[str, str]:
+    """Say what effects that may be there unnoticed would do to a location error."""
+    model = TouchModel(setup)
+    found = linear_fit(plain / sigma, np.zeros(len(plain)))
+    std = dict(zip(model.error_names, map(float, found.std), strict=False))
+    single: dict[str, Floats] = {}
+    for entry in (e for e in catalogue(setup) if e.id in columns):
+        if all(p.kind == "linear" for p in entry.parameters):
+            names = (f"{entry.id}.{p.name}" for p in entry.parameters)
+            single |= dict(zip(names, columns[entry.id].T / sigma, strict=True))
+    return unnoticed(plain / sigma, found.cofactor, model.names, single, std, MIN_SHARE_LEFT)
 
 
 def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:

@@ -113,6 +113,10 @@ class IdentificationResult(Estimate):
     lack_of_fit: LackOfFit | None = None
     notes: tuple[str, ...] = ()
 
+    def title(self) -> str:
+        """Name the result."""
+        return "Location errors"
+
     @property
     def rms_um(self) -> float:
         """Root mean square of the residuals."""

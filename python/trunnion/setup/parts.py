@@ -36,7 +36,7 @@ from trunnion.setup.fields import (
     keys_of,
 )
 from trunnion.setup.names import canonical_error_name
-from trunnion.setup.write import headline_of, report_of, tables_of, toml_of
+from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
 PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
@@ -377,9 +377,12 @@ class Setup:
         """Return the tables of the file with plain values; empty ones left out."""
         return tables_of(self)
 
-    def to_toml(self) -> str:
-        """Return the text of a ``setup.toml`` that reads back as an equal set-up."""
-        return toml_of(self)
+    def to_toml(self, *, comments: bool = False) -> str:
+        """Return the text of a ``setup.toml`` that reads back as an equal set-up.
+
+        With `comments`: every key with its meaning beside it, those without a value as comments.
+        """
+        return commented_toml(self) if comments else toml_of(self)
 
     def __repr__(self) -> str:
         return f"<Setup: {headline_of(self)}>"

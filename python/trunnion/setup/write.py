@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import tomli_w
@@ -34,6 +35,33 @@ def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
 def toml_of(setup: Setup) -> str:
     """Return the text of a file that reads back as an equal set-up."""
     return tomli_w.dumps(tables_of(setup))
+
+
+def commented_toml(setup: Setup) -> str:
+    """Return the text of a file with the meaning of every key beside it.
+
+    Keys without a value, and the assumed table, are comments. It reads back as an equal set-up.
+    """
+    known = tables_of(setup)
+    lines: list[str] = []
+    for name in PARTS:
+        part, values = getattr(setup, name), known.get(name, {})
+        lines.append(f"[{name}]")
+        for key, declared in part.own_keys().items():
+            if key in values and not isinstance(values[key], dict):
+                text = " ".join(tomli_w.dumps({key: values[key]}).split())
+            elif isinstance(getattr(part, key), Mapping):
+                continue
+            else:
+                value = thawed(getattr(part, key))
+                text = f"# {key} = {'' if value is None else value}".rstrip()
+            lines.append(f"{text:<42} # {declared.meaning}")
+        lines.append("")
+    rest = {name: table for name, table in known.items() if name not in PARTS}
+    for name in ("errors", "tolerance"):
+        if name in known["machine"]:
+            lines += [f"[machine.{name}]", tomli_w.dumps(known["machine"][name])]
+    return "\n".join(lines) + tomli_w.dumps(rest)
 
 
 def report_of(setup: Setup) -> Table:

@@ -1,0 +1,82 @@
+"""``trunnion init``, ``samples``: from an empty folder to a first result."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import trunnion as tn
+from trunnion.cli.command import Answer, check_outputs, command, save
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder, made if it is not there")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands to the application."""
+    for function in (init, samples):
+        command(app)(function)
+
+
+def init(
+    folder: Folder = Path(),
+    preset: Annotated[str, typer.Option(help="trt-ca, trt-bc or table-c-head-b")] = "trt-ca",
+    artefact: Annotated[str, typer.Option(help="cross, cuboid or sphere")] = "cross",
+    length_mm: Annotated[float, typer.Option(help="of cross or cuboid along X")] = 100.0,
+    width_mm: Annotated[float, typer.Option(help="of the bars of a cross; cuboid: along Y")] = 25.0,
+    height_mm: Annotated[float, typer.Option(help="of cross or cuboid")] = 25.0,
+    diameter_mm: Annotated[float, typer.Option(help="of a sphere")] = 25.0,
+    ball_radius_mm: Annotated[float, typer.Option(help="of the probe")] = 1.0,
+) -> Answer:
+    """Write a commented set-up for a machine and an artefact, and the plan of its touches."""
+    if artefact == "sphere":
+        body = tn.Artefact(artefact, diameter_mm=diameter_mm, centre_mm=(60.0, 0.0, 80.0))
+    else:
+        body = tn.Artefact(artefact, length_mm=length_mm, width_mm=width_mm, height_mm=height_mm)
+    setup = tn.Setup(
+        machine=tn.Machine(preset=preset),
+        artefact=body,
+        probe=tn.Probe(ball_radius_mm=ball_radius_mm),
+    )
+    plan = tn.plan(setup)
+    files = (folder / "setup.toml", folder / "plan.csv")
+    check_outputs(*files)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = setup.to_toml(comments=True)
+    said = (
+        save(files[0], lambda path: path.write_text(text, encoding="utf-8")),
+        save(files[1], plan.to_csv),
+    )
+    next_steps = (
+        f"Next: put the real dimensions into {files[0]}, then\n"
+        f"  trunnion plan {files[0]} -o {files[1]} --force\n"
+        f"  trunnion program {files[1]} {files[0]} -o probe.ngc     (LinuxCNC; docs/linuxcnc.md)\n"
+        "  trunnion touches plan.csv touches.log setup.toml -o measured.csv\n"
+        "  trunnion diagnose measured.csv setup.toml --html diagnosis.html"
+    )
+    return Answer({"files": [str(f) for f in files], "touches": len(plan)}, (*said, next_steps))
+
+
+def samples(folder: Folder = Path("samples")) -> Answer:
+    """Copy the sample files of every kind of data into a folder."""
+    source = tn.sample_path("cross/setup.toml").parents[1]
+    names = sorted(
+        path.relative_to(source)
+        for path in source.glob("*/*")
+        if path.suffix in {".toml", ".csv", ".ngc"}
+    )
+    check_outputs(*(folder / name for name in names))
+    said = []
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        said.append(save(folder / name, _copy_of(source / name)))
+    first = folder / "hidden"
+    hint = f"Try: trunnion diagnose {first / 'touches.csv'} {first / 'setup.toml'}"
+    return Answer({"files": [str(folder / name) for name in names]}, (*said, hint))
+
+
+def _copy_of(path: Path) -> Callable[[Path], object]:
+    return lambda draft: shutil.copyfile(path, draft)

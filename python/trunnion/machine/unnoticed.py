@@ -1,0 +1,65 @@
+"""Effects too small to be noticed that shift an error of the machine all the same."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from trunnion.base.units import Floats, unit_of
+from trunnion.machine.estimate import ASSUMED_SIZE, ROUNDING
+
+NOTICED = 3.5  # standard errors of an effect with which it is missed in about one case of three
+MIN_SHIFT = 1.0  # standard errors of a location error; a smaller shift of it is not mentioned
+MAX_STATED = 3
+
+
+def unnoticed(
+    jacobian: Floats,
+    cofactor: Floats,
+    names: Sequence[str],
+    columns: Mapping[str, Floats],
+    std: Mapping[str, float],
+    absorbed: float,
+) -> dict[str, str]:
+    """Say what effects of a plausible size that stay unnoticed would do, the worst ones first.
+
+    Parameters
+    ----------
+    jacobian, cofactor
+        Derivative of the readings by what is fitted, over their noise, shape (n, p), and the
+        covariance of a fit, shape (p, p).
+    names
+        Of what is fitted (p,).
+    columns
+        Parameter of an effect ("id.name") → derivative of the readings by it, over their noise.
+    std
+        Standard errors of the location errors.
+    absorbed
+        Share of an effect up to which what is left of it beside the fit counts as nothing.
+
+    Returns
+    -------
+    dict
+        Id → ``2.1 µm/h of it can stay unnoticed and would shift EZ0A by +0.6 µm``.
+    """
+    x = np.column_stack(list(columns.values())) if columns else np.zeros((len(jacobian), 0))
+    along = cofactor @ (jacobian.T @ x)
+    left = np.linalg.norm(x - jacobian @ along, axis=0)
+    seen = left > absorbed * np.linalg.norm(x, axis=0)
+    found: dict[str, tuple[float, str]] = {}
+    for i, parameter in enumerate(columns):
+        effect, name = parameter.split(".", 1)
+        unit = unit_of(name)
+        for error, row in zip(names, along[:, i], strict=True):
+            least = max(std.get(error, np.inf), ROUNDING)
+            if not seen[i] or not np.isfinite(least):
+                continue
+            size = min(NOTICED / float(left[i]), ASSUMED_SIZE.get(unit, 1.0))
+            ratio = abs(row) * size / least
+            if ratio > max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
+                shift = f"{row * size:+.2g} {unit_of(error)}".rstrip()
+                what = "it" if sum(k.startswith(f"{effect}.") for k in columns) == 1 else name
+                amount = f"{size:.2g} {unit} of {what}"
+                text = f"{amount} can stay unnoticed and would shift {error} by {shift}"
+                found[effect] = ratio, text
+    worst = sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]
+    return {effect: found[effect][1] for effect in worst}

@@ -1,0 +1,53 @@
+"""From an empty folder: init and samples write files that every other command takes."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from trunnion.cli import app
+
+
+def run(*arguments: str, code: int = 0) -> str:
+    result = CliRunner().invoke(app, list(arguments))
+    assert result.exit_code == code, result.output
+    return result.output
+
+
+@pytest.mark.parametrize("artefact", ["cross", "cuboid", "sphere"])
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
+def test_init_writes_a_set_up_and_its_plan(preset: str, artefact: str, tmp_path: Path) -> None:
+    folder = tmp_path / "new"
+    said = run("init", str(folder), "--preset", preset, "--artefact", artefact)
+    assert "Next: put the real dimensions" in said
+    setup = tn.read_setup(folder / "setup.toml")
+    assert setup.machine.preset == preset
+    assert setup.artefact.kind == artefact
+    assert len(tn.read_touches(folder / "plan.csv")) == len(tn.plan(setup))
+    assert "exists already" in run("init", str(folder), code=2)
+
+
+def test_a_commented_set_up_reads_back(tmp_path: Path) -> None:
+    setup = tn.Setup(
+        machine=tn.Machine(errors={"EX0C": 12.5}, tolerance={"EX0C": 10.0}),
+        artefact=tn.Artefact("cuboid", length_mm=80.0, width_mm=70.0, height_mm=30.0),
+        axes={"C": tn.AxisSetup(sense=-1)},
+        probe=tn.Probe(ball_radius_mm=1.5, servo_period_ms=1.0),
+        servo={"X": {"gain_per_s": 80.0, "time_constant_ms": 5.0}},
+    )
+    path = tmp_path / "setup.toml"
+    path.write_text(setup.to_toml(comments=True), encoding="utf-8")
+    assert tn.read_setup(path) == setup
+    text = path.read_text()
+    for part in ("# radius of the ball", "# control = ", "# centre_mm"):
+        assert (part in text) == (part != "# control = ")
+
+
+def test_samples_are_data_of_every_kind(tmp_path: Path) -> None:
+    said = run("samples", str(tmp_path / "s"))
+    for name in ("cross/touches.csv", "levels/bed.csv", "turning/part.ngc"):
+        assert (tmp_path / "s" / name).read_bytes() == tn.sample_path(name).read_bytes()
+    assert "Try: trunnion diagnose" in said
+    hidden = tmp_path / "s" / "hidden"
+    assert "Ambiguous" in run("diagnose", str(hidden / "touches.csv"), str(hidden / "setup.toml"))
