@@ -32,7 +32,6 @@ _SUFFIXES = {
     "per_s": "1/s",
     "percent": "%",
     "arcsec": "arcsec",
-    "percent": "%",
     "deg": "deg",
     "ppm_k": "ppm/K",
     "ppm": "ppm",
