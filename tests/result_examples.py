@@ -56,6 +56,12 @@ def field_motion() -> FieldMotion:
     return FieldMotion(places, np.array([[1.0], [2.0], [0.5], [-1.0]]), 0.1, 2.0, travel)
 
 
+def clock_offset() -> Any:
+    time = np.arange(0.0, 20.0, 0.05)
+    signal = np.sin(time) + 0.3 * np.sin(2.7 * time)
+    return tn.align_clocks(time, signal, time + 0.2, signal)
+
+
 def turning_table() -> tn.Iso2302Rotary:
     turned = np.tile(np.arange(0.0, 360.0, 60.0), 4)
     data = tn.Positioning(
@@ -242,6 +248,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Iso2302": lambda: data_of(next(k for k in kinds() if k.name == "positioning")).iso230_2(),
     "InstrumentComparison": two_instruments,
     "Iso2302Rotary": turning_table,
+    "ClockOffset": clock_offset,
+    "Dataset": lambda: tn.datasets.about("mill"),
     "Iso2304": lambda: tn.iso230_4(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))[0],
     "CompensationTable": lambda: turning_table().compensation_table(zero_at=60.0),
     "Conformity": lambda: turning_table().conformity(accuracy_arcsec=20.0, reversal_arcsec=0.5),

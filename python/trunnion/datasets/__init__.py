@@ -17,7 +17,7 @@ from typing import Any
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, optional_module
 from trunnion.base.errors import InputError
-from trunnion.datasets.catalogue import DATASETS, GITHUB
+from trunnion.datasets.catalogue import DATASETS, GITHUB, READERS
 from trunnion.datasets.catalogue import Dataset as Dataset
 
 __all__ = ["Dataset", "about", "load", "names"]
@@ -61,7 +61,7 @@ def load(name: str, folder: str | PathLike[str] | None = None, *, download: bool
         A file is not there; the message says where it can be had.
     """
     found = about(name)
-    return found.reader(*(_path(found, file, folder, download) for file in found.files))
+    return READERS[found.reader](*(_path(found, file, folder, download) for file in found.files))
 
 
 def _path(found: Dataset, file: str, folder: str | PathLike[str] | None, download: bool) -> Path:
