@@ -51,8 +51,6 @@ class Case:
         data; None: `plain`.
     minor:
         Effects that are significant and explain too little of what is left to be named.
-    fitted:
-        The last set that was fitted, candidates and their variants, with its fit.
     """
 
     model: Model
@@ -65,7 +63,6 @@ class Case:
     likely: Fit | None = None
     given: Fit | None = None
     minor: set[str] = field(default_factory=set)
-    fitted: tuple[tuple[tuple[int, int], ...], Fit] | None = None
     _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
 
     @property

@@ -66,13 +66,9 @@ def _exactly(case: Case) -> Explanation | None:
 
 def _fit_members(case: Case, members: dict[int, int]) -> Fit:
     """Fit a set exactly: candidates and their variants."""
-    key = tuple(members.items())
-    if case.fitted is None or case.fitted[0] != key:
-        effects = [case.effects[j] for j in members]
-        start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
-        found = fit(case.model, case.rows, effects, case.plain.nuisance, start, case.whiten)
-        case.fitted = key, found
-    return case.fitted[1]
+    effects = [case.effects[j] for j in members]
+    start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
+    return fit(case.model, case.rows, effects, case.plain.nuisance, start, case.whiten)
 
 
 def _explained(case: Case) -> Explanation:
