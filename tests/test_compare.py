@@ -142,7 +142,7 @@ def test_the_command_compares(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["compare", *map(str, paths)])
     assert said.exit_code == 0, said.output
     assert "Changed from before to after" in said.output
-    assert "reversal.b_um" in said.output
+    assert "reversal (backlash) of the axis" in said.output
 
 
 @measured

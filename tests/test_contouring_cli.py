@@ -68,7 +68,10 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
         (("contour", "simulate", "--feed", "-5"), "feed_mm_min: got -5"),
         (("contour", "simulate", "--controller", "best"), "expected one of independent"),
         (("contour", "simulate", CROSS), "servo: the"),
-        (("contour", "diagnose", LOG), "setup: got NoneType"),
+        (
+            ("contour", "diagnose", LOG),
+            "expected a set-up (TOML) that names each axis of the log: [servo.X]",
+        ),
         (
             ("contour", "diagnose", LOG, str(tn.sample_path("cross/setup.toml"))),
             "setup.toml:1:1: servo: the table is missing",

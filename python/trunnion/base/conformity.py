@@ -70,6 +70,8 @@ class Judged:
         Largest size allowed, and the guard band.
     decision
         "pass", "fail" or "undecided".
+    label
+        What people call it.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Judged:
     tolerance: float
     guard: float
     decision: Decision
+    label: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,6 +107,7 @@ class Conformity(Result):
         *,
         more: float = 0.0,
         probability: float = PROBABILITY,
+        labels: Mapping[str, str] | None = None,
     ) -> Conformity:
         """Of sizes (without sign) by name; ``more``: standard uncertainty beside the given one.
 
@@ -121,7 +125,11 @@ class Conformity(Result):
             size, std = abs(values[name]), float((std_errors[name] ** 2 + more**2) ** 0.5)
             guard = guard_factor(probability) * std
             decision = decide(size, std, upper=tolerance, probability=probability)
-            out.append(Judged(name, size, std, float(tolerance), guard, decision))
+            out.append(
+                Judged(
+                    name, size, std, float(tolerance), guard, decision, (labels or {}).get(name, "")
+                )
+            )
         return cls(tuple(out), probability)
 
     @property
@@ -153,7 +161,7 @@ class Conformity(Result):
         """One quantity a row."""
         rows: list[tuple[Cell, ...]] = [
             (
-                j.name,
+                j.label or j.name,
                 *measured(j.value, j.std_error),
                 significant(j.guard),
                 significant(j.tolerance, 4),

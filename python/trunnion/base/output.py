@@ -45,6 +45,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         yield target
         return
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: there is no folder {target.parent} to write it to")
     handle, name = tempfile.mkstemp(
         prefix=f".{target.stem[:40]}-", suffix=target.suffix[:20], dir=target.parent
     )

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 C = TypeVar("C")
 
+MAX_NAME_WIDTH = 44  # of a first column that does not wrap
+
 Cell: TypeAlias = str | float | int | bool | None
 """What stands in a cell: text, a number (formatted when shown), or nothing."""
 
@@ -64,6 +66,11 @@ class Shown(float):
 def significant(value: float, digits: int = 3) -> Shown:
     """Return a number shown to so many digits."""
     return Shown(value, f"{value:.{digits}g}".replace("-", "−"))
+
+
+def position(value: float) -> Shown:
+    """Return a nominal number (a target, a place) shown without zeros at its end."""
+    return Shown(value, f"{value:.10g}".replace("-", "−"))
 
 
 def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
@@ -129,9 +136,12 @@ class Table:
         )
         cells = self.cells()
         for index, column in enumerate(self.columns):
+            if index:
+                table.add_column(column, justify="right")
+                continue
             # Names stay whole on a narrow terminal: the numbers beside them wrap.
-            width = max(len(row[0]) for row in cells) if index == 0 and cells else None
-            table.add_column(column, justify="left" if index == 0 else "right", min_width=width)
+            short = max((len(row[0]) for row in cells), default=0) <= MAX_NAME_WIDTH
+            table.add_column(column, no_wrap=short, max_width=None if short else MAX_NAME_WIDTH)
         for row in cells:
             table.add_row(*row)
         return table

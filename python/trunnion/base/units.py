@@ -28,6 +28,7 @@ _SUFFIXES = {
     "m_min": "m/min",
     "um_m": "µm/m",
     "per_s": "1/s",
+    "percent": "%",
     "arcsec": "arcsec",
     "deg": "deg",
     "ppm": "ppm",
@@ -54,6 +55,14 @@ def unit_of(name: str) -> str:
         if last == suffix or last.endswith("_" + suffix):
             return unit
     return ""
+
+
+def without_unit(name: str) -> str:
+    """Return a parameter's name without the unit at its end: ``along_um_m`` → along."""
+    for suffix in _SUFFIXES:
+        if name.endswith("_" + suffix):
+            return name.removesuffix("_" + suffix)
+    return name
 
 
 _SIZES: dict[str, tuple[str, float]] = {

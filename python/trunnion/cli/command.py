@@ -158,13 +158,17 @@ def sort_files(
     toml = [f for f in files if f.suffix.lower() == ".toml"]
     if not (data[0] <= len(found) <= data[1] and set_ups[0] <= len(toml) <= set_ups[1]):
         raise InputError(
-            f"files: got {len(found)} of {what} and {len(toml)} set-ups (.toml), expected "
+            f"files: got {_named(found)} as {what} and {_named(toml)} as set-up (.toml), expected "
             f"{_count(data)} of {what} and {_count(set_ups)} set-up"
         )
     for file in files:
         if not file.exists():
             raise InputError(f"{file}: no such file or directory")
     return found, toml
+
+
+def _named(files: list[Path]) -> str:
+    return ", ".join(map(str, files)) or "none"
 
 
 def one_set_up(files: Iterable[Path], data: tuple[int, int], what: str) -> tuple[list[Path], Path]:

@@ -33,7 +33,7 @@ def read(
     column: Annotated[
         list[str] | None,
         typer.Option(
-            help='column of the kind = channel of the file: "x_cmd_mm=Ref [m]", or a number',
+            help='column of the kind = channel of the file: "x_cmd_mm=Ref \\[m]", or a number',
             show_default=False,
         ),
     ] = None,

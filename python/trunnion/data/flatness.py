@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.report import Cell, Result, Table, measured
+from trunnion.base.report import Cell, Result, Table, measured, position, significant
 from trunnion.base.units import Floats
 
 SAME_STEP = 0.01  # relative difference of steps that are one
@@ -255,6 +255,10 @@ class Straightness(Result):
             notes=(note,) if note else (),
         )
 
+    def labels(self) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        return _zone_labels("straightness")
+
     def headline(self) -> str:
         """Both zones."""
         return (
@@ -269,7 +273,7 @@ class Straightness(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return both zones, and the profile."""
         rows: list[tuple[Cell, ...]] = [
-            (float(x), round(float(z), 3), round(float(s), 3))
+            (position(float(x)), *measured(float(z), float(s)))
             for x, z, s in zip(self.positions_mm, self.heights_um, self.heights_std_um, strict=True)
         ]
         heads = ("position, mm", "height, µm", "standard uncertainty, µm")
@@ -347,6 +351,10 @@ class Flatness(Result):
             notes=(note,) if note else (),
         )
 
+    def labels(self) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        return _zone_labels("flatness")
+
     def headline(self) -> str:
         """Both zones."""
         return f"flatness {self.flatness_um:.3g} µm, minimum zone {self.minimum_zone_um:.3g} µm"
@@ -358,7 +366,7 @@ class Flatness(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return both zones, and the heights."""
         rows: list[tuple[Cell, ...]] = [
-            (float(x), float(y), round(float(z), 3), round(float(s), 3))
+            (position(float(x)), position(float(y)), *measured(float(z), float(s)))
             for x, y, z, s in zip(
                 self.x_mm, self.y_mm, self.heights_um, self.heights_std_um, strict=True
             )
@@ -432,6 +440,10 @@ class Twist(Result):
             noise_source=noise[-1].source,
         )
 
+    def labels(self) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        return {"twist_um_m_m": "twist", "roll_um_m": "range of the slope across"}
+
     def headline(self) -> str:
         """Twist."""
         return f"twist {self.twist_um_m_m:.3g} µm/m per m"
@@ -449,8 +461,13 @@ class Twist(Result):
                 *measured(self.roll_um_m, self.std_errors["roll_um_m"]),
                 "µm/m",
             ),
-            ("left by a constant twist, rms", round(self.residual_um_m, 3), None, "µm/m"),
-            (f"noise of a reading, {self.noise_source}", round(self.noise_um_m, 3), None, "µm/m"),
+            ("residual of a constant twist, rms", significant(self.residual_um_m), None, "µm/m"),
+            (
+                f"noise of a reading, {self.noise_source}",
+                significant(self.noise_um_m),
+                None,
+                "µm/m",
+            ),
         ]
         return (Table.of("Twist", ("", "value", "standard uncertainty", "unit"), rows),)
 
@@ -458,6 +475,10 @@ class Twist(Result):
 def _errors(name: str, zone: _Zone, noise: Sequence[Noise]) -> dict[str, float]:
     names = (name, "minimum_zone_um")
     return {k: _known(s, noise) for k, s in zip(names, zone.std_errors, strict=True)}
+
+
+def _zone_labels(what: str) -> dict[str, str]:
+    return {f"{what}_um": f"{what}, {LEAST_SQUARES}", "minimum_zone_um": f"{what}, {MINIMUM_ZONE}"}
 
 
 def _zones(
@@ -472,6 +493,8 @@ def _zones(
     ]
     for text, zero, one in zip(("along", "across"), zeros, noise, strict=False):
         if zero is not None:
-            rows.append((f"instrument zero {text}", round(zero, 3), None, "µm/m"))
-        rows.append((f"noise of a reading {text}, {one.source}", round(one.sigma, 3), None, "µm/m"))
+            rows.append((f"instrument zero {text}", significant(zero), None, "µm/m"))
+        rows.append(
+            (f"noise of a reading {text}, {one.source}", significant(one.sigma), None, "µm/m")
+        )
     return Table.of(title, ("", "value", "standard uncertainty", "unit"), rows)

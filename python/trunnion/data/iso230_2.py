@@ -21,7 +21,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.conformity import PROBABILITY, Conformity
 from trunnion.base.errors import InputError
-from trunnion.base.report import Cell, Result, Table, measured
+from trunnion.base.report import Cell, Result, Shown, Table, measured, number, position
 from trunnion.base.units import Floats
 
 FIGURES: Mapping[str, str] = {
@@ -77,6 +77,12 @@ class _Stops:
         }
 
 
+def _shown(values: Sequence[float], std: float) -> tuple[Shown, ...]:
+    """Numbers of a row, to two digits of a standard uncertainty that all rows share."""
+    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 6)) if std > 0 else 3
+    return tuple(Shown(float(v), number(float(v), digits)) for v in values)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CompensationTable(Result):
     """Corrections to add to commanded positions of an axis; what a control makes of it is its own.
@@ -104,8 +110,9 @@ class CompensationTable(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """One target a row."""
+        largest = float(max(np.abs(self.forward).max(), np.abs(self.backward).max()))
         rows: list[tuple[Cell, ...]] = [
-            (float(t), round(float(f), 3), round(float(b), 3))
+            (position(float(t)), *_shown((f, b), largest / 100))
             for t, f, b in zip(self.targets, self.forward, self.backward, strict=True)
         ]
         heads = (
@@ -179,6 +186,11 @@ class _Results:
         """Unit at the end of names."""
         return "um"
 
+    @classmethod
+    def labels(cls) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        return {f"{name}_{cls.unit_name()}": label for name, label in FIGURES.items()}
+
     def conformity(
         self,
         *,
@@ -196,8 +208,8 @@ class _Results:
         probability
             Of a right decision.
         **tolerances
-            By the name of the figure: ``accuracy_um=20.0``, ``reversal_um=5.0``; a figure counts
-            without its sign.
+            By the name of the figure or its letter: ``accuracy_um=20.0``, ``B=5.0``; a figure
+            counts without its sign.
 
         Raises
         ------
@@ -205,10 +217,12 @@ class _Results:
             No tolerance, one that is not above 0, or an unknown figure.
         """
         values = {name: getattr(self, name) for name in self.std_errors}
+        codes = {label.rpartition(" ")[2]: name for name, label in self.labels().items()}
         return Conformity.of(
             values,
             self.std_errors,
-            tolerances,
+            {codes.get(name, name): limit for name, limit in tolerances.items()},
+            labels=self.labels(),
             more=standard_uncertainty,
             probability=probability,
         )
@@ -260,11 +274,12 @@ class _Results:
             for name, text in FIGURES.items()
         ]
         columns = ("", "value", "standard uncertainty", "unit")
+        target = "target, deg" if unit == "arcsec" else "target, mm"
         stops: list[tuple[Cell, ...]] = [
-            (float(t), round(float(u), 3), round(float(d), 3), round(float(u - d), 3))
+            (position(float(t)), *_shown((u, d, u - d), self.std_errors[f"mean_reversal_{unit}"]))
             for t, u, d in zip(self.targets, self.mean_forward, self.mean_backward, strict=True)
         ]
-        heads = ("target", f"mean ↑, {shown}", f"mean ↓, {shown}", f"reversal, {shown}")
+        heads = (target, f"mean ↑, {shown}", f"mean ↓, {shown}", f"reversal, {shown}")
         return (
             Table.of("Positioning, ISO 230-2", columns, rows),
             Table.of("Targets", heads, stops),

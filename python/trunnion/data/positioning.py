@@ -20,6 +20,14 @@ from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
 OWN = ("target", "measured")
+UNITS = {
+    1e3: "are these µm?",
+    25.4: "are the targets inches?",
+    1 / 25.4: "are these inches?",
+    1e-3: "are these m?",
+    -1.0: "does the instrument count the other way?",
+}
+"""Measured travel over that of the targets, and what makes it so."""
 
 
 class Positioning(Table):
@@ -97,6 +105,7 @@ class Positioning(Table):
         DataError
             One direction only, or fewer than two stops at a target from one direction.
         """
+        self.check_units()
         targets, index = self.stops
         found: dict[int, list[Floats]] = {}
         for sense in (1, -1):
@@ -109,9 +118,39 @@ class Positioning(Table):
                 raise DataError(
                     f"target {targets[few[0]]:g} {self._suffix} from direction {sense:+d}: got "
                     f"{len(found[sense][few[0]])} stops, expected at least 2 (ISO 230-2: 5)"
+                    + self._likely_cause()
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
         return kind.of(targets, found[1], found[-1])
+
+    def check_units(self) -> None:
+        """Refuse measured positions that do not move as the targets do.
+
+        Raises
+        ------
+        DataError
+            They move by less than half as much, more than twice as much, or the other way.
+        """
+        if len(self.stops[0]) < 2:
+            return
+        slope = float(np.polyfit(self.target, self.measured, 1)[0])
+        if 0.5 < slope < 2.0:
+            return
+        suffix = self._suffix
+        near = [text for factor, text in UNITS.items() if abs(slope / factor - 1) < 0.05]
+        plain = near and (suffix == "mm" or slope < 0)
+        likely = f"; {near[0] if plain else 'another unit, or other columns?'}"
+        raise DataError(
+            f"measured_{suffix}: got {slope:.3g} {suffix} of travel for each {suffix} of "
+            f"target_{suffix}, expected about 1{likely}"
+        )
+
+    def _likely_cause(self) -> str:
+        """Say what makes targets with few stops: columns that were exchanged."""
+        suffix, measured = self._suffix, self.columns[f"measured_{self._suffix}"]
+        if len(np.unique(measured)) < len(self.stops[0]):
+            return f"; are target_{suffix} and measured_{suffix} exchanged?"
+        return ""
 
     @property
     def stations(self) -> tuple[Floats, Integers]:
@@ -135,6 +174,17 @@ class Positioning(Table):
         return "deg" if self.rotary else "mm"
 
     def _check(self) -> None:
+        for unit in ("mm", "deg"):
+            others = [n for n in self.columns if n.endswith(f"_{unit}") and n != f"target_{unit}"]
+            if f"target_{unit}" in self.columns and f"measured_{unit}" not in others and others:
+                raise ColumnError(
+                    f"target_{unit}",
+                    None,
+                    f"no measured_{unit} beside {', '.join(others)}",
+                    f"one of them as measured_{unit} (trunnion read --column "
+                    f"measured_{unit}={others[0]} --column {others[-1]}={others[-1]}: "
+                    "further instruments by their own names)",
+                )
         self.all_or_none("target_mm", "measured_mm")
         self.all_or_none("target_deg", "measured_deg")
         if (self.target_mm is None) == (self.target_deg is None):

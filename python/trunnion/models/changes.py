@@ -31,6 +31,10 @@ class Change:
         That it did not change, corrected for the number of quantities (Holm).
     changed
         Whether that is below the level of the comparison.
+    label
+        What people call it.
+    rms
+        Whether the change is the rms of a difference.
     """
 
     name: str
@@ -44,6 +48,13 @@ class Change:
     high: float
     p_value: float
     changed: bool
+    label: str = ""
+    rms: bool = False
+
+    @property
+    def called(self) -> str:
+        """What people call it, or its name."""
+        return self.label or self.name
 
     @property
     def within(self) -> float:
@@ -54,7 +65,8 @@ class Change:
         """Say both values and the change."""
         value, std = (_text(cell) for cell in measured(self.change, self.std_error))
         ends = f"{self.before:.4g} → {self.after:.4g}".replace("-", "−")
-        return with_unit(f"{self.name} {ends} (change {value} ± {std})", self.unit)
+        change = "rms of the difference" if self.rms else "change"
+        return with_unit(f"{self.called} {ends} ({change} {value} ± {std})", self.unit)
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,8 @@ class Trend:
         Control limits of an individuals chart: mean ± 2.66 mean moving ranges (ISO 7870-2).
     outside
         Measurements (from 0) outside the limits.
+    label
+        What people call it.
     """
 
     name: str
@@ -85,6 +99,12 @@ class Trend:
     lower: float
     upper: float
     outside: tuple[int, ...]
+    label: str = ""
+
+    @property
+    def called(self) -> str:
+        """What people call it, or its name."""
+        return self.label or self.name
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,7 +177,7 @@ class MachineComparison(Result):
         else:
             lines.append(f"Nothing changed {ends}, as far as the measurements show.")
         if still:
-            parts = [with_unit(f"{q.name} within ±{q.within:.2g}", q.unit) for q in still]
+            parts = [with_unit(f"{q.called} within ±{q.within:.2g}", q.unit) for q in still]
             lines.append(f"Not changed, 95 % each: {_listed(parts)}.")
         lines.append(
             f"Level {level} over all {len(self.quantities)} quantities together (Holm); errors "
@@ -166,10 +186,10 @@ class MachineComparison(Result):
         going = [t for t in self.trends if t.changing]
         if going:
             each = "day" if self.dated else "measurement"
-            parts = [f"{t.name} {_rate(t)} a {each}" for t in going]
+            parts = [f"{t.called} {_rate(t)} a {each}" for t in going]
             lines.append(f"Trend: {_listed(parts)}.")
         out = [
-            f"{t.name} at {', '.join(self.names[i] for i in t.outside)}"
+            f"{t.called} at {', '.join(self.names[i] for i in t.outside)}"
             for t in self.trends
             if t.outside
         ]
@@ -187,7 +207,7 @@ class MachineComparison(Result):
             heads = ("", f"trend a {each}", "standard error", "p", "lower limit", "upper limit")
             lines = [
                 (
-                    t.name,
+                    t.called,
                     *measured(t.rate, t.std_error),
                     _chance(t.p_value),
                     significant(t.lower, 4),
@@ -206,7 +226,7 @@ def _row(q: Change) -> tuple[Cell, ...]:
     ends = (significant(q.before, 4), significant(q.after, 4))
     changed = "yes" if q.changed else "no"
     return (
-        q.name,
+        q.called,
         *ends,
         *measured(q.change, q.std_error),
         q.unit,

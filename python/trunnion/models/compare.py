@@ -21,7 +21,7 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.units import Floats, unit_of, without_unit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
@@ -47,6 +47,7 @@ class _Value:
     free: float = math.inf
     unit: str = ""
     owner: str = Owner.MACHINE.value
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,7 @@ class _Vector:
     columns: Floats
     free: float
     unit: str
+    label: str
 
 
 @checked
@@ -184,8 +186,11 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
 
 
 def _of_result(result: Any) -> dict[str, _Value]:
+    labels = result.labels() if hasattr(result, "labels") else {}
     return {
-        name: _Value(float(getattr(result, name)), float(std), unit=unit_of(name))
+        name: _Value(
+            float(getattr(result, name)), float(std), unit=unit_of(name), label=labels.get(name, "")
+        )
         for name, std in result.std_errors.items()
     }
 
@@ -214,7 +219,7 @@ def _with(v: _Value, more: float) -> _Value:
     if not more:
         return v
     std = math.hypot(v.std, more)
-    return _Value(v.value, std, v.free * (std / max(v.std, 1e-300)) ** 4, v.unit, v.owner)
+    return replace(v, std=std, free=v.free * (std / max(v.std, 1e-300)) ** 4)
 
 
 # --- like with like
@@ -254,6 +259,7 @@ def _fitted(
                 f.degrees_of_freedom,
                 unit_of(n),
                 owners.get(n.partition(".")[0], Owner.MACHINE).value,
+                _label(models[0], n, effects, few),
             )
             for n in named
             for i in (f.names.index(n),)
@@ -264,8 +270,18 @@ def _fitted(
     for name in many:
         for part, mine in _split(models[0], fits[0], name).items():
             text = f"{name} (rms{f', {part}' if part else ''})"
-            vectors[text] = tuple(_vector(f, mine, models[0]) for f in fits)
+            label = f"{models[0].effect(name).label}, rms{f' {part}' if part else ''}"
+            vectors[text] = tuple(_vector(f, mine, models[0], label) for f in fits)
     return _joined(each), vectors
+
+
+def _label(model: Model, name: str, effects: Mapping[str, Any], few: Sequence[str]) -> str:
+    """What people call a parameter: its effect where it is the only one of it."""
+    effect, _, parameter = name.partition(".")
+    if effect not in effects:
+        return ""
+    alone = sum(n.partition(".")[0] == effect for n in few) == 1
+    return model.effect(effect).label + ("" if alone else f", {without_unit(parameter)}")
 
 
 def _models(diagnoses: Sequence[Diagnosis]) -> list[Model]:
@@ -307,7 +323,7 @@ def _split(model: Model, f: Refit, effect: str) -> dict[str, list[int]]:
     return {"": at} if "" in parts else parts
 
 
-def _vector(f: Refit, at: list[int], model: Model) -> _Vector:
+def _vector(f: Refit, at: list[int], model: Model, label: str) -> _Vector:
     columns = f.columns[:, at]
     unit = model.readings.unit
     return _Vector(
@@ -316,6 +332,7 @@ def _vector(f: Refit, at: list[int], model: Model) -> _Vector:
         columns[np.any(columns != 0, axis=1)],
         f.degrees_of_freedom,
         unit if isinstance(unit, str) else "",
+        label,
     )
 
 
@@ -331,7 +348,7 @@ def _change(name: str, one: _Value, other: _Value) -> Change:
     half = std * float(special.stdtrit(free, (1 + COVERAGE) / 2))
     return Change(
         name, one.unit, one.owner, one.value, other.value, change, std,
-        change - half, change + half, p, False,
+        change - half, change + half, p, False, one.label,
     )  # fmt: skip
 
 
@@ -358,7 +375,7 @@ def _of_many(name: str, one: _Vector, other: _Vector) -> Change:
     half = std * float(special.ndtri((1 + COVERAGE) / 2))
     return Change(
         name, one.unit, Owner.MACHINE.value, before, after, moved, std,
-        max(moved - half, 0.0), moved + half, p, False,
+        max(moved - half, 0.0), moved + half, p, False, one.label, True,
     )  # fmt: skip
 
 
@@ -403,10 +420,13 @@ def _trends(
         outside = tuple(int(i) for i in np.flatnonzero(np.abs(y - centre) > reach))
         rows.append(
             (name, v[0].unit, float(found[1]), error, p, centre, centre - reach, centre + reach,
-             outside)
+             outside, v[0].label)
         )  # fmt: skip
     corrected = _holm([r[4] for r in rows])
-    return tuple(Trend(*r[:4], p, p < level, *r[5:]) for r, p in zip(rows, corrected, strict=True))
+    return tuple(
+        Trend(*r[:4], p, p < level, *r[5:9], label=r[9])
+        for r, p in zip(rows, corrected, strict=True)
+    )
 
 
 # --- when

@@ -165,7 +165,9 @@ def whose_error(data: Positioning) -> InstrumentComparison:
     """
     if not data.instruments:
         raise InputError(
-            f"instruments: got one, expected further columns NAME_{'deg' if data.rotary else 'mm'}"
+            f"instruments: got one, expected further columns NAME_{'deg' if data.rotary else 'mm'} "
+            "with what others measured on the same stops; with names of their own: "
+            "trunnion read --column"
         )
     each = {FIRST: data, **{name: data.instrument(name) for name in data.instruments}}
     counters = tuple(name for name, one in each.items() if _counts_commands(one))

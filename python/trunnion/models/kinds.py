@@ -151,7 +151,7 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     raise InputError(
         f"got {got}, expected those of a kind of data ("
         + "; ".join(f"{each.name}: {each.known_by()}, ..." for each in _KINDS)
-        + "), or columns= that says which is which"
+        + "), or columns= (trunnion read --column) that says which is which"
     )
 
 

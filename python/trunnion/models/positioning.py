@@ -282,4 +282,5 @@ def build(
     data: Positioning, _: Any = None, effects: Sequence[EffectLike | str] = ()
 ) -> PositioningModel:
     """Build the model of stops; it needs no set-up."""
+    data.check_units()
     return PositioningModel(data, effects)

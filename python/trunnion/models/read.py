@@ -110,8 +110,9 @@ def read(
     if columns is None:
         raise FileFormatError(
             f"{source.name}:1:1: got {name} with the channels {', '.join(channels.columns)}, "
-            'expected columns= that says which column of a kind of data each is: {COLUMN: "'
-            f'{next(iter(channels.columns))}", ...}}'
+            "expected columns= that says which column of a kind of data each is: {COLUMN: "
+            f'"{next(iter(channels.columns))}", ...}}; as a command: trunnion read '
+            f'{source.name} --column "COLUMN={next(iter(channels.columns))}" -o data.csv'
         )
     return _Mapped(name, source, channels, columns, options).table(kind)
 

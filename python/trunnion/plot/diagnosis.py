@@ -1,5 +1,6 @@
 """Pictures of a diagnosis."""
 
+from textwrap import fill
 from typing import cast
 
 import numpy as np
@@ -18,6 +19,7 @@ BEFORE, AFTER, OUT = "#c1272d", "#1f5fa8", "#7a7a7a"
 BINS = 16
 JITTER = 0.006
 MAX_CAUSES = 4
+TITLE_WIDTH = 60  # characters a line
 
 
 def plot_diagnosis(d: Diagnosis, *, ax: Axes | None = None, cause: str | None = None) -> Axes:
@@ -39,7 +41,7 @@ def plot_diagnosis(d: Diagnosis, *, ax: Axes | None = None, cause: str | None = 
         label = next((c.called() for c in d.causes if c.id == cause), cause)
         title = f"{label}: residuals before and after"
     axes = plot_residuals(d, covariate, touched=touched, ax=ax)
-    axes.set_title(title)
+    axes.set_title(fill(title, TITLE_WIDTH))
     return axes
 
 
@@ -92,7 +94,7 @@ def plot_residuals(
     if ticks is not None:
         ax.set_xticks(np.arange(len(ticks)), ticks, rotation=60 if max(map(len, ticks)) > 4 else 0)
     ax.grid(alpha=0.25, lw=0.5)
-    ax.legend(frameon=False, fontsize="small", ncols=3, loc="upper right")
+    ax.legend(frameon=False, fontsize="small", ncols=3, loc="upper right", markerscale=2)
     return ax
 
 

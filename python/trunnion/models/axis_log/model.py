@@ -368,6 +368,9 @@ def build(
     """Build the model of an axis log; the set-up with its ``[servo]`` table is needed."""
     if not isinstance(setup, Setup):
         raise InputError(
-            f"setup: got {type(setup).__name__}, expected the Setup with [servo] of this log"
+            "setup: missing, expected a set-up (TOML) that names each axis of the log: [servo.X] "
+            "with gain_per_s and time_constant_ms; nominal values will do"
+            if setup is None
+            else f"setup: got {type(setup).__name__}, expected the Setup with [servo] of this log"
         )
     return AxisLogModel(data, setup, effects)
