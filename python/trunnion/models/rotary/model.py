@@ -224,7 +224,10 @@ class SweepModel(Model):
         tilt, tilt_by = rotations(np.array([[*nuisance[2:4] * ARCSEC, 0.0]]))
         own = self._geometry.targets + nuisance[4:].reshape(-1, TARGET_PARAMETERS) * 1e-3
         # E_A and E_B tilt, before that the axis turns, with E_C
-        wobble, wobble_by = rotations(np.column_stack([moved[:, 3:5], np.zeros(len(moved))]))
+        tilted = moved[:, 3:5] if np.any(moved[:, 3:5]) else np.zeros((1, 2))
+        wobble, wobble_by = rotations(np.column_stack([tilted, np.zeros(len(tilted))]))
+        wobble = np.broadcast_to(wobble, (len(moved), 3, 3))
+        wobble_by = np.broadcast_to(wobble_by, (3, len(moved), 3, 3))
         at = self._turn + moved[:, 5]
         spin = np.zeros((len(moved), 3, 3))
         spin[:, 0, 0] = spin[:, 1, 1] = np.cos(at)
