@@ -12,6 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import floats
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 MAX_ROWS = 256
@@ -72,7 +73,9 @@ def axis_tables(
     tables: dict[str, str] = {}
     held: list[str] = []
     left: dict[str, str] = {}
-    ranges = setup.axis_ranges()
+    ranges, chain = setup.axis_ranges(), Chain(setup)
+    senses = dict(zip("XYZ", chain.linear_senses(), strict=True))
+    senses |= dict(zip(chain.letters, chain.senses, strict=True))
     for axis in "XYZ" + letters:
         mine = {k: v for k, v in effects.items() if _is_of(k, axis, scales=scales)}
         if not mine:
@@ -89,7 +92,7 @@ def axis_tables(
             )
             continue
         frame = np.linspace(*limits, count)
-        sense = setup.sense(axis)
+        sense = senses[axis]
         if axis in "XYZ":
             # Ranges are the ball's centre in the machine frame; joints count from their own zero.
             origin = (setup.control.centre_mm or (0.0, 0.0, 0.0))["XYZ".index(axis)]

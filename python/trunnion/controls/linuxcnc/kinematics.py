@@ -55,7 +55,7 @@ def held(known: MachineErrors) -> MachineErrors:
 
 def is_conventional(setup: Setup) -> bool:
     """Whether all rotary axes count as ISO 841 does, against the turn of the table."""
-    return all(setup.sense(letter) < 0 for letter in Chain(setup).letters)
+    return bool((Chain(setup).senses < 0).all())
 
 
 def pin_values(setup: Setup, known: MachineErrors) -> dict[str, float]:
@@ -78,7 +78,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
         A machine that it cannot hold, or no ``[control] centre_mm``.
     """
     letters = check_machine(setup)
-    senses = [setup.sense(letter) for letter in letters]
+    senses = Chain(setup).senses.tolist()
     conventional = is_conventional(setup)
     words = {
         "NAME": name,
@@ -103,7 +103,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     }
     for axis, place in zip("XYZ", setup.control.centre_mm or (), strict=True):
         words[axis] = f"{place:.{PLACES}f}"
-        words[f"S{axis}"] = f"{setup.sense(axis):d}"
+        words[f"S{axis}"] = f"{Chain(setup).linear_senses()['XYZ'.index(axis)]:.0f}"
     text = files(__package__).joinpath("kinematics.comp.in").read_text(encoding="utf-8")
     for word, value in words.items():
         text = text.replace(f"@{word}@", value)

@@ -13,6 +13,7 @@ from trunnion.controls.files import Setting
 from trunnion.controls.linuxcnc.kinematics import check_machine
 from trunnion.controls.linuxcnc.made import HAL, INI, Made
 from trunnion.controls.linuxcnc.present import Present
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
@@ -57,7 +58,7 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     number = WORK_OFFSETS.index(setup.control.wcs) + 1
     work = f"G10 L2 P{number} X{offset[0]:.4f} Y{offset[1]:.4f} Z{offset[2]:.4f}"
     hal = [f"setp {one.name} {one.new:.6f}" for one in settings]
-    senses = {setup.sense(letter) for letter in letters}
+    senses = set(Chain(setup).senses.tolist())
     if len(senses) > 1:
         raise InputError(
             f"{kins}: got axes of different senses, expected one: it has one pin for both"
