@@ -128,7 +128,7 @@ def test_demo_shows_table_2() -> None:
         (("estimate", "nowhere.csv", SETUP), "nowhere.csv: no such file"),
         (
             ("estimate", SETUP, SETUP),
-            "got 0 of touches and 2 set-ups (.toml), expected 1 of touches",
+            "as set-up (.toml), expected 1 of touches and 1 set-up",
         ),
         (("estimate", TOUCHES, SETUP, "--method", "guess"), "--method: got 'guess'"),
         (("estimate", TOUCHES, SETUP, "--method", "least-squares", "--effects", "magic"), "magic"),

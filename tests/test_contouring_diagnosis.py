@@ -284,7 +284,7 @@ def model_readings(
 
 def test_bad_input() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
-    with pytest.raises(InputError, match="Setup"):
+    with pytest.raises(InputError, match=r"setup: missing, expected a set-up .*servo"):
         diagnose(log)
     with pytest.raises(InputError, match=r"\[servo\.X\]"):
         AxisLogModel(log, replace(SETUP, servo={}))

@@ -442,7 +442,10 @@ class Twist(Result):
 
     def labels(self) -> dict[str, str]:
         """Name of each figure → what people call it."""
-        return {"twist_um_m_m": "twist", "roll_um_m": "range of the slope across"}
+        return {
+            "twist_um_m_m": "twist of the whole, straight",
+            "roll_um_m": "range of the slope across",
+        }
 
     def headline(self) -> str:
         """Twist."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 MOST_SHOWN = 16
 MOST_PANELS = 6
+LABEL_WIDTH = 34
 REACH = 12.0  # half widths of the interval; what changed more stands at the edge
 
 
@@ -27,9 +29,12 @@ def plot_changes(comparison: MachineComparison, *, ax: Axes | None = None) -> Ax
         size = float(np.clip(q.change / half, -REACH, REACH))
         colour = "tab:red" if q.changed else "0.5"
         ax.errorbar(size, row, xerr=1.0, fmt="o", color=colour, ms=4, capsize=2)
-        ax.annotate(f" {q.change:+.3g} {q.unit}", (size + 1.0, row), va="center", fontsize=8)
+        text = f"{q.change:+.3g} {q.unit}".replace("-", "−")
+        ax.annotate(
+            text, (size + 1.0, row), (6, 0), textcoords="offset points", va="center", fontsize=8
+        )
     ax.axvspan(-1, 1, color="0.9", zorder=0)
-    ax.set_yticks(range(len(shown)), [q.name for q in shown])
+    ax.set_yticks(range(len(shown)), [fill(q.called, LABEL_WIDTH) for q in shown], fontsize=8)
     ax.set_xlim(-REACH - 1.5, REACH + 5.0)
     ax.set_xlabel("change in half widths of its 95 % interval (red: changed)")
     ax.set_title(f"{comparison.names[0]} to {comparison.names[-1]}", loc="left")
@@ -54,7 +59,7 @@ def plot_comparison(comparison: MachineComparison) -> Axes | Figure:
         ax.plot(days, t.centre + t.rate * (days - days.mean()), color="tab:orange", lw=1)
         for level in (t.lower, t.upper):
             ax.axhline(level, color="0.5", lw=0.8, ls="--")
-        ax.set_title(t.name, loc="left", fontsize=9)
+        ax.set_title(t.called, loc="left", fontsize=9)
         ax.set_ylabel(t.unit)
     panels[-1, 0].set_xlabel("days" if comparison.dated else "measurement")
     return figure

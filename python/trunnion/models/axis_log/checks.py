@@ -54,7 +54,7 @@ def check_loops(signals: Iterable[AxisSignal], servo: Servo) -> None:
                     f"axis log, row {run.rows.start}: got samples every {run.period_s * 1e3:.6g} "
                     f"ms, expected at most {1e3 * MAX_PERIOD_GAIN / gain:.3g} ms "
                     f"({MAX_PERIOD_GAIN:g} over the loop gain {gain:g} 1/s of {signal.letter}); "
-                    "time_s is in s"
+                    f"time_s is in s{_steps_said(signal)}"
                 )
 
 
@@ -83,6 +83,19 @@ def check_resolution(signal: AxisSignal) -> None:
                 f"where actual and commanded ones differ by {error:.3g} {unit} rms: such data do "
                 "not tell what the servo does; expected positions with more digits"
             )
+
+
+def _steps_said(signal: AxisSignal) -> str:
+    """Return the other reason why a log says nothing of the servo: its positions are rounded."""
+    step, unit = _step(signal.actual), signal.units.large
+    lag = float(np.std(signal.commanded - signal.actual))
+    if step <= lag:
+        return ""
+    return (
+        f". And {signal.letter.lower()}_act_{unit} is in steps of {step:.3g} {unit}, more than the "
+        f"axis is away from its command ({lag:.2g} {unit}): gain, friction and backlash cannot be "
+        "told from it"
+    )
 
 
 def _step(values: Floats) -> float:
