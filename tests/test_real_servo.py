@@ -19,6 +19,7 @@ from trunnion.base.errors import DataError
 from trunnion.diagnosis.case import Case, Explanation, rms
 from trunnion.diagnosis.explain import explain
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.kinds import model_of
 from trunnion.setup import Artefact, Setup
 
 MEASURED = Path(__file__).resolve().parents[2] / "shared" / "measured" / "servo"
@@ -165,3 +166,24 @@ def test_logs_that_cannot_tell_are_refused() -> None:
     slow = log[::50]
     with pytest.raises(DataError, match=r"got samples every 50 ms, expected at most 16\.7 ms"):
         tn.diagnose(slow, setup(120.0, 11.0))
+
+
+def test_amounts_stay_within_what_the_servo_can_take() -> None:
+    """A log of quite another axis is no reason for a friction of 125 % of the speed."""
+    time = np.arange(3000) * 1e-3
+    commanded = 30.0 * np.sin(2.0 * time) + 5.0 * np.sin(7.0 * time)
+    random = np.random.default_rng(4)
+    actual = commanded - 0.4 * np.abs(np.gradient(commanded, 1e-3)) ** 0.5
+    log = tn.AxisLog(
+        time_s=time,
+        x_cmd_mm=commanded,
+        x_act_mm=actual + np.cumsum(random.normal(0, 0.01, len(time))),
+    )
+    setup = tn.Setup(
+        artefact=tn.Artefact("none"), servo={"X": {"gain_per_s": 60.0, "time_constant_ms": 5.0}}
+    )
+    effects = {e.id: e for e in model_of(log, setup).effects}
+    (drag,) = effects["friction_direction_x"].parameters
+    assert drag.bounds == (-99.0, 99.0)
+    found = tn.diagnose(log, setup)
+    assert found.gain.rms_after_um <= found.gain.rms_before_um

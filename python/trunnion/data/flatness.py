@@ -442,10 +442,7 @@ class Twist(Result):
 
     def labels(self) -> dict[str, str]:
         """Name of each figure → what people call it."""
-        return {
-            "twist_um_m_m": "twist of the whole, straight",
-            "roll_um_m": "range of the slope across",
-        }
+        return {"twist_um_m_m": "whole twist", "roll_um_m": "range of the slope across"}
 
     def headline(self) -> str:
         """Twist."""

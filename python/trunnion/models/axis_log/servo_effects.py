@@ -18,6 +18,7 @@ from trunnion.contouring.servo import Axis, varied
 from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
 from trunnion.models.axis_log.columns import Places
 from trunnion.models.axis_log.signals import AxisSignal
+from trunnion.setup.fields import Number, keys_of
 
 SLOPE_STEP = 0.1  # of the amount from which a size is sought: over it the slope is differenced
 
@@ -78,7 +79,7 @@ class ServoEffect(AxisEffect):
 
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log, its column the chord."""
-        bounds = (self.lowest(axis), np.inf)
+        bounds = (self.lowest(axis), self.highest(axis))
         parameter = Parameter(axis.units.name(self.parameter), self.unit, bounds=bounds)
         columns = axis.blocks.place(axis.rows, self.column(axis, places)[:, None])
         expected = self.expected and axis.starts is not None
@@ -106,8 +107,18 @@ class ServoEffect(AxisEffect):
         """Return the smallest amount: what the set-up has of it can be taken away, not more."""
         own = getattr(axis.nominal, axis.units.name(self.servo[0]))
         if not self.positive:
-            return -np.inf
+            return self._limits(axis)[0] - float(own)
         return -99.0 if self.percent else -float(own)
+
+    def highest(self, axis: AxisSignal) -> float:
+        """Return the largest amount that the servo's parameter can take."""
+        own = getattr(axis.nominal, axis.units.name(self.servo[0]))
+        return np.inf if self.percent else self._limits(axis)[1] - float(own)
+
+    def _limits(self, axis: AxisSignal) -> tuple[float, float]:
+        """Range of the servo's parameter."""
+        takes = keys_of(type(axis.nominal))[axis.units.name(self.servo[0])].takes
+        return (takes.low, takes.high) if isinstance(takes, Number) else (-np.inf, np.inf)
 
     def least(self, axis: AxisSignal) -> float:
         """Amount from which its size is sought."""
