@@ -123,7 +123,7 @@ def test_bias_of_the_location_errors_is_removed() -> None:
 
 
 def test_the_predicted_discrimination_is_achieved() -> None:
-    """Aliases of A under the paper's plan, told apart by the touches of ``next_touches``.
+    """Aliases of A under the paper's plan, distinguished by the touches of ``next_touches``.
 
     Few runs, so that it fails only if the prediction is far off; the rate is in docs/power.md.
     """

@@ -91,7 +91,7 @@ def test_the_report_of_the_x_drive() -> None:
 
 
 def test_the_granite_plate() -> None:
-    """With the level turned its zero is told apart; from one orientation it is not."""
+    """With the level turned its zero is distinguished; from one orientation it is not."""
     both = tn.datasets.load("surface_plate", FOLDER)
     assert len(both) == 108
     by_hand = (both["along_um_m"][:54] + both["along_um_m"][54:][::-1]).mean() / 2

@@ -230,10 +230,10 @@ def run(
     effects = {} if effect is None else hide(rng, plan, effect, scatter)
     truth = Truth(random_errors(rng), random_placement(rng), effects)
     positions = recorded(touched, setup, truth, noise, dither, rng)
-    told = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
+    as_stated = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
     data = touches(touched, positions)
     begin = time.process_time()
-    d = diagnose(data, told)
+    d = diagnose(data, as_stated)
     seconds = time.process_time() - begin
     stated = {name: d.errors_std[name] for name in LOCATION_ERRORS[setup.preset]}
     return Run(
