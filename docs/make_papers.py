@@ -57,8 +57,8 @@ def page() -> str:
         ),
         (
             "Byun, Jee (2010): cross-coupled control of five axes",
-            "[contouring.md](../how-to/contouring.md), `notebooks/04_contouring.ipynb`. The figures have "
-            "no "
+            "[contouring.md](../how-to/contouring.md), `notebooks/04_contouring.ipynb`. The "
+            "figures have no "
             "numbers: order and ratio can be compared.",
             five_axes,
         ),
