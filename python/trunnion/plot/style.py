@@ -1,20 +1,20 @@
 """One style for every picture: colours, sizes, numbers with units.
 
-The colours are those of Okabe and Ito (2008), which readers with any colour vision tell apart; each
-has enough contrast on white and on black. Text, frames and grids take the colours of the theme.
+The colours of `PALETTE` are told apart with any colour vision and have a contrast of 3:1 or more on
+white and on #16181d. Text, frames and grids take the colours of the theme.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
-AMBER, SKY, PURPLE = "#e69f00", "#56b4e9", "#cc79a7"
-GREY = "#808080"
-CYCLE = (BLUE, ORANGE, GREEN, PURPLE, AMBER, SKY)
+PALETTE = ("#2a7fc0", "#d95f02", "#0a9470", "#b25aa0", "#a07a00", "#c8385a", "#5f7d95")
+"""Blue, vermillion, green, purple, ochre, red, slate."""
+BLUE, VERMILLION, GREEN, PURPLE, OCHRE, RED, SLATE = PALETTE
+MUTED = "#80868e"
 BODY = "#9fb4c4"
 """Solid things: artefact, part, table."""
-
+DIVERGING = ("#2a7fc0", "#f3f3f3", "#d95f02")
 MAGNITUDES = "viridis"
 """Colour map of sizes from zero up; readable in grey and without colour vision."""
 

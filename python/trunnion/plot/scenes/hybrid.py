@@ -11,7 +11,7 @@ from trunnion.hybrid.cube import EDGES, CubeChange
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.plot.scenes.traces import Trace, arrows, ball, dots, lines, mesh, tube, words
 from trunnion.plot.scenes.view import View, arrow_scale, extent, scale_bar, titled
-from trunnion.plot.style import AMBER, BLUE, GREEN, GREY, ORANGE
+from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, VERMILLION
 
 LEG_MM = 22.0
 JOINT_MM = 34.0
@@ -68,17 +68,17 @@ def mechanism_view(machine: Mechanism, pose: ArrayLike | None = None) -> View:
     base, ends, wrist, tip = _joints(machine, row)
     legs = ", ".join(f"L{k + 1} {row[k]:.1f}" for k in range(3))
     view = View(titled("Hybrid mechanism", f"{legs} mm, q4 {row[3]:g}°, q5 {row[4]:g}°"))
-    view.add(mesh(base, [[0, 1, 2]], colour=GREY, opacity=0.35))
+    view.add(mesh(base, [[0, 1, 2]], colour=MUTED, opacity=0.35))
     for start, end in zip(base, ends, strict=True):
         view.add(mesh(*tube(start, end, LEG_MM), colour=BLUE, opacity=0.9))
     for joint in (*base, *ends, *wrist):
-        view.add(mesh(*ball(joint, JOINT_MM), colour=GREY, flatshading=False))
+        view.add(mesh(*ball(joint, JOINT_MM), colour=MUTED, flatshading=False))
     view.add(mesh(ends, [[0, 1, 2]], colour=GREEN, opacity=0.85))
-    view.add(_bar(ends.mean(axis=0), wrist[0], AMBER), _bar(wrist[0], wrist[1], AMBER))
-    view.add(_bar(wrist[1], tip, ORANGE, TOOL_MM))
+    view.add(_bar(ends.mean(axis=0), wrist[0], OCHRE), _bar(wrist[0], wrist[1], OCHRE))
+    view.add(_bar(wrist[1], tip, VERMILLION, TOOL_MM))
     off = np.array([0.0, 0.0, 2.2 * JOINT_MM])
     view.add(words(base + off, [f"leg {k}" for k in (1, 2, 3)]), words(wrist[:1] + off, ["q4, q5"]))
-    view.add(dots(tip[None], colour=ORANGE, size=5, name="tool point"))
+    view.add(dots(tip[None], colour=VERMILLION, size=5, name="tool point"))
     return view
 
 
@@ -98,8 +98,10 @@ def cube_view(change: CubeChange, *, magnification: float | None = None) -> View
     bar, said = scale_bar(low - [0.0, 0.12 * size, 0.0], scale, largest)
     stem, unit = change.error.rsplit("_", 1)
     amount = f"{change.amount:g} {'µm' if unit == 'um' else unit}"
-    view = View(titled(f"Cube of {np.ptp(change.nominal_mm[:, 0]):g} mm moved by {stem} = {amount}", said))
-    view.add(bar, _edges(change.nominal_mm, GREY, "commanded"), _edges(moved, ORANGE, "made"))
+    view = View(
+        titled(f"Cube of {np.ptp(change.nominal_mm[:, 0]):g} mm moved by {stem} = {amount}", said)
+    )
+    view.add(bar, _edges(change.nominal_mm, MUTED, "commanded"), _edges(moved, VERMILLION, "made"))
     lengths = [f"{n:.3g} µm" for n in np.linalg.norm(shift, axis=1)]
     view.add(
         arrows(change.nominal_mm, scale * shift, size_mm=size, colour=BLUE, texts=lengths, width=3)
@@ -109,4 +111,3 @@ def cube_view(change: CubeChange, *, magnification: float | None = None) -> View
 
 def _edges(points: Floats, colour: str, name: str) -> Trace:
     return lines([points[[i, j]] for i, j in EDGES], colour=colour, width=4, name=name)
-

@@ -24,12 +24,12 @@ from trunnion.plot.scenes.traces import (
     tube,
     words,
 )
-from trunnion.plot.style import AMBER, BLUE, BODY, GREEN, GREY, ORANGE
+from trunnion.plot.style import BLUE, BODY, GREEN, MUTED, OCHRE, VERMILLION
 from trunnion.setup import Setup
 
 QUARTER = 90.0
 TURN_DEG = 70.0  # of the curved arrow about an axis
-AXIS_COLOURS = (ORANGE, BLUE, GREEN)
+AXIS_COLOURS = (VERMILLION, BLUE, GREEN)
 STEM_MM = 40.0
 TABLE = "#c3ccd3"
 GAP = 0.4  # mm between the table top and what is drawn on it
@@ -93,8 +93,8 @@ class Posture:
         if np.linalg.norm(spin) < 1e-6:
             return None
         shift = t1 - turn @ t0
-        point = np.linalg.lstsq(np.eye(3) - turn, shift, rcond=None)[0]
-        return point, spin / np.linalg.norm(spin)
+        point = np.asarray(np.linalg.lstsq(np.eye(3) - turn, shift, rcond=None)[0], dtype=float)
+        return point, np.asarray(spin / np.linalg.norm(spin))
 
     def _of_head_axis(self, index: int) -> tuple[Floats, Floats] | None:
         """Axis about which the tool point turns; None if it does not turn."""
@@ -121,7 +121,8 @@ def on_table(setup: Setup, points: Floats) -> Floats:
     angle = np.radians(setup.artefact.turn_deg)
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(points) @ turn.T + np.asarray(setup.artefact.place_mm)
+    placed: Floats = points @ turn.T + np.asarray(setup.artefact.place_mm)
+    return placed
 
 
 def artefact_outline(setup: Setup) -> Floats:
@@ -152,14 +153,14 @@ def artefact_traces(setup: Setup, at: Posture) -> list[Trace]:
         shown = [mesh(placed(points), faces, flatshading=False)]
         if (stem := artefact.effective_stem_diameter_mm) > 0:
             points, faces = tube(centre * [1.0, 1.0, 0.0], centre, 0.5 * stem)
-            shown.append(mesh(placed(points), faces, colour=GREY))
+            shown.append(mesh(placed(points), faces, colour=MUTED))
         return shown
     outline = artefact_outline(setup)
     points, faces = prism(outline, 0.0, artefact.height_mm)
     rims = edges_of(outline, 0.0, artefact.height_mm, upright=True)
     return [
         mesh(placed(points), faces, colour=BODY),
-        lines([placed(rim) for rim in rims], colour=GREY, width=2),
+        lines([placed(rim) for rim in rims], colour=MUTED, width=2),
     ]
 
 
@@ -171,8 +172,8 @@ def table_traces(setup: Setup, at: Posture) -> list[Trace]:
     notch = np.array([[0.75 * radius, 0.0, 0.0], [radius, 0.0, 0.0], [radius, 0.0, -thickness]])
     return [
         mesh(at.of_table(points), faces, colour=TABLE, opacity=0.75),
-        lines([at.of_table(rim) for rim in rims], colour=GREY, width=1.5),
-        lines([at.of_table(notch)], colour=AMBER, width=5, name="+X of the table"),
+        lines([at.of_table(rim) for rim in rims], colour=MUTED, width=1.5),
+        lines([at.of_table(notch)], colour=OCHRE, width=5, name="+X of the table"),
     ]
 
 
@@ -203,7 +204,7 @@ def linear_traces(corner: Floats, reach: float) -> list[Trace]:
     ends = reach * np.eye(3)
     tails = np.tile(corner, (3, 1))
     return [
-        *arrows(tails, ends, size_mm=6 * reach, colour=GREY, width=4),
+        *arrows(tails, ends, size_mm=6 * reach, colour=MUTED, width=4),
         words(tails + 1.15 * ends, ["X", "Y", "Z"], size=15),
     ]
 
@@ -212,11 +213,11 @@ def probe_traces(setup: Setup, centre: Floats) -> list[Trace]:
     """Ball and stem of the probe, the spindle along +Z."""
     probe = setup.probe
     points, faces = ball(centre, probe.ball_radius_mm)
-    up = np.asarray(centre) + [0.0, 0.0, STEM_MM]
+    up = centre + np.array([0.0, 0.0, STEM_MM])
     stem_points, stem_faces = tube(centre, up, probe.effective_stem_radius_mm)
     return [
-        mesh(points, faces, colour=ORANGE, flatshading=False),
-        mesh(stem_points, stem_faces, colour=GREY),
+        mesh(points, faces, colour=VERMILLION, flatshading=False),
+        mesh(stem_points, stem_faces, colour=MUTED),
     ]
 
 

@@ -11,7 +11,7 @@ from trunnion.contouring.simulation import ContourRun
 from trunnion.nc import Program, follow
 from trunnion.plot.scenes.traces import colour_axis, dots, lines
 from trunnion.plot.scenes.view import View, arrow_scale, extent, scale_bar, thinned, titled
-from trunnion.plot.style import AMBER, BLUE, GREY, ORANGE
+from trunnion.plot.style import BLUE, MUTED, OCHRE, VERMILLION
 
 MAX_SAMPLES = 4000
 TOOLS = 40
@@ -41,12 +41,12 @@ def run_view(run: ContourRun, *, magnification: float | None = None) -> View:
     }
     paint = {"coloraxis": "coloraxis"}
     view.add(
-        lines([point], colour=GREY, width=2, name="path"),
+        lines([point], colour=MUTED, width=2, name="path"),
         lines([drawn], colour=error, line=paint, width=7, name="tool tip, magnified", **hover),
     )
     picks = thinned(len(rows), 3 * TOOLS)
     feet = [np.array([foot[k], drawn[k]]) for k in picks]
-    view.add(lines(feet, colour=GREY, width=1))
+    view.add(lines(feet, colour=MUTED, width=1))
     return view
 
 
@@ -61,11 +61,11 @@ def path_view(path: Path) -> View:
         lines([points], colour=BLUE, width=6, name="path of the tool tip"),
         lines(
             [np.array([f, f + TOOL_SHARE * size * a]) for f, a in zip(feet, axes, strict=True)],
-            colour=ORANGE,
+            colour=VERMILLION,
             width=3,
             name="tool axis",
         ),
-        dots(points[:1], colour=ORANGE, size=5, name="start"),
+        dots(points[:1], colour=VERMILLION, size=5, name="start"),
     )
     return view
 
@@ -80,9 +80,9 @@ def program_view(program: Program) -> View:
         raise InputError("scene: got a program without a move, expected at least one")
     start, end = moves.start[:, :3], moves.end[:, :3]
     kinds = (
-        ("rapid", moves.code == 0, AMBER, 2),
+        ("rapid", moves.code == 0, OCHRE, 2),
         ("at feed", (moves.code > 0) & (moves.code != 38), BLUE, 5),
-        ("probing", moves.code == 38, ORANGE, 4),
+        ("probing", moves.code == 38, VERMILLION, 4),
     )
     view = View(f"{len(moves)} moves of the program")
     for name, rows, colour, width in kinds:

@@ -27,8 +27,8 @@ def scene(thing: Any, *context: Any, **options: Any) -> Figure:
         A set-up (the machine in a posture: ``A=90``); touches or a plan (probe path and approach
         vectors, posture by posture); an identification or a diagnosis of touches (residuals as
         arrows); one or more volumetric errors (error field, side by side); a contouring run
-        (contour error as colour) or a path; points; a part program; a hybrid mechanism
-        (``pose=`` of its joints), a transformed cube.
+        (contour error as colour) or a path; points, a sweep, a flatness; a part program; a
+        hybrid mechanism (``pose=`` of its joints), a transformed cube.
     context
         What else it takes: the set-up of touches; touches and set-up of an identification; further
         volumetric errors.
@@ -118,7 +118,9 @@ VIEWS: dict[str, Callable[..., Any]] = {
     "Path": _later("paths", "path_view"),
     "Points": _later("fields", "points_view"),
     "Program": _later("paths", "program_view"),
+    "Flatness": _later("fields", "flatness_view"),
     "Setup": _setup,
+    "Sweep": _later("fields", "sweep_view"),
     "Touches": _touches,
     "VolumetricError": _later("fields", "volume_figure", several=True),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from trunnion.plot.scenes.view import (
     thinned,
     titled,
 )
-from trunnion.plot.style import AMBER, BLUE, GREEN, ORANGE
+from trunnion.plot.style import BLUE, GREEN, OCHRE, VERMILLION
 from trunnion.probing.steps import arrangement
 from trunnion.setup import Setup
 
@@ -131,7 +132,7 @@ class _Drawing:
         shown += probe_traces(self.setup, start[0])
         texts = [self._text(int(row)) for row in rows]
         hover = {"text": texts, "hovertemplate": "%{text}<extra></extra>"}
-        shown.append(dots(contact, colour=ORANGE, size=4, name="touch", **hover))
+        shown.append(dots(contact, colour=VERMILLION, size=4, name="touch", **hover))
         if self.values is None:
             back = contact - start - self.setup.probe.ball_radius_mm * direction
             shown += arrows(
@@ -156,7 +157,7 @@ class _Drawing:
         if given is not None:
             return given
         back = self.setup.plan.clearance_mm * self.touches.direction
-        return self.touches.position_mm - back
+        return np.asarray(self.touches.position_mm - back)
 
     def _path(self, rows: Integers, start: Floats, centre: Floats) -> list[Trace]:
         """Down to the start, to the contact and back, up, across: as a probing program moves."""
@@ -165,10 +166,10 @@ class _Drawing:
             np.array([[*s[:2], level], s, c, s, [*s[:2], level]])
             for s, c, level in zip(start, centre, levels, strict=True)
         ]
-        ways = [np.vstack([one[-1], two[0]]) for one, two in zip(parts, parts[1:], strict=False)]
+        ways = [np.vstack([one[-1], two[0]]) for one, two in pairwise(parts)]
         return [
             lines(parts, colour=GREEN, width=2, name="path of the ball's centre"),
-            lines(ways, colour=AMBER, width=2, name="rapid across"),
+            lines(ways, colour=OCHRE, width=2, name="rapid across"),
         ]
 
     def _levels(self, rows: Integers, start: Floats) -> Floats:
@@ -179,7 +180,7 @@ class _Drawing:
         chain = Chain(self.setup)
         rotary = chain.to_machine(self.touches.rotary_deg, len(self.touches))[rows]
         _, levels = arrangement(self.setup).safe_levels(np.ascontiguousarray(rotary))
-        return np.maximum(levels, least)
+        return np.asarray(np.maximum(levels, least))
 
     def _text(self, row: int) -> str:
         touches = self.touches

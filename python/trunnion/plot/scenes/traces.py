@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.units import Floats
-from trunnion.plot.style import BODY, GREY, MAGNITUDES
+from trunnion.plot.style import BODY, MAGNITUDES, MUTED
 
 Trace: TypeAlias = dict[str, Any]
 
@@ -51,7 +51,7 @@ def mesh(
     }
 
 
-def lines(parts: Sequence[Floats], *, colour: Any = GREY, width: float = 3, **more: Any) -> Trace:
+def lines(parts: Sequence[Floats], *, colour: Any = MUTED, width: float = 3, **more: Any) -> Trace:
     """Return polylines, one a part, as one trace; drawn over what is behind them."""
     rows: list[Floats] = []
     for part in parts:
@@ -70,14 +70,14 @@ def lines(parts: Sequence[Floats], *, colour: Any = GREY, width: float = 3, **mo
     }
 
 
-def dots(points: Floats, *, colour: Any = GREY, size: float = 4, **more: Any) -> Trace:
+def dots(points: Floats, *, colour: Any = MUTED, size: float = 4, **more: Any) -> Trace:
     """Return points."""
     marker = {"color": colour, "size": size, **more.pop("marker", {})}
     shown = {"showlegend": "name" in more, **more}
     return {"type": "scatter3d", "mode": "markers", **_xyz(points), "marker": marker, **shown}
 
 
-def words(points: Floats, texts: Sequence[str], *, colour: str = GREY, size: int = 13) -> Trace:
+def words(points: Floats, texts: Sequence[str], *, colour: str = MUTED, size: int = 13) -> Trace:
     """Return words at points."""
     return {
         "type": "scatter3d",

@@ -10,7 +10,7 @@ import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.plot.scenes.traces import Trace, lines, words
-from trunnion.plot.style import GREY, round_number
+from trunnion.plot.style import MUTED, round_number
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -84,7 +84,7 @@ def base_layout(title: str) -> dict[str, Any]:
         "margin": {"l": 10, "r": 10, "t": 60, "b": 5},
         "height": HEIGHT,
         "paper_bgcolor": "rgba(0,0,0,0)",
-        "font": {"color": GREY, "size": 13},
+        "font": {"color": MUTED, "size": 13},
         "legend": {"x": 0.01, "y": 0.9, "itemsizing": "constant", "bgcolor": "rgba(0,0,0,0)"},
         "uirevision": "kept",
     }
@@ -143,9 +143,10 @@ def scale_bar(at: Floats, scale: float, largest_um: float) -> tuple[list[Trace],
     """Return a bar that shows a round number of µm at the scale of arrows, and the words for it."""
     length = round_number(largest_um) if largest_um > 0 else 1.0
     start = np.asarray(at, dtype=np.float64)
-    end = start + [length * scale, 0.0, 0.0]
+    end = start + np.array([length * scale, 0.0, 0.0])
     tick = np.array([0.0, 0.0, 0.15 * length * scale])
-    shown = lines([[start - tick, start + tick], [start, end], [end - tick, end + tick]], width=5)
+    ends = ((start - tick, start + tick), (start, end), (end - tick, end + tick))
+    shown = lines([np.array(pair) for pair in ends], width=5)
     text = f"{length:g} µm"
     said = f"arrows × {scale * 1e3:,.0f}: {text} drawn as {length * scale:.3g} mm"
     return [shown, words(np.array([(start + end) / 2 - 2 * tick]), [text])], said
