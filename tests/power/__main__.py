@@ -1,6 +1,6 @@
 """Compute the power table and write it as Markdown: ``make power``.
 
-python -m power [--runs 200] [--seed 1] [--out ../docs/power.md] [--only NAME ...]
+python -m power [--runs 200] [--seed 1] [--out ../docs/results/power.md] [--only NAME ...]
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """How often a diagnosis is right on readings of a control that looks at the probe once a tick.
 
-python -m power.ticks [--runs 200] [--seed 1] [--out ../docs/power-ticks.md] [--only paper 0.1]
+python -m power.ticks [--runs 200] [--seed 1] [--out ../docs/results/power-ticks.md]
+    [--only paper 0.1]
 
 The control has a model of its own here. A move starts on a servo tick and runs at constant feed, so
 the control looks at the probe when the ball is at start + k x tick, k = 0, 1, 2, ...; the tick is
