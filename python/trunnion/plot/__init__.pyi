@@ -8,7 +8,6 @@ from .contouring import plot_margins as plot_margins
 from .contouring import plot_model_error as plot_model_error
 from .contouring import plot_orientation_error as plot_orientation_error
 from .contouring import plot_path as plot_path
-from .diagnosis import diagnosis_figures as diagnosis_figures
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
