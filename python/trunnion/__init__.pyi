@@ -138,6 +138,7 @@ from .setup import ControlSetup as ControlSetup
 from .setup import Machine as Machine
 from .setup import PlanSetup as PlanSetup
 from .setup import Probe as Probe
+from .setup import ReportSetup as ReportSetup
 from .setup import Resolution as Resolution
 from .setup import Setup as Setup
 from .setup import TableSetup as TableSetup

@@ -3,7 +3,7 @@
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
-``[control]`` are its own.
+``[control]``, ``[report]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -36,6 +36,7 @@ from trunnion.setup.fields import (
     keys_of,
 )
 from trunnion.setup.names import canonical_error_name
+from trunnion.setup.report import ReportSetup
 from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
@@ -318,13 +319,24 @@ class PlanSetup(Part):
 
 PARTS: Mapping[str, type[Part]] = {
     part.table: part
-    for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup, ControlSetup)
+    for part in (
+        Machine,
+        Artefact,
+        Probe,
+        Resolution,
+        TableSetup,
+        PlanSetup,
+        ControlSetup,
+        ReportSetup,
+    )
 }
 
 
 @dataclass(frozen=True, repr=False)
 class Setup:
     """A whole set-up; ``print(setup)`` lists every key with its value, unit and meaning.
+
+    `source` is the file that it was read from.
 
     Examples
     --------
@@ -341,10 +353,12 @@ class Setup:
     table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
     control: ControlSetup = field(default_factory=ControlSetup)
+    report: ReportSetup = field(default_factory=ReportSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)
     hybrid: Mapping[str, Any] = field(default_factory=dict)
+    source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the types of the parts and the names of the axes."""
