@@ -32,6 +32,7 @@ from .compensation import printed_zeros as printed_zeros
 from .compensation import read_error_map as read_error_map
 from .compensation import remeasure as remeasure
 from .compensation import residual_interval as residual_interval
+from .compensation import volumetric_budget as volumetric_budget
 from .compensation import volumetric_error as volumetric_error
 
 # --- measured data
@@ -68,6 +69,7 @@ from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
+from .machine.budget import Budget as Budget
 from .machine.effects import EffectInfo as EffectInfo
 
 # --- the machine: kinematics, effects, what a measurement says of it
@@ -89,6 +91,9 @@ from .models.instruments import whose_error as whose_error
 # --- diagnosis of any kind of data
 from .models.kinds import catalogue as catalogue
 from .models.kinds import diagnose as diagnose
+from .models.many import DiagnosisBatch as DiagnosisBatch
+from .models.many import FailedDiagnosis as FailedDiagnosis
+from .models.many import diagnose_many as diagnose_many
 from .models.next_passes import NextPass as NextPass
 from .models.next_passes import next_passes as next_passes
 from .models.next_touches import ExpectedDiscrimination as ExpectedDiscrimination
@@ -133,6 +138,7 @@ from .setup import ControlSetup as ControlSetup
 from .setup import Machine as Machine
 from .setup import PlanSetup as PlanSetup
 from .setup import Probe as Probe
+from .setup import ReportSetup as ReportSetup
 from .setup import Resolution as Resolution
 from .setup import Setup as Setup
 from .setup import TableSetup as TableSetup
