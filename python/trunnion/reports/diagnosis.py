@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from trunnion.base.report import Result, Shown, Table
-from trunnion.base.units import unit_of
+from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.base.units import unit_of, without_unit
 from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
@@ -38,6 +38,7 @@ MARKS = {
 }
 MAX_OUTLIERS = 50
 MAX_PARAMETERS = 12
+MAX_SETS = 4  # in the verdict
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
     Owner.TIME: "{what}: let the machine warm up, keep the temperature, or measure faster.",
@@ -60,7 +61,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     causes = _causes(d)
     first, *others = _pictures(d, source)
     top = [t for t in (causes, errors) if t.rows]
-    verdict = sentences[0]
+    verdict = _verdict(d)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
     elif "undecided" in decisions:
@@ -87,6 +88,35 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     )
 
 
+def _verdict(d: Diagnosis) -> str:
+    """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
+    if not d.causes:
+        return d.sentences()[0]
+    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
+    sure = [_likely(c) for c in d.causes if c.id in certain]
+    doubted = [
+        " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
+        + f" ({percent(a.probability)})"
+        for a in d.evidence[:MAX_SETS]
+        if a.causes - certain
+    ]
+    parts = []
+    if sure:
+        parts.append(f"Found: {'; '.join(sure)}.")
+    if len(d.alternatives) > 1:
+        more = len(d.alternatives) - len(doubted)
+        other = f" or one of {more} other sets" if more > 1 else ""
+        parts.append(f"In doubt: {' or '.join(doubted) or 'further causes'}{other}.")
+    if d.unexplained:
+        parts.append(f"Not explained: {d.unexplained}.")
+    return " ".join(parts)
+
+
+def _likely(c: Cause) -> str:
+    label = c.label or c.id.replace("_", " ")
+    return f"{label} ({percent(c.probability)})"
+
+
 def _label(cause: Cause) -> str:
     text = cause.label or cause.id.replace("_", " ")
     return text[:1].upper() + text[1:]
@@ -106,7 +136,7 @@ def _causes(d: Diagnosis) -> Table:
     rows = []
     for c in d.causes:
         size = "; ".join(
-            f"{name.rsplit('_', 1)[0] if unit_of(name) else name} = "
+            f"{without_unit(name)} = "
             f"{value_in_words(value, _twice(c.std_errors[name]), unit_of(name))}"
             for name, value in list(c.parameters.items())[:MAX_PARAMETERS]
         )
@@ -147,7 +177,7 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
         lines.append("Enter the new values of the errors in the control (trunnion compensate).")
     if not lines:
         lines.append("Nothing: the readings are as the model says, but for noise.")
-    return ["What to do:", Points(tuple(lines))]
+    return [Points(tuple(lines), "What to do")]
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -206,10 +236,7 @@ def _alternatives(d: Diagnosis) -> list[Item]:
     if picture is None:
         return []
     tables = [t for t in d.tables() if t.title == "Sets of causes"]
-    names = sorted({i for a in d.evidence for i in a.causes})
-    legend = [labelled(i, d.labels[i]) for i in names if d.labels.get(i)]
-    said: list[Item] = [Points(tuple(legend))] if legend else []
-    return [picture, *tables, *said]
+    return [picture, *tables]
 
 
 def _outliers(d: Diagnosis, source: Source) -> list[Item]:
@@ -220,7 +247,7 @@ def _outliers(d: Diagnosis, source: Source) -> list[Item]:
     for row, place in _outlier_places(d.outliers[:MAX_OUTLIERS], source.data):
         at = np.flatnonzero(record.rows == row)
         size = float(np.max(np.abs(record.before[at]))) if len(at) else None
-        rows.append((place, size))
+        rows.append((place, None if size is None else significant(size)))
     table = Table.of("Readings that belong to no model", ("", f"residual, {record.unit}"), rows)
     more = len(d.outliers) - len(rows)
     return [table, *([f"{more} more are not listed."] if more > 0 else [])]
