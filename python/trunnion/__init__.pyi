@@ -32,6 +32,7 @@ from .compensation import printed_zeros as printed_zeros
 from .compensation import read_error_map as read_error_map
 from .compensation import remeasure as remeasure
 from .compensation import residual_interval as residual_interval
+from .compensation import volumetric_budget as volumetric_budget
 from .compensation import volumetric_error as volumetric_error
 
 # --- measured data
@@ -68,6 +69,7 @@ from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
+from .machine.budget import Budget as Budget
 from .machine.effects import EffectInfo as EffectInfo
 
 # --- the machine: kinematics, effects, what a measurement says of it

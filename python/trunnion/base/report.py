@@ -411,6 +411,10 @@ class Result:
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
+    def scene(self, *context: Any, **options: Any) -> Any:
+        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
+        return importlib.import_module("trunnion.plot").scene(self, *context, **options)
+
     def title(self) -> str:
         """Return the heading of its page: the name of its class in words, unless it has its own."""
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__)

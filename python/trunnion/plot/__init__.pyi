@@ -21,6 +21,7 @@ from .hybrid import plot_sensitivity as plot_sensitivity
 from .levels import plot_flatness as plot_flatness
 from .levels import plot_straightness as plot_straightness
 from .positioning import plot_positioning as plot_positioning
+from .scenes.scene import scene as scene
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates
 from .touches import plot_observability as plot_observability
