@@ -226,7 +226,7 @@ class Estimate(Result):
         InputError
             Fewer than 100 draws.
         """
-        listed = [n for n in (self.errors or self.std_errors) if n in self.std_errors]
+        listed = [n for n in (self.errors or self.values) if n in self.std_errors]
         wanted = listed if names is None else list(names)
         for name in wanted:
             choose("parameter", name, self.std_errors)

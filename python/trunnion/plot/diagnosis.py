@@ -181,8 +181,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     left = int(of.rows.sum()) - clear
     note = f"Not drawn: {left} readings that feel little of it." if left else ""
     y = Axis(_capital(where.weight.name), where.weight.unit)
-    step = where.x.period / 8 if where.x.period else None
-    x_axis = Axis(_capital(where.x.name), where.x.unit, names, step=step)
+    x_axis = Axis(_capital(where.x.name), where.x.unit, names)
     return Picture(title, x_axis, y, tuple(series), note=note, key=id_)
 
 
@@ -284,11 +283,12 @@ def alternatives_picture(d: Diagnosis) -> Picture | None:
     sets = d.evidence[:MAX_SETS]
     if len(sets) < 2:
         return None
-    names = tuple(" + ".join(_called(d, a.causes)) or "no cause" for a in sets)
+    shared = frozenset.intersection(*(a.causes for a in sets))
+    names = tuple(" + ".join(_called(d, a.causes - shared)) or "nothing more" for a in sets)
+    also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
     colours = bars([100 * a.probability for a in sets], colour=GREEN)
-    return Picture(
-        "Probability of each set of causes", Axis("probability", "%"), Axis(names=names), (colours,)
-    )
+    title = "Probability of each set of causes"
+    return Picture(title, Axis("probability", "%"), Axis(names=names), (colours,), note=also)
 
 
 def _called(d: Diagnosis, causes: frozenset[str]) -> list[str]:

@@ -69,15 +69,12 @@ class Axis:
         What stands at 0, 1, 2, ... in place of numbers.
     limits
         From and to; found from the series without them.
-    step
-        Between two numbers at the axis; found without it.
     """
 
     label: str = ""
     unit: str = ""
     names: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
-    step: float | None = None
 
     @property
     def title(self) -> str:
@@ -320,8 +317,6 @@ def _draw(ax: Any, s: Series, *, polar: bool) -> None:
 
 
 def _set_axes(ax: Any, p: Picture) -> None:
-    from matplotlib.ticker import MultipleLocator
-
     if p.y.limits is not None:
         ax.set_ylim(*p.y.limits)
     if p.kind is Kind.POLAR:
@@ -334,8 +329,6 @@ def _set_axes(ax: Any, p: Picture) -> None:
     ax.grid(alpha=0.25, lw=0.5)
     if p.x.limits is not None:
         ax.set_xlim(*p.x.limits)
-    if p.x.step is not None:
-        ax.xaxis.set_major_locator(MultipleLocator(p.x.step))
     if p.x.names:
         turn = 60 if max(map(len, p.x.names)) > 4 else 0
         ax.set_xticks(np.arange(len(p.x.names)), p.x.names, rotation=turn)
@@ -449,8 +442,6 @@ def _plotly_axis(axis: Axis) -> dict[str, Any]:
     out: dict[str, Any] = {"title": {"text": _text(axis.title)}, "automargin": True}
     if axis.limits is not None:
         out["range"] = list(axis.limits)
-    if axis.step is not None:
-        out |= {"dtick": axis.step, "tick0": 0}
     if axis.names:
         places: Sequence[int] = range(len(axis.names))
         out |= {"tickvals": list(places), "ticktext": [_text(name) for name in axis.names]}

@@ -29,6 +29,7 @@ from trunnion.reports.document import Document, Group, Item, Mark, Points, Secti
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of, standard_results
 
 MARKS = {
     "consistent": Mark.GOOD,
@@ -37,7 +38,7 @@ MARKS = {
     "unexplained": Mark.BAD,
 }
 MAX_OUTLIERS = 50
-MAX_PARAMETERS = 12
+MAX_PARAMETERS = 6  # of a cause
 MAX_SETS = 4  # in the verdict
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
@@ -60,7 +61,9 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     errors, decisions = _errors(d, source)
     causes = _causes(d)
     first, *others = _pictures(d, source)
-    top = [t for t in (causes, errors) if t.rows]
+    standard = [r for one in source.data for r in standard_results(one)]
+    judged = [_judged(r, source) for r in standard]
+    top = [t for t in (causes, errors, *judged) if t.rows]
     verdict = _verdict(d)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
@@ -76,6 +79,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         (
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause", tuple(others)),
+            Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
             Section("How much each cause explains", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
@@ -117,6 +121,15 @@ def _likely(c: Cause) -> str:
     return f"{label} ({percent(c.probability)})"
 
 
+def _judged(result: Result, source: Source) -> Table:
+    """Figures of a standard with U and tolerances; none where the result has no uncertainty."""
+    return figures_table(result.title(), figures_of(result), source.tolerance)[0]
+
+
+def _by_standard(result: Result) -> list[Item]:
+    return [*drawn(result), *result.sentences(), *(() if figures_of(result) else result.tables())]
+
+
 def _label(cause: Cause) -> str:
     text = cause.label or cause.id.replace("_", " ")
     return text[:1].upper() + text[1:]
@@ -135,17 +148,24 @@ def _causes(d: Diagnosis) -> Table:
     """Each named cause with its size and probability."""
     rows = []
     for c in d.causes:
-        size = "; ".join(
-            f"{without_unit(name)} = "
-            f"{value_in_words(value, _twice(c.std_errors[name]), unit_of(name))}"
-            for name, value in list(c.parameters.items())[:MAX_PARAMETERS]
-        )
+        size = _size(c)
         share = next((x for x in d.contributions if x.id == c.id), None)
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))
         rows.append((_label(c), c.id, size, sure, explains))
     columns = ("", "name in programs", "size ± U (k = 2)", "probability", "explains")
     return Table.of("What is wrong", columns, rows)
+
+
+def _size(c: Cause) -> str:
+    """Say the parameters with U (k = 2); of many their number."""
+    if len(c.parameters) > MAX_PARAMETERS:
+        return f"{len(c.parameters)} parameters"
+    said = []
+    for name, value in c.parameters.items():
+        text = value_in_words(value, _twice(c.std_errors[name]), unit_of(name))
+        said.append(f"{without_unit(name)} = {text}" if len(c.parameters) > 1 else text)
+    return "; ".join(said)
 
 
 def _twice(std: float | None) -> float | None:

@@ -102,7 +102,8 @@ class _Writer:
                 return f"{head}<ul>{rows}</ul>"
             case Still():
                 alt = html.escape(item.alt, quote=True)
-                return f'<figure><div role="img" aria-label="{alt}">{item.svg}</div></figure>'
+                still = f'<div class="still" role="img" aria-label="{alt}">{item.svg}</div>'
+                return f"<figure>{still}</figure>"
         return self._figure(item)
 
     def _figure(self, picture: Interactive) -> str:
@@ -174,7 +175,7 @@ def table(of: Table) -> str:
         for index in range(len(of.columns))
     ]
     head = "".join(
-        _heading(name or of.title, "num" if number else "", sorts=sorts)
+        _heading(name or "item", "num" if number else "", sorts=sorts)
         for name, number in zip(of.columns, numeric, strict=True)
     )
     body = "".join(

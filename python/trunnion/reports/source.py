@@ -147,7 +147,9 @@ class Source:
         rows = [(path, what, size, changed) for path, what, size, changed, _ in found]
         title = "Files, as they were when this report was written"
         sums = "\n".join(f"{digest}  {path}" for path, _, _, _, digest in found if digest)
-        listed = ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []
+        listed: list[Item] = (
+            ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []
+        )
         return [Table.of(title, ("file", "what", "bytes", "changed"), rows), *listed]
 
 
