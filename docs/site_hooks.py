@@ -123,11 +123,9 @@ def commands_page() -> str:
 
 COMMANDS_HEAD = """# Commands
 
-`trunnion COMMAND DATA... SETUP [options]`: data first, then the set-up, in either order where their
-endings differ. Every command has `--json` (the result as JSON), `--quiet`/`-q`, `--force` (write over
-existing files) and `--help`/`-h`; where it writes a file, `--output`/`-o`. Exit code 0: done; 2: the
-arguments or files cannot be used, and the error stream says why; 130: stopped by Ctrl-C.
- This page is made from the parser of the command line.
+`trunnion COMMAND DATA... SETUP [options]`: data first, then the set-up, in either order where
+their endings differ. Every command has `--json` (the result as JSON), `--quiet`/`-q`, `--force`
+(write over existing files) and `--help`/`-h`; where it writes a file, `--output`/`-o`. This page is made from the parser of the command line.
 """
 
 
