@@ -33,6 +33,7 @@ LAYERS = (
     "reference",
     "studies",
     "plot",
+    "reports",
     "samples",
     "datasets",
     "demo",

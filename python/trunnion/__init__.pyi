@@ -29,6 +29,7 @@ from .compensation import printed_zeros as printed_zeros
 from .compensation import read_error_map as read_error_map
 from .compensation import remeasure as remeasure
 from .compensation import residual_interval as residual_interval
+from .compensation import volumetric_budget as volumetric_budget
 from .compensation import volumetric_error as volumetric_error
 from .data.axis_log import AxisLog as AxisLog
 from .data.axis_log import read_axis_log as read_axis_log
@@ -63,6 +64,7 @@ from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
+from .machine.budget import Budget as Budget
 from .machine.effects import EffectInfo as EffectInfo
 from .machine.effects import UserEffect as UserEffect
 from .machine.estimate import Estimate as Estimate
@@ -121,6 +123,7 @@ from .setup import ControlSetup as ControlSetup
 from .setup import Machine as Machine
 from .setup import PlanSetup as PlanSetup
 from .setup import Probe as Probe
+from .setup import ReportSetup as ReportSetup
 from .setup import Resolution as Resolution
 from .setup import Setup as Setup
 from .setup import TableSetup as TableSetup
