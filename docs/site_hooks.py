@@ -39,12 +39,17 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {
         "reference/commands.md": commands_page(),
         "reference/setup.md": setup_page(),
-        "changelog.md": (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
-        "contributing.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"),
+        "changelog.md": _from_root("CHANGELOG.md"),
+        "contributing.md": _from_root("CONTRIBUTING.md"),
     }
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
     return files
+
+
+def _from_root(name: str) -> str:
+    """Return a page of the repository's root, its links as from here."""
+    return (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
 
 
 # --- set-up
@@ -125,7 +130,8 @@ COMMANDS_HEAD = """# Commands
 
 `trunnion COMMAND DATA... SETUP [options]`: data first, then the set-up, in either order where
 their endings differ. Every command has `--json` (the result as JSON), `--quiet`/`-q`, `--force`
-(write over existing files) and `--help`/`-h`; where it writes a file, `--output`/`-o`. This page is made from the parser of the command line.
+(write over existing files) and `--help`/`-h`; where it writes a file, `--output`/`-o`.
+This page is made from the parser of the command line.
 """
 
 
