@@ -174,7 +174,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
         shift = 0.12 * np.sin(2.4 * np.arange(int(mine.sum()))) if names else 0.0
         rows = of.record.rows[mine]
         label = name or "reading, other causes taken off"
-        faint = {"colour": colour, "opacity": 0.65}
+        faint = {"colour": colour, "opacity": 0.8}
         series.append(points(places[mine] + shift, amount[mine], label, rows=rows, **faint))
         series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
     clear = int(drawn.sum())
@@ -212,7 +212,7 @@ def _against_change(of: Explained, title: str, reading: Floats) -> Picture:
         Axis("what the fitted cause makes of a reading", of.unit),
         Axis("Reading, other causes taken off", of.unit),
         (
-            points(x, y, "reading", colour=BLUE, opacity=0.65, rows=rows),
+            points(x, y, "reading", colour=BLUE, opacity=0.8, rows=rows),
             line(ends, ends, "fitted", colour=PURPLE, width=2.2),
         ),
         note="It depends on no single recorded quantity.",
