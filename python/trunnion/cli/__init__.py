@@ -25,6 +25,7 @@ from trunnion.cli import (
     start,
     sweep,
     turning,
+    view,
 )
 
 __all__ = ["app"]
@@ -71,6 +72,7 @@ GROUPS = (
     levels,
     hybrid,
     sweep,
+    view,
     demo,
 )
 for part in GROUPS:
