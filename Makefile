@@ -125,3 +125,8 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_measured_figures.py
+
+.PHONY: site
+site: build  ## the documentation site, into target/site, without a network; warnings are errors
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "target/site/index.html; to search in it: $(BIN)/python -m http.server -d target/site"
