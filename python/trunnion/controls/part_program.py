@@ -81,12 +81,8 @@ class CorrectedProgram(Result):
     def tables(self) -> tuple[Table, ...]:
         """Counts and errors."""
         rows = [
-            ("moves", str(self.moves_before), str(self.moves_after)),
-            (
-                "largest error, µm",
-                "" if self.before_um is None else f"{self.before_um:.3f}",
-                f"{self.left_um:.3f}",
-            ),
+            ("moves", self.moves_before, self.moves_after),
+            ("largest error, µm", self.before_um, self.left_um),
         ]
         return (Table.of("Corrected program", ("", "before", "after"), rows),)
 

@@ -92,7 +92,7 @@ class Tool:
         if self.given == "tcp":
             return points
         turn, shift = Chain(self.setup).table_pose(self._rotary(rows))
-        return np.einsum("nji,nj->ni", turn, points - shift)
+        return np.asarray(np.einsum("nji,nj->ni", turn, points - shift))
 
     def sent(self, rows: Floats) -> Floats:
         """Positions to write so that the machine with errors is where the program means."""
@@ -110,7 +110,7 @@ class Tool:
         rotary, linear = self._rotary(rows), self._frame(rows)
         if coordinates == "tcp":
             linear = nominal_commands(self.setup, linear, rotary)[:, :3]
-        return self.real.reached(np.hstack([linear, rotary]), None)[:, :3]
+        return np.asarray(self.real.reached(np.hstack([linear, rotary]), None)[:, :3])
 
     def minutes(self, moves: Moves) -> Floats:
         """Time of each move at feed as LinuxCNC counts it; 0 for rapids."""
