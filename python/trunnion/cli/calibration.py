@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypedDict, cast
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
+from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values, names, numbers
 
 if TYPE_CHECKING:
@@ -27,10 +28,36 @@ SetupFile = Annotated[Path, typer.Argument(help="set-up (TOML)", metavar="SETUP"
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
 
+class Planned(TypedDict):
+    """What `plan` prints as JSON."""
+
+    touches: int
+    minutes: float
+    columns: list[str]
+    notes: list[str]
+
+
+class Simulated(TypedDict):
+    """What `simulate` prints as JSON."""
+
+    touches: int
+    columns: list[str]
+
+
+_FORMS = Annotated[Any, Of("trunnion.probing.result:ClosedFormResult")]
+_FIT = Annotated[Any, Of("trunnion.probing.result:IdentificationResult")]
+Estimates = TypedDict(
+    "Estimates", {"separating": _FORMS, "printed": _FORMS, "least-squares": _FIT}, total=False
+)
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    for function in (plan, simulate, estimate, observe):
-        command(app)(function)
+    command(app, values=Printed(keys=Planned))(plan)
+    command(app, values=Printed(keys=Simulated), reads=True)(simulate)
+    command(app, values=Printed(keys=Estimates), reads=True)(estimate)
+    seen = Printed("trunnion.probing.observability:Observability")
+    command(app, values=seen, reads=True)(observe)
 
 
 def plan(
@@ -63,7 +90,7 @@ def plan(
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
-        shown.append(save(output, planned.to_csv))
+        shown.append(save(output, planned.save))
     if program is not None:
         name = (output or setup).name
         cycle = tn.probing_program(planned, made, log, name=name)
@@ -127,7 +154,7 @@ def simulate(
     values = {"touches": len(measured), "columns": list(measured.columns)}
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(measured)} touches", save(output, measured.to_csv)))
+    return Answer(values, (f"{len(measured)} touches", save(output, measured.save)))
 
 
 def _plan_and_set_up(files: list[Path]) -> tuple[Setup, Touches]:
@@ -156,7 +183,6 @@ def estimate(
     per_position: Annotated[
         bool, typer.Option(help="also the paper's estimates at every A and C")
     ] = False,
-    output: Output = None,
 ) -> Answer:
     """Estimate the location errors from touches; --output keeps the estimate as JSON."""
     measured, file = one_set_up(files, (1, 1), "touches")
@@ -168,12 +194,7 @@ def estimate(
     shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
     if per_position:
         shown += tn.closed_form(data, setup).per_position.tables()
-    answer = Answer({name: result.to_dict() for name, result in results.items()}, tuple(shown))
-    if output is None:
-        return answer
-    text = answer.json() + "\n"
-    said = save(output, lambda path: path.write_text(text, encoding="utf-8"))
-    return Answer(answer.values, (*answer.shown, said))
+    return Answer(results, tuple(shown))
 
 
 def _estimates(

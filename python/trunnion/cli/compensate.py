@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.base.checks import choose
-from trunnion.base.report import Table
 from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
+from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
+    from trunnion.base.report import Table
     from trunnion.compensation import (
         Compensation,
         ErrorMap,
@@ -59,9 +59,23 @@ AnySize = Annotated[
 ]
 
 
+class Compensated(TypedDict):
+    """What `compensate` prints as JSON without --control."""
+
+    parameters: Annotated[Any, Of("trunnion.compensation.parameters:CncParameters")]
+    at_zero: dict[str, Annotated[Any, Of("trunnion.compensation.volumetric:VolumetricError")]]
+    over_range: dict[str, Annotated[Any, Of("trunnion.compensation.volumetric:VolumetricError")]]
+    predicted_interval_over_range: NotRequired[
+        Annotated[Any, Of("trunnion.compensation.uncertainty:ResidualInterval")]
+    ]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(compensate)
+    command(
+        app,
+        values=(Printed(keys=Compensated), Printed("trunnion.controls.files:ControlFiles")),
+    )(compensate)
 
 
 def compensate(
@@ -171,6 +185,7 @@ def _for_control(
     **linuxcnc: Any,
 ) -> ControlFiles:
     """Files for a control."""
+    from trunnion.base.checks import choose
     from trunnion.controls import isg_files, iso_table, linuxcnc_files
 
     choose("--control", control, ("linuxcnc", "isg", "table"))
@@ -211,6 +226,8 @@ def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval |
 
 
 def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]) -> Table:
+    from trunnion.base.report import Table
+
     rows = [
         (
             name,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, save, sort_files
 from trunnion.cli.program import ProbeLog, read_log
-from trunnion.cli.read import Decimal, Units, said_of
+from trunnion.cli.read import said_of
+from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
@@ -26,9 +27,19 @@ MAX_FILES = 50  # of a joint diagnosis
 Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
 
 
+class Further(TypedDict):
+    """What `diagnose` prints as JSON beside the diagnosis."""
+
+    recognised: NotRequired[Annotated[Any, Of("trunnion.files.recognised:Recognised")]]
+    next_passes: NotRequired[list[Annotated[Any, Of("trunnion.models.next_passes:NextPass")]]]
+
+
+DIAGNOSED = Printed("trunnion.diagnosis.result:Diagnosis", Further, ("residuals", "data"))
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(diagnose)
+    command(app, values=DIAGNOSED, reads=True)(diagnose)
 
 
 def diagnose(
@@ -38,8 +49,6 @@ def diagnose(
     ] = "",
     html: Html = None,
     probe_log: ProbeLog = None,
-    units: Units = "mm",
-    decimal: Decimal = "",
     next_: Annotated[
         int,
         typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
@@ -54,10 +63,10 @@ def diagnose(
     With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
     if joint:
-        d = _together(files, kind, units, decimal)
+        d = _together(files, kind)
         shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
     else:
-        d = _diagnosis(files, kind, probe_log, units, decimal)
+        d = _diagnosis(files, kind, probe_log)
         shown = [*said_of(d.data), d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
@@ -91,18 +100,16 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _together(files: list[Path], kind: str, units: str, decimal: str) -> Diagnosis:
+def _together(files: list[Path], kind: str) -> Diagnosis:
     """Diagnose several measurements of one machine together."""
     data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
-    read = [tn.read(path, kind=kind or None, units=units, decimal=decimal or None) for path in data]
+    read = [tn.read(path, kind=kind or None) for path in data]
     return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
 
 
-def _diagnosis(
-    files: list[Path], kind: str, probe_log: Path | None, units: str, decimal: str
-) -> Diagnosis:
+def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
-    read = tn.read(data[0], kind=kind or None, units=units, decimal=decimal or None)
+    read = tn.read(data[0], kind=kind or None)
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if probe_log is not None:
         if not isinstance(read, tn.Touches):

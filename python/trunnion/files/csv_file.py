@@ -5,7 +5,9 @@ from 1. Fields are split and converted all at once; what stands where
 is worked out only for a line that has an error.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, ClassVar, Protocol, Self, TextIO, TypeVar
@@ -58,6 +60,8 @@ class Options(Dialect):
     separator, decimal: As in `Dialect`.
     units: Of columns in mm: ``mm`` or ``inch``.
     sheet: Name of a workbook's sheet.
+
+    What nobody says is what `reading` says for all files read inside it.
     """
 
     units: str = "mm"
@@ -71,6 +75,26 @@ class Options(Dialect):
         ):
             if value is not None:
                 choose(what, value, known)
+
+
+_READING: ContextVar[Options | None] = ContextVar("reading", default=None)
+
+
+@contextmanager
+def reading(options: Options) -> Iterator[None]:
+    """Read all files inside with these options, unless their own are given."""
+    reset = _READING.set(options)
+    try:
+        yield
+    finally:
+        _READING.reset(reset)
+
+
+def options_in_force(given: Options | None = None) -> Options:
+    """Return the options given, or those of `reading`."""
+    if given is None or given == Options():
+        return _READING.get() or Options()
+    return given
 
 
 def write_columns(columns: Mapping[str, NDArray[Any]], file: TextIO) -> None:
@@ -91,7 +115,7 @@ def _quoted(text: str) -> str:
 def read_table(
     path: str | PathLike[str] | Source,
     kind: type[T],
-    options: Options = Options(),
+    options: Options | None = None,
 ) -> T:
     """Read a CSV file as a kind of data.
 
@@ -106,6 +130,7 @@ def read_table(
         what it must not; the message has file, line and column (from 1), what stood there and what
         is expected.
     """
+    options = options_in_force(options)
     source = path if isinstance(path, Source) else Source.of(path, options.sheet)
     spelt = {name.lower(): name for name in kind.kinds}
     file = Delimited(source, options, lambda name: spelt.get(name.lower(), name))
