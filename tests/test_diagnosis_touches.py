@@ -95,8 +95,8 @@ def test_score_on_another_measurement_of_the_machine() -> None:
     other = measured(effects, seed=2)
     moved = Truth(other.truth.errors, random_placement(np.random.default_rng(9)), effects)
     made, twin_setup, _, _ = ground("rich")
-    unseen = measure(made, twin_setup, moved, noise_um=0.3, tick_um=0.1, seed=77)
-    g = d.score(tn.Touches(unseen.columns))
+    further = measure(made, twin_setup, moved, noise_um=0.3, tick_um=0.1, seed=77)
+    g = d.score(tn.Touches(further.columns))
     assert g.heldout_rms_after_um == pytest.approx(0.3, abs=0.05)
     assert g.heldout_rms_before_um > 1.3 * g.heldout_rms_after_um
 

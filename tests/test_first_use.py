@@ -119,7 +119,7 @@ def test_shares_have_their_unit() -> None:
 
 
 def test_the_page_on_positioning_does_as_it_says() -> None:
-    text = (ROOT / "docs/positioning.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how-to/positioning.md").read_text(encoding="utf-8")
     code = re.findall(r"```python\n(.*?)```", text, re.S)
     assert code
     names: dict[str, object] = {}

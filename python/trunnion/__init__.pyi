@@ -89,6 +89,9 @@ from .models.instruments import whose_error as whose_error
 # --- diagnosis of any kind of data
 from .models.kinds import catalogue as catalogue
 from .models.kinds import diagnose as diagnose
+from .models.many import DiagnosisBatch as DiagnosisBatch
+from .models.many import FailedDiagnosis as FailedDiagnosis
+from .models.many import diagnose_many as diagnose_many
 from .models.next_passes import NextPass as NextPass
 from .models.next_passes import next_passes as next_passes
 from .models.next_touches import ExpectedDiscrimination as ExpectedDiscrimination

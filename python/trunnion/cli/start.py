@@ -66,7 +66,8 @@ def init(
     next_steps = (
         f"Next: put the real dimensions into {files[0]}, then\n"
         f"  trunnion plan {files[0]} -o {files[1]} --force\n"
-        f"  trunnion program {files[1]} {files[0]} -o probe.ngc     (LinuxCNC; docs/linuxcnc.md)\n"
+        f"  trunnion program {files[1]} {files[0]} -o probe.ngc"
+        "   (LinuxCNC: docs/how-to/linuxcnc.md)\n"
         "  trunnion touches plan.csv touches.log setup.toml -o measured.csv\n"
         "  trunnion diagnose measured.csv setup.toml --html diagnosis.html"
     )

@@ -111,8 +111,9 @@ class Case:
     def chance(self, effect: Effect, f: Fit, variance: float) -> float:
         """Probability of readings like these without an effect of a fit, not counting candidates.
 
-        Where its size cannot be told from its place (share and frequency of a resonance far above
-        what the motion excites) it may be there without doubt all the same: at the place found.
+        Where its size cannot be separated from its place (share and frequency of a resonance far
+        above what the motion excites) it may be there without doubt all the same: at the place
+        found.
         """
         tests = (self._wald(effect, f, held=held) for held in (False, True))
         dof, variance = max(f.dof, 1), max(variance, TINY)

@@ -44,8 +44,8 @@ def read(
     """Read measured data, whatever their kind and the format of their file.
 
     What it was taken for is the table's `recognised`. Nothing is guessed: what can be read in two
-    ways is refused, and the message names the argument that decides. docs/files.md lists the
-    formats.
+    ways is refused, and the message names the argument that decides. docs/reference/files.md
+    lists the formats.
 
     Parameters
     ----------
