@@ -22,6 +22,7 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    schemas,
     start,
     sweep,
     turning,
@@ -72,6 +73,7 @@ GROUPS = (
     hybrid,
     sweep,
     demo,
+    schemas,
 )
 for part in GROUPS:
     part.register(app)

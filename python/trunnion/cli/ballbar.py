@@ -25,7 +25,7 @@ Lengths = Annotated[
 class Circles(TypedDict):
     """What `results` prints as JSON."""
 
-    circles: list[Annotated[Any, Of("trunnion.data.iso230_4:Iso2304")]]
+    circles: list[Annotated[Any, Of(("trunnion.data.iso230_4:Iso2304",))]]
 
 
 def register(app: typer.Typer) -> None:

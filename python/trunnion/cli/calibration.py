@@ -44,8 +44,8 @@ class Simulated(TypedDict):
     columns: list[str]
 
 
-_FORMS = Annotated[Any, Of("trunnion.probing.result:ClosedFormResult")]
-_FIT = Annotated[Any, Of("trunnion.probing.result:IdentificationResult")]
+_FORMS = Annotated[Any, Of(("trunnion.probing.result:ClosedFormResult",))]
+_FIT = Annotated[Any, Of(("trunnion.probing.result:IdentificationResult",))]
 Estimates = TypedDict(
     "Estimates", {"separating": _FORMS, "printed": _FORMS, "least-squares": _FIT}, total=False
 )

@@ -304,13 +304,19 @@ def save(path: Path, write: Callable[[Path], object]) -> str:
 
 
 def sort_files(
-    files: Iterable[Path], data: tuple[int, int], set_ups: tuple[int, int], what: str = "data"
+    files: Iterable[Path],
+    data: tuple[int, int],
+    set_ups: tuple[int, int],
+    what: str = "data",
+    *,
+    exist: bool = True,
 ) -> tuple[list[Path], list[Path]]:
     """Return data and set-ups (.toml) in the order given.
 
     files: As given on the command line.
     data, set_ups: Smallest and largest number of each.
     what: What the data are called in the message.
+    exist: Whether data that do not exist are refused; a set-up always is.
 
     Raises InputError: other numbers of files, or a file that does not exist.
     """
@@ -322,7 +328,7 @@ def sort_files(
             f"files: got {_named(found)} as {what} and {_named(toml)} as set-up (.toml), expected "
             f"{_count(data)} of {what} and {_count(set_ups)} set-up"
         )
-    for file in files:
+    for file in files if exist else toml:
         if not file.exists():
             raise InputError(f"{file}: no such file or directory")
     return found, toml

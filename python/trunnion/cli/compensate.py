@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
@@ -62,11 +62,16 @@ AnySize = Annotated[
 class Compensated(TypedDict):
     """What `compensate` prints as JSON without --control."""
 
-    parameters: Annotated[Any, Of("trunnion.compensation.parameters:CncParameters")]
-    at_zero: dict[str, Annotated[Any, Of("trunnion.compensation.volumetric:VolumetricError")]]
-    over_range: dict[str, Annotated[Any, Of("trunnion.compensation.volumetric:VolumetricError")]]
-    predicted_interval_over_range: NotRequired[
-        Annotated[Any, Of("trunnion.compensation.uncertainty:ResidualInterval")]
+    parameters: Annotated[Any, Of(("trunnion.compensation.parameters:CncParameters",))]
+    at_zero: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+    over_range: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+
+
+class Predicted(Compensated, total=False):
+    """The same; the last only of an estimate with a covariance."""
+
+    predicted_interval_over_range: Annotated[
+        Any, Of(("trunnion.compensation.uncertainty:ResidualInterval",))
     ]
 
 
@@ -74,7 +79,7 @@ def register(app: typer.Typer) -> None:
     """Add the command to the application."""
     command(
         app,
-        values=(Printed(keys=Compensated), Printed("trunnion.controls.files:ControlFiles")),
+        values=(Printed(keys=Predicted), Printed("trunnion.controls.files:ControlFiles")),
     )(compensate)
 
 

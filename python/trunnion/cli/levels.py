@@ -16,9 +16,9 @@ from trunnion.cli.schema import Of, Printed
 class Results(TypedDict, total=False):
     """What `results` prints as JSON: what the readings determine."""
 
-    straightness: Annotated[Any, Of("trunnion.data.flatness:Straightness")]
-    flatness: Annotated[Any, Of("trunnion.data.flatness:Flatness")]
-    twist: Annotated[Any, Of("trunnion.data.flatness:Twist")]
+    straightness: Annotated[Any, Of(("trunnion.data.flatness:Straightness",))]
+    flatness: Annotated[Any, Of(("trunnion.data.flatness:Flatness",))]
+    twist: Annotated[Any, Of(("trunnion.data.flatness:Twist",))]
 
 
 def register(app: typer.Typer) -> None:

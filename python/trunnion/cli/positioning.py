@@ -16,8 +16,8 @@ from trunnion.cli.schema import Of, Printed
 class Further(TypedDict, total=False):
     """What `results` prints as JSON beside the results."""
 
-    conformity: Annotated[Any, Of("trunnion.base.conformity:Conformity")]
-    compensationtable: Annotated[Any, Of("trunnion.data.iso230_2:CompensationTable")]
+    conformity: Annotated[Any, Of(("trunnion.base.conformity:Conformity",))]
+    compensationtable: Annotated[Any, Of(("trunnion.data.iso230_2:CompensationTable",))]
 
 
 def register(app: typer.Typer) -> None:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import types
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from functools import reduce
 from pkgutil import resolve_name
-from typing import Annotated, Any, Literal, NotRequired, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 ANYTHING: dict[str, Any] = {}
-NUMBER = {"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf", "nan"]}]}
+NUMBER: dict[str, Any] = {"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf", "nan"]}]}
 """JSON has no numbers that are not finite: these are text."""
 
 
@@ -25,15 +24,16 @@ class Printed:
     """
 
     result: str = ""
-    keys: type | None = None
+    keys: Any = None
     without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Of:
-    """In an annotation: values are results of this class, "module:Class"."""
+    """In an annotation: values are results of these classes, "module:Class"."""
 
-    result: str
+    results: tuple[str, ...]
+    without: tuple[str, ...] = ()
 
 
 def schema(command: str, version: int, printed: tuple[Printed, ...]) -> dict[str, Any]:
@@ -54,13 +54,12 @@ def _form(printed: Printed, definitions: dict[str, Any], head: dict[str, Any]) -
     keys: dict[str, Any] = {"schema": head}
     required = ["schema"]
     if printed.result:
-        of = _result(resolve_name(printed.result), definitions)
-        kept = {k: v for k, v in of["properties"].items() if k not in printed.without}
-        keys |= kept
-        required += kept
+        of = _less(_result(resolve_name(printed.result), definitions), printed.without)
+        keys |= of["properties"]
+        required += of["required"]
     if printed.keys is not None:
         hints = get_type_hints(printed.keys, include_extras=True)
-        optional: Collection[str] = printed.keys.__optional_keys__  # type: ignore[attr-defined]
+        optional: Collection[str] = printed.keys.__optional_keys__
         keys |= {name: _of(hint, definitions) for name, hint in hints.items()}
         required += [name for name in hints if name not in optional]
     return {"type": "object", "properties": keys, "required": required}
@@ -70,7 +69,7 @@ def _result(kind: type, definitions: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a dataclass as `trunnion.base.report.plain` stores it."""
     stored = hasattr(kind, "to_dict")  # a result: with its name, without what is code
     hints = _hints(kind)
-    named = [f.name for f in fields(kind) if f.compare or not stored]  # type: ignore[arg-type]
+    named = [f.name for f in fields(kind) if f.compare or not stored]
     keys = {name: _of(hints.get(name, Any), definitions) for name in named}
     if stored:
         keys = {"result": {"const": kind.__name__}, **keys}
@@ -88,11 +87,9 @@ def _hints(kind: type) -> dict[str, Any]:
 def _of(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of values of a type, as `plain` stores them."""
     origin, arguments = get_origin(hint), get_args(hint)
-    if origin is NotRequired:
-        return _of(arguments[0], definitions)
     if origin is Annotated:
         of = next((each for each in hint.__metadata__ if isinstance(each, Of)), None)
-        return _of(arguments[0] if of is None else resolve_name(of.result), definitions)
+        return _of(arguments[0], definitions) if of is None else _any_of(of, definitions)
     if origin is Literal:
         return {"enum": list(arguments)}
     if origin in (Union, types.UnionType):
@@ -105,23 +102,42 @@ def _of(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
     return _plain(origin or hint, arguments, definitions)
 
 
+def _any_of(of: Of, definitions: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of results, one of several classes."""
+    classes = [resolve_name(each) for each in of.results]
+    if not of.without:
+        found = [_of(each, definitions) for each in classes]
+    else:
+        found = [_less(_result(each, definitions), of.without) for each in classes]
+    return found[0] if len(found) == 1 else {"anyOf": found}
+
+
+def _less(made: dict[str, Any], without: Collection[str]) -> dict[str, Any]:
+    kept = {name: of for name, of in made["properties"].items() if name not in without}
+    return {**made, "properties": kept, "required": [*kept]}
+
+
 def _plain(kind: Any, arguments: tuple[Any, ...], definitions: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(kind, type):
         return ANYTHING
     if issubclass(kind, Mapping):
+        if arguments and arguments[0] is not str:  # the class stores it in a form of its own
+            return ANYTHING
         values = _of(arguments[1], definitions) if len(arguments) == 2 else ANYTHING
         return {"type": "object", "additionalProperties": values}
     if issubclass(kind, str):
         return {"type": "string"}
     if issubclass(kind, Collection) or kind.__name__ == "ndarray":
         items = [_of(each, definitions) for each in arguments if each is not Ellipsis]
-        if kind.__name__ == "ndarray" or not items:
+        if kind.__name__ == "ndarray":
+            return {"anyOf": [{"type": "array"}, NUMBER]}  # of no axes: a number
+        if not items:
             return {"type": "array"}
-        several = {"anyOf": reduce(lambda a, b: a if b in a else [*a, b], items, [])}
-        return {"type": "array", "items": items[0] if len(items) == 1 else several}
-    simple = {bool: {"type": "boolean"}, int: {"type": "integer"}, float: NUMBER}
-    return next((found for each, found in simple.items() if issubclass(kind, each)), _other(kind))
-
-
-def _other(kind: type) -> dict[str, Any]:
-    return {"type": "null"} if kind is type(None) else ANYTHING
+        return {"type": "array", "items": items[0] if len(items) == 1 else {"anyOf": items}}
+    simple = (
+        (bool, {"type": "boolean"}),
+        (int, {"type": "integer"}),
+        (float, NUMBER),
+        (type(None), {"type": "null"}),
+    )
+    return next((found for each, found in simple if issubclass(kind, each)), ANYTHING)

@@ -5,6 +5,7 @@ from 1. Fields are split and converted all at once; what stands where
 is worked out only for a line that has an error.
 """
 
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -20,6 +21,8 @@ from trunnion.files.columns import Column, ColumnError, is_numeric, scaled, show
 from trunnion.files.delimited import Delimited, Dialect
 from trunnion.files.recognised import PLAIN, Recognised
 from trunnion.files.text import Source
+
+LOG = logging.getLogger("trunnion.files")
 
 MM_OF = {"mm": 1.0, "inch": 25.4}
 """Unit of lengths that a file may be in → mm."""
@@ -159,7 +162,9 @@ def read_table(
         units={n: "inch → mm" for n in columns if options.units != "mm" and _is_length(n)},
         notes=tuple(file.notes),
     )
-    return table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
+    found = table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
+    LOG.info("%s: %d rows, %s", source.name, len(file.data_lines), recognised.headline())
+    return found
 
 
 def _is_length(name: str) -> bool:
