@@ -55,6 +55,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
             ["diagnose", TOUCHES, str(second), SETUP],
             ["diagnose", sample("turning/diameters.csv"), sample("turning/setup.toml")],
         ],
+        "view": [["view", TOUCHES, SETUP, "-o", str(folder / "view.html")]],
         "compare": [["compare", TOUCHES, SETUP], ["compare", TOUCHES, str(second), SETUP]],
         "compensate": [
             ["compensate", str(folder / "errors.json"), SETUP, "-o", str(folder / "general"), "--linear-step-mm", "200", "--rotary-step-deg", "90"],

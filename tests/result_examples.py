@@ -277,5 +277,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ControlFiles": control_files,
     "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
+    "Budget": lambda: tn.identify(*cross()).budget(tolerances={"EX0C": 20.0}),
+    "Budget by draws": lambda: with_outliers().budget(method="monte-carlo", draws=200),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from os import PathLike
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar
 
 import numpy as np
@@ -333,17 +332,48 @@ class Result(Saved):
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
         return importlib.import_module("trunnion.plot").draw(self, **options)
 
+    def scene(self, *context: Any, **options: Any) -> Any:
+        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
+        return importlib.import_module("trunnion.plot").scene(self, *context, **options)
+
     def title(self) -> str:
         """Return the heading of its page: the name of its class in words, unless it has its own."""
         words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", type(self).__name__)
         return words[:1] + words[1:].lower()
 
-    def to_html(self, path: str | PathLike[str]) -> Path:
-        """Write one self-contained page with sentences, pictures and tables; return its path."""
-        pictures = importlib.import_module("trunnion.plot").pictures(self)
-        target = Path(path)
-        write_text(target, page(self, pictures))
-        return target
+    def to_html(
+        self,
+        path: str | PathLike[str],
+        *,
+        data: Any = None,
+        setup: Any = None,
+        tolerance: Mapping[str, float] | None = None,
+        made_by: str = "",
+    ) -> Path:
+        """Write the measurement report: one page that needs no network and prints on A4.
+
+        Parameters
+        ----------
+        path
+            Of the page.
+        data, setup
+            What the result was made of, for the record at its end (machine, operator, date, files
+            with checksums) and the old values; by default what the result holds itself.
+        tolerance
+            Largest size allowed, by name, for pass, fail or undecided (ISO 14253-1); by default
+            the set-up's ``[machine.tolerance]``.
+        made_by
+            What made the result, for the record; by default the command that runs, or the call.
+
+        Returns
+        -------
+        Path
+            The page.
+        """
+        reports = importlib.import_module("trunnion.reports")
+        more = {"data": data, "setup": setup, "tolerance": tolerance, "made_by": made_by}
+        written: Path = reports.write(self, path, **more)
+        return written
 
     def __eq__(self, other: object) -> bool:
         """Whether it is the same class with equal fields."""
@@ -371,37 +401,3 @@ class Result(Saved):
     def _repr_html_(self) -> str:
         lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
         return lines + "".join(table.html() for table in self.tables())
-
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>$title</title>
-<style>
-body { font-family: system-ui, sans-serif; max-width: 52rem; margin: 2rem auto; padding: 0 1rem;
-       color: #1a1a1a; line-height: 1.45; }
-h1 { font-size: 1.4rem; }
-table { border-collapse: collapse; margin-top: 2rem; }
-caption { font-weight: bold; text-align: left; padding-bottom: .3rem; }
-td, th { padding: .15rem 1.2rem .15rem 0; vertical-align: top; text-align: left; }
-tr:nth-child(even) { background: #f4f4f4; }
-figure { margin: 1.5rem 0; } svg { max-width: 100%; height: auto; }
-</style>
-</head>
-<body>
-<h1>$title</h1>
-$body
-</body>
-</html>
-"""
-
-
-def page(result: Result, pictures: Sequence[str] = ()) -> str:
-    """Return a self-contained HTML page: sentences, pictures (SVG), tables."""
-    body = [
-        *(f"<p>{html.escape(line)}</p>" for line in result.sentences()),
-        *(f"<figure>{picture}</figure>" for picture in pictures),
-        *(table.html() for table in result.tables()),
-    ]
-    return Template(_PAGE).substitute(title=html.escape(result.title()), body="\n".join(body))

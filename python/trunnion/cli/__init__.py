@@ -26,6 +26,7 @@ from trunnion.cli import (
     start,
     sweep,
     turning,
+    view,
 )
 
 __all__ = ["app"]
@@ -72,6 +73,7 @@ GROUPS = (
     levels,
     hybrid,
     sweep,
+    view,
     demo,
     schemas,
 )

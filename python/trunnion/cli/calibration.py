@@ -13,6 +13,7 @@ from trunnion.cli.command import Answer, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values, names, numbers
+from trunnion.data.linuxcnc_log import probe_log_of
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -132,9 +133,17 @@ def simulate(
         float | None, typer.Option(help="tick of the trigger; the set-up's if absent")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="of the noise")] = None,
+    probe_log: Annotated[
+        Path | None,
+        typer.Option(help="write what the plan's LinuxCNC program would log"),
+    ] = None,
 ) -> Answer:
     """Simulate a measurement on a machine with errors."""
     setup, planned = _plan_and_set_up(files)
+    slow = setup.plan.slow_feed_mm_min
+    plan = planned  # its hash names it in the log
+    if probe_log is not None and slow:
+        planned = plan.with_columns(feed_mm_min=[slow] * len(plan))
     effects: dict[str, dict[str, float]] = {}
     for name, value in named_values("--effect", effect).items():
         owner, dot, parameter = name.partition(".")
@@ -152,6 +161,11 @@ def simulate(
         seed=seed,
     )
     values = {"touches": len(measured), "columns": list(measured.columns)}
+    if probe_log is not None:
+        log = probe_log_of(plan, measured, "simulated")
+        said = save(probe_log, lambda path: path.write_text(log, encoding="utf-8"))
+        more = () if output is None else (save(output, measured.to_csv),)
+        return Answer(values, (f"{len(measured)} touches", said, *more))
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
     return Answer(values, (f"{len(measured)} touches", save(output, measured.save)))

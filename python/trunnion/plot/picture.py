@@ -1,8 +1,7 @@
 """One description of a 2-D picture, drawn by matplotlib (papers) or by Plotly (reports).
 
 A picture says what it shows (axes with units, series with their role); :meth:`Picture.draw` and
-:meth:`Picture.to_plotly` say it in the language of each library. Colours are those of roles: one
-palette, distinguishable for colour-blind readers, of enough contrast on white and on black.
+:meth:`Picture.to_plotly` say it in the language of each library.
 """
 
 from __future__ import annotations
@@ -19,12 +18,17 @@ from numpy.typing import ArrayLike
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.plot.axes import axes_or_new
+from trunnion.plot.style import BLUE as BLUE
+from trunnion.plot.style import DIVERGING as DIVERGING
+from trunnion.plot.style import GREEN as GREEN
+from trunnion.plot.style import MUTED as MUTED
+from trunnion.plot.style import OCHRE as OCHRE
+from trunnion.plot.style import PALETTE as PALETTE
+from trunnion.plot.style import PURPLE as PURPLE
+from trunnion.plot.style import RED as RED
+from trunnion.plot.style import SLATE as SLATE
+from trunnion.plot.style import VERMILLION as VERMILLION
 
-PALETTE = ("#2a7fc0", "#d95f02", "#0a9470", "#b25aa0", "#a07a00", "#c8385a", "#5f7d95")
-"""Blue, vermillion, green, purple, ochre, red, slate: 3:1 or more on white and on #16181d."""
-BLUE, VERMILLION, GREEN, PURPLE, OCHRE, RED, SLATE = PALETTE
-MUTED = "#80868e"
-DIVERGING = ("#2a7fc0", "#f3f3f3", "#d95f02")
 MATPLOTLIB_MARKERS = {"dot": "o", "cross": "x", "square": "s", "diamond": "D", "triangle": "^"}
 PLOTLY_MARKERS = {"dot": "circle", "triangle": "triangle-up"}
 DASHES = {"solid": "-", "dash": "--", "dot": ":"}
@@ -91,7 +95,7 @@ class Series:
     label
         In the legend; without one it is not there.
     colour
-        One of `PALETTE`, or `MUTED`.
+        One of `style.PALETTE`, or `style.MUTED`.
     high
         Upper edge of a band, (n,); `y` is the lower one.
     error

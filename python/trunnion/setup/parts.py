@@ -3,7 +3,7 @@
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
-``[control]`` are its own.
+``[control]``, ``[report]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -36,6 +36,7 @@ from trunnion.setup.fields import (
     keys_of,
 )
 from trunnion.setup.names import canonical_error_name
+from trunnion.setup.report import ReportSetup
 from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
@@ -52,6 +53,9 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 
 STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
 """Keys that say how an artefact of any kind stands on the table."""
+
+CERTIFICATE = ("calibration_um", "calibration_arcsec", "expansion_ppm_k", "temperature_std_k")
+"""Keys that say how well an artefact of any kind is known."""
 
 MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
 """Location errors beyond a tenth of a metre or half a turn are typos."""
@@ -164,6 +168,8 @@ class Artefact(Part):
     table's, whose origin is the centre of its top; the placement that is identified is the
     deviation from there. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
     direction) and `tolerance_deg` (about Z) of its place it stands.
+
+    What is stated of its calibration and temperature is part of uncertainty budgets.
     """
 
     table: ClassVar[str] = "artefact"
@@ -184,6 +190,12 @@ class Artefact(Part):
     turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
     tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
     tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
+    calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
+    calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
+    expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
+    temperature_std_k: float = key(
+        0.0, Number(0.0, 100.0), "standard uncertainty of its temperature about 20 °C"
+    )
 
     def __post_init__(self) -> None:
         """Check every field, and that the kind has these dimensions."""
@@ -221,7 +233,7 @@ class Artefact(Part):
 
 def names_of(kind: str) -> tuple[str, ...]:
     """Return the names of the keys that a kind of artefact has."""
-    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING))
+    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING + CERTIFICATE))
 
 
 @dataclass(frozen=True)
@@ -243,6 +255,7 @@ class Probe(Part):
     length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
     servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
+    calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of the ball's radius")
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""
@@ -306,13 +319,24 @@ class PlanSetup(Part):
 
 PARTS: Mapping[str, type[Part]] = {
     part.table: part
-    for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup, ControlSetup)
+    for part in (
+        Machine,
+        Artefact,
+        Probe,
+        Resolution,
+        TableSetup,
+        PlanSetup,
+        ControlSetup,
+        ReportSetup,
+    )
 }
 
 
 @dataclass(frozen=True, repr=False)
 class Setup:
     """A whole set-up; ``print(setup)`` lists every key with its value, unit and meaning.
+
+    `source` is the file that it was read from.
 
     Examples
     --------
@@ -329,10 +353,12 @@ class Setup:
     table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
     control: ControlSetup = field(default_factory=ControlSetup)
+    report: ReportSetup = field(default_factory=ReportSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)
     hybrid: Mapping[str, Any] = field(default_factory=dict)
+    source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the types of the parts and the names of the axes."""
