@@ -268,3 +268,10 @@ def test_completion_of_a_shell_is_offered() -> None:
     done = process(env=words)
     said, _ = done.communicate(timeout=60)
     assert said.split() == ["diagnose"]
+
+
+def test_a_report_holds_the_command_that_made_it(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    run("estimate", TOUCHES, SETUP, "--effects", "scale_x", "--html", page)
+    text = page.read_text()
+    assert f"estimate {TOUCHES} {SETUP} --effects scale_x --html {page}" in text

@@ -13,6 +13,7 @@ import inspect
 import json
 import logging
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,6 +25,7 @@ from typing import Annotated, Any, NoReturn, ParamSpec
 
 import typer
 
+from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.progress import shown_progress
@@ -45,6 +47,9 @@ Output = Annotated[
         help="write the result here; its ending says as what: .csv .json .xlsx .parquet",
         show_default=False,
     ),
+]
+Html = Annotated[
+    Path | None, typer.Option(help="write the measurement report here: one page (HTML)")
 ]
 _JSON = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
 _QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="print nothing but errors")]
@@ -165,15 +170,22 @@ def command(
             inspect.Parameter(key, keyword, default=default, annotation=annotation)
             for key, annotation, default in (*own, *(READING if reads else ()), *SHARED)
         ]
+        place = inspect.Parameter("context", keyword, annotation=typer.Context)
         owner = "" if group.info.name == "trunnion" else f"{group.info.name} "
         known = Command(f"{owner}{name or function.__name__}", values)
         COMMANDS[known.name] = known
 
         @functools.wraps(function)
         def run(
-            *arguments: Any, json_: bool, quiet: bool, force: bool, verbose: int, **options: Any
+            *arguments: Any,
+            context: typer.Context,
+            json_: bool,
+            quiet: bool,
+            force: bool,
+            verbose: int,
+            **options: Any,
         ) -> None:
-            reset = _FORCED.set(force)
+            reset, line = _FORCED.set(force), COMMAND.set(_command_line(context))
             output = options.pop("output") if own else None
             how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
@@ -191,9 +203,10 @@ def command(
                 _end(error)
             finally:
                 _FORCED.reset(reset)
+                COMMAND.reset(line)
 
         run.__signature__ = given.replace(  # type: ignore[attr-defined]
-            parameters=[*given.parameters.values(), *shared], return_annotation=None
+            parameters=[*given.parameters.values(), place, *shared], return_annotation=None
         )
         group.command(name)(run)
         return function
@@ -265,6 +278,23 @@ def _logged(verbose: int) -> Iterator[None]:
     finally:
         _LOG.setLevel(before)
         _LOG.removeHandler(handler)
+
+
+def _command_line(context: typer.Context) -> str:
+    """Return the command that runs, with the options that were given, as a shell takes it."""
+    parts = context.command_path.split()
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if value is None or value == option.default or value is False:
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        if option.param_type_name == "argument":
+            parts += map(str, values)
+        elif value is True:
+            parts.append(option.opts[0])
+        else:
+            parts += [text for one in values for text in (option.opts[0], str(one))]
+    return shlex.join(parts)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import typer
 
 import trunnion as tn
 from trunnion.base.progress import tracked
-from trunnion.cli.command import Answer, Output, check_outputs, command, save, sort_files
+from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, sort_files
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
@@ -27,7 +27,6 @@ DataAndSetup = Annotated[
     ),
 ]
 MAX_FILES, MAX_BATCH = 50, 100_000  # of a joint diagnosis; each by itself
-Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
 
 
 class Further(TypedDict, total=False):
@@ -84,7 +83,8 @@ def diagnose(
 
     Several files are diagnosed each by itself on all cores, with a table over all; what cannot be
     read is named there and the exit code is 2. With --next, --output is where the plan of further
-    touches goes (next.csv if absent).
+    touches goes (next.csv if absent); --html, or --output with a name that ends in .html, writes
+    the report: one page with the evidence.
     """
     several = sum(file.suffix.lower() != ".toml" for file in files) > 1
     if (several or out is not None) and not joint:
