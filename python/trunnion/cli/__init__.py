@@ -23,6 +23,7 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    schemas,
     start,
     sweep,
     turning,
@@ -76,6 +77,7 @@ GROUPS = (
     sweep,
     view,
     demo,
+    schemas,
 )
 for part in GROUPS:
     part.register(app)
