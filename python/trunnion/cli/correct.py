@@ -9,6 +9,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
     from trunnion.controls.part_program import Coordinates
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(correct)
+    command(app, values=Printed("trunnion.controls.part_program:CorrectedProgram"))(correct)
 
 
 def correct(
