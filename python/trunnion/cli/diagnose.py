@@ -47,6 +47,13 @@ def diagnose(
     joint: Annotated[
         bool, typer.Option("--joint", help="several measurements of one machine, together")
     ] = False,
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="further candidates: a file of effects (TOML), or the name of a catalogue that "
+            "an installed package brings"
+        ),
+    ] = None,
     output: Output = None,
 ) -> Answer:
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
@@ -54,10 +61,10 @@ def diagnose(
     With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
     if joint:
-        d = _together(files, kind, units, decimal)
+        d = _together(files, kind, units, decimal, effects or [])
         shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
     else:
-        d = _diagnosis(files, kind, probe_log, units, decimal)
+        d = _diagnosis(files, kind, probe_log, units, decimal, effects or [])
         shown = [*said_of(d.data), d]
     # Readings and data are in files already; `Diagnosis.to_json` has them, too.
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
@@ -91,15 +98,34 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _together(files: list[Path], kind: str, units: str, decimal: str) -> Diagnosis:
+def _further(effects: list[str], data: Any) -> list[Any]:
+    """Candidates from files, and from installed packages."""
+    found: list[Any] = []
+    for one in effects:
+        if Path(one).suffix == ".toml" or Path(one).exists():
+            found += tn.read_effects(one, data)
+        else:
+            found += tn.installed_effects(one)
+    return found
+
+
+def _together(
+    files: list[Path], kind: str, units: str, decimal: str, effects: list[str]
+) -> Diagnosis:
     """Diagnose several measurements of one machine together."""
     data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
     read = [tn.read(path, kind=kind or None, units=units, decimal=decimal or None) for path in data]
-    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    return tn.diagnose(read, setup, effects=_further(effects, read))
 
 
 def _diagnosis(
-    files: list[Path], kind: str, probe_log: Path | None, units: str, decimal: str
+    files: list[Path],
+    kind: str,
+    probe_log: Path | None,
+    units: str,
+    decimal: str,
+    effects: list[str],
 ) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = tn.read(data[0], kind=kind or None, units=units, decimal=decimal or None)
@@ -115,4 +141,4 @@ def _diagnosis(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"
         )
-    return tn.diagnose(read, setup)
+    return tn.diagnose(read, setup, effects=_further(effects, read))
