@@ -61,10 +61,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance)
-    sigma = float(np.sqrt(variance))
-    if not isinstance(model.readings.unit, str):
-        # Where units are mixed the fit is in units of the noise of each reading.
-        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
+    sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     names = [x.name for x in model.nuisance]
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, doubt, alternatives, std)
@@ -85,10 +82,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         rivals=rivals,
         unnoticed=weak,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
-        not_identifiable={
-            **_not_identifiable(case, plain, f, std),
-            **lost,
-        },
+        not_identifiable=_not_identifiable(case, plain, f, std) | lost,
         structure=structure_of(source, e, kept, f, wide),
         model=kept.model.extended(
             f.nuisance, f.effects, _uncertainty(kept, f, doubt, sigma, variance)
@@ -99,19 +93,26 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
-        residuals=Residuals.of(
-            kept.model,
-            (case.given or case.plain).residuals,
-            f.residuals,
-            rows,
-            f.nuisance,
-            f.effects,
-        ),
+        residuals=_residuals(kept.model, case.given or case.plain, f, rows),
+        reservation=model.reservation,
         notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
+    """Noise of one reading."""
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        return gain.rms_after_um * float(np.sqrt(readings_a_freedom))
+    return float(np.sqrt(variance))
+
+
+def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
+    """Readings with what the models leave of them."""
+    return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
 
 
 def _minor(kept: Case) -> tuple[str, ...]:
