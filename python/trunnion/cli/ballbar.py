@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,13 +41,15 @@ def results(
     ] = None,
 ) -> Answer:
     """Evaluate circles by ISO 230-4: circular deviation G, hysteresis H, radial deviation F."""
-    data, _ = sort_files(files, (1, 1), (0, 1), "lengths")
-    circles = tn.iso230_4(tn.read_ballbar(data[0]))
+    data, set_ups = sort_files(files, (1, 1), (0, 1), "lengths")
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    lengths = tn.read_ballbar(data[0])
+    circles = tn.iso230_4(lengths)
     shown: list[Any] = [*circles]
     if html is not None:
         for circle in circles:
             name = html if len(circles) == 1 else html.with_stem(f"{html.stem}-{circle.setup}")
-            shown.append(save(name, circle.to_html))
+            shown.append(save(name, partial(circle.to_html, data=lengths, setup=setup)))
     return Answer([circle.to_dict() for circle in circles], tuple(shown))
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.values import named_values, names, numbers
 from trunnion.data.linuxcnc_log import probe_log_of
@@ -171,8 +172,12 @@ def estimate(
         bool, typer.Option(help="also the paper's estimates at every A and C")
     ] = False,
     output: Output = None,
+    html: Html = None,
 ) -> Answer:
-    """Estimate the location errors from touches; --output keeps the estimate as JSON."""
+    """Estimate the location errors from touches; --output keeps the estimate as JSON.
+
+    --html writes the report of the most general estimate: one page with the evidence.
+    """
     measured, file = one_set_up(files, (1, 1), "touches")
     setup = tn.read_setup(file)
     data = tn.read_touches(measured[0])
@@ -182,6 +187,9 @@ def estimate(
     shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
     if per_position:
         shown += tn.closed_form(data, setup).per_position.tables()
+    if html is not None:
+        best = results.get("least-squares") or next(iter(results.values()))
+        shown.append(save(html, partial(best.to_html, data=data, setup=setup)))
     answer = Answer({name: result.to_dict() for name, result in results.items()}, tuple(shown))
     if output is None:
         return answer

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import shlex
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -19,8 +20,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ParamSpec
 
+import click
 import typer
 
+from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import Table, plain
@@ -29,6 +32,9 @@ P = ParamSpec("P")
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", help="write the result here", show_default=False)
+]
+Html = Annotated[
+    Path | None, typer.Option(help="write the measurement report here: one page (HTML)")
 ]
 _JSON = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
 _QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="print nothing but errors")]
@@ -83,7 +89,7 @@ def command(
 
         @functools.wraps(function)
         def run(*arguments: Any, json_: bool, quiet: bool, force: bool, **options: Any) -> None:
-            reset = _FORCED.set(force)
+            reset, line = _FORCED.set(force), COMMAND.set(_command_line())
             try:
                 with _warnings_as_notes():
                     answer = function(*arguments, **options)
@@ -98,6 +104,7 @@ def command(
                 raise typer.Exit(2) from None
             finally:
                 _FORCED.reset(reset)
+                COMMAND.reset(line)
 
         run.__signature__ = given.replace(  # type: ignore[attr-defined]
             parameters=[*given.parameters.values(), *shared], return_annotation=None
@@ -106,6 +113,26 @@ def command(
         return function
 
     return decorate
+
+
+def _command_line() -> str:
+    """Return the command that runs, with the options that were given, as a shell takes it."""
+    context = click.get_current_context(silent=True)
+    if context is None:
+        return ""
+    parts = context.command_path.split()
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if value is None or value == option.default or value is False:
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        if isinstance(option, click.Argument):
+            parts += map(str, values)
+        elif value is True:
+            parts.append(option.opts[0])
+        else:
+            parts += [text for one in values for text in (option.opts[0], str(one))]
+    return shlex.join(parts)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.command import Answer, Html, Output, command, save, sort_files
 from trunnion.cli.program import ProbeLog, read_log
 from trunnion.cli.read import Decimal, Units, said_of
 
@@ -23,7 +23,6 @@ DataAndSetup = Annotated[
     ),
 ]
 MAX_FILES = 50  # of a joint diagnosis
-Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
 
 
 def register(app: typer.Typer) -> None:
@@ -51,7 +50,8 @@ def diagnose(
 ) -> Answer:
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
 
-    With --next, --output is where the plan of further touches goes (next.csv if absent).
+    --html, or --output with a name that ends in .html, writes the report: one page with the
+    evidence. With --next, --output is where the plan of further touches goes (next.csv if absent).
     """
     if joint:
         d = _together(files, kind, units, decimal)
@@ -63,8 +63,14 @@ def diagnose(
     values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
     if said := said_of(d.data):
         values["recognised"] = said[0].to_dict()
+    if html is None and output is not None and output.suffix.lower() == ".html":
+        html, output = output, None
     if html is not None:
         shown.append(save(html, d.to_html))
+    if output is not None and not next_:
+        raise tn.InputError(
+            f"--output: got {output}, expected a name that ends in .html, or --next"
+        )
     if next_:
         found = tn.expected_discrimination(d, next_)
         shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]

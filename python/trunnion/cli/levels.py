@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command
+from trunnion.cli.command import Answer, Html, command, save
 from trunnion.cli.diagnose import diagnose_as
 
 
@@ -24,6 +25,7 @@ def register(app: typer.Typer) -> None:
 
 def results(
     readings: Annotated[Path, typer.Argument(metavar="READINGS", help="angles of a level (CSV)")],
+    html: Html = None,
 ) -> Answer:
     """Print straightness and twist of a line, or flatness and twist of a surface."""
     data = tn.read_levels(readings)
@@ -34,4 +36,12 @@ def results(
             f"{readings}: got {count} places with {' and '.join(data.components)}, expected at "
             "least 3 of a line, or 4 of a grid with along and across"
         )
-    return Answer({type(one).__name__.lower(): one.to_dict() for one in found}, found)
+    values = {type(one).__name__.lower(): one.to_dict() for one in found}
+    said: list[Any] = list(found)
+    for one in found:
+        if html is None:
+            break
+        several = f"{html.stem}-{type(one).__name__.lower()}"
+        name = html.with_stem(several) if len(found) > 1 else html
+        said.append(save(name, partial(one.to_html, data=data)))
+    return Answer(values, tuple(said))

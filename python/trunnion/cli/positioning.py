@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command
+from trunnion.cli.command import Answer, Html, command, save
 from trunnion.cli.diagnose import diagnose_as
 from trunnion.files.columns import parse_number
 
@@ -37,6 +38,7 @@ def results(
         float, typer.Option(help="of instrument, alignment and temperature, µm or arcsec")
     ] = 0.0,
     table: Annotated[bool, typer.Option(help="print the corrections of each target")] = False,
+    html: Html = None,
 ) -> Answer:
     """Print reversal, repeatability, systematic deviation and accuracy of an axis."""
     data = tn.read_positioning(stops)
@@ -49,7 +51,12 @@ def results(
         more.append(found.compensation_table())
     values = found.to_dict()
     values |= {type(one).__name__.lower(): one.to_dict() for one in more}
-    return Answer(values, (*more[:1], found, *more[1:]) if tolerance else (found, *more))
+    said = (*more[:1], found, *more[1:]) if tolerance else (found, *more)
+    if html is not None:
+        limits = {j.name: j.tolerance for j in more[0].judged} if tolerance else {}
+        report = partial(found.to_html, data=data, tolerance=limits)
+        said = (*said, save(html, report))
+    return Answer(values, said)
 
 
 def instruments(

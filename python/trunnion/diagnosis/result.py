@@ -99,6 +99,8 @@ class Diagnosis(Result):
         The readings with what the models leave of them.
     notes:
         What else a reader should know, in sentences.
+    reservation:
+        Why the data may say nothing of the machine, in a sentence; first in the summary.
     contributions:
         What each named cause explains, and what it had biased, in descending order.
     ladder:
@@ -136,6 +138,7 @@ class Diagnosis(Result):
     model: Any
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
+    reservation: str | None = None
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result
-from trunnion.base.units import unit_of
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.models.changes import MachineComparison
-from trunnion.plot.dispatch import pictures
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.diagnosis import diagnosis_document
-from trunnion.reports.document import Document, Item, Mark, Points, Section, Still
+from trunnion.reports.document import Document, Item, Mark, Points, Section
 from trunnion.reports.results import Figure, figures_table, location_errors, of_interest
 from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of
 
 MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
 CONFORMITY = {
@@ -38,11 +37,6 @@ def document(result: Result, source: Source) -> Document:
     return _general(result, source)
 
 
-def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result: interactive ones, or stills where there are no others."""
-    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
-
-
 def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark, str]:
     """Return the mark of a verdict with what was decided of tolerances before it."""
     if not decisions:
@@ -54,7 +48,7 @@ def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark,
 def _general(result: Result, source: Source) -> Document:
     """Sentences, tables and pictures as the result has them; figures with their uncertainty."""
     sentences, tables = list(result.sentences()), list(result.tables())
-    found, decisions = figures_table("Results", _figures(result), source.tolerance)
+    found, decisions = figures_table("Results", figures_of(result), source.tolerance)
     shown = drawn(result)
     if found.rows:
         tables = [found, *tables[1:]]
@@ -72,19 +66,6 @@ def _general(result: Result, source: Source) -> Document:
     return Document(
         result.title(), source.subtitle(), mark, text, (*tables[:1], *shown[:1]), sections
     )
-
-
-def _figures(result: Any) -> list[Figure]:
-    """Return the figures of a standard that have a standard uncertainty."""
-    std = getattr(result, "std_errors", None)
-    if not isinstance(std, Mapping):
-        return []
-    labels: Mapping[str, str] = result.labels() if hasattr(result, "labels") else {}
-    return [
-        Figure(name, labels.get(name, name), float(getattr(result, name)), float(s), unit_of(name))
-        for name, s in std.items()
-        if isinstance(getattr(result, name, None), int | float) and not isinstance(s, Mapping)
-    ]
 
 
 def _estimate(result: Estimate, source: Source) -> Document:
