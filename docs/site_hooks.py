@@ -44,9 +44,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         "reference/commands.md": commands_page(),
         "reference/setup.md": setup_page(),
         "reference/results.md": results_page(),
-        "reference/api/plot.md": "\n".join(
-            [PLOT_HEAD, *map("::: trunnion.plot.{}".format, plot.__all__)]
-        ),
+        "reference/api/plot.md": _plot_page(),
         "changelog.md": _from_root("CHANGELOG.md"),
         "contributing.md": _from_root("CONTRIBUTING.md"),
     }
@@ -60,10 +58,15 @@ def _from_root(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
 
 
+def _plot_page() -> str:
+    return PLOT_HEAD + "".join(f"::: trunnion.plot.{name}\n" for name in plot.__all__)
+
+
 PLOT_HEAD = """# Pictures
 
 Every function takes a result and returns the axes that it drew on; `result.plot()` finds the right
 one.
+
 """
 
 # --- set-up
