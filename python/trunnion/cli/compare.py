@@ -10,11 +10,19 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Html, command, save, sort_files
+from trunnion.cli.schema import Printed
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(compare)
+    command(
+        app,
+        values=(
+            Printed("trunnion.models.changes:MachineComparison"),
+            Printed("trunnion.reference.comparison:Comparison"),
+        ),
+        reads=True,
+    )(compare)
 
 
 def compare(

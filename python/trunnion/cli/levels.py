@@ -4,23 +4,34 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Html, command, save
-from trunnion.cli.diagnose import diagnose_as
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.schema import Of, Printed
+
+
+class Results(TypedDict, total=False):
+    """What `results` prints as JSON: what the readings determine."""
+
+    straightness: Annotated[Any, Of(("trunnion.data.flatness:Straightness",))]
+    flatness: Annotated[Any, Of(("trunnion.data.flatness:Flatness",))]
+    twist: Annotated[Any, Of(("trunnion.data.flatness:Twist",))]
 
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        help="Levels along a line or on a grid: results, diagnose.", no_args_is_help=True
+        name="levels",
+        help="Levels along a line or on a grid: results, diagnose.",
+        no_args_is_help=True,
     )
-    command(group)(results)
-    command(group, "diagnose")(diagnose_as("levels"))
-    app.add_typer(group, name="levels")
+    command(group, values=Printed(keys=Results), reads=True)(results)
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("levels"))
+    app.add_typer(group)
 
 
 def results(

@@ -4,25 +4,42 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Html, command, save
-from trunnion.cli.diagnose import diagnose_as
-from trunnion.files.columns import parse_number
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.schema import Of, Printed
+
+
+class Further(TypedDict, total=False):
+    """What `results` prints as JSON beside the results."""
+
+    conformity: Annotated[Any, Of(("trunnion.base.conformity:Conformity",))]
+    compensationtable: Annotated[Any, Of(("trunnion.data.iso230_2:CompensationTable",))]
 
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        help="Positioning by ISO 230-2: results, instruments, diagnose.", no_args_is_help=True
+        name="positioning",
+        help="Positioning by ISO 230-2: results, instruments, diagnose.",
+        no_args_is_help=True,
     )
-    command(group)(results)
-    command(group)(instruments)
-    command(group, "diagnose")(diagnose_as("positioning"))
-    app.add_typer(group, name="positioning")
+    command(
+        group,
+        values=(
+            Printed("trunnion.data.iso230_2:Iso2302", Further),
+            Printed("trunnion.data.iso230_2:Iso2302Rotary", Further),
+        ),
+        reads=True,
+    )(results)
+    compared = Printed("trunnion.models.instruments:InstrumentComparison")
+    command(group, values=compared, reads=True)(instruments)
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("positioning"))
+    app.add_typer(group)
 
 
 def results(
@@ -67,6 +84,8 @@ def instruments(
 
 
 def _limit(text: str) -> tuple[str, float]:
+    from trunnion.files.columns import parse_number
+
     name, _, value = text.partition("=")
     number = parse_number(value)
     if number is None:

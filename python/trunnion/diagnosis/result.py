@@ -19,11 +19,9 @@ from trunnion.base.report import (
     class_named,
     measured,
     number,
-    plain,
     significant,
-    structured,
 )
-from trunnion.base.stored import fitting
+from trunnion.base.stored import fitting, plain, structured
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.contributions import (
     Contribution,
