@@ -84,6 +84,14 @@ def with_outliers() -> Diagnosis:
 
 
 @cache
+def with_structure() -> Diagnosis:
+    """A wave along Y that no known cause makes."""
+    touches, setup = cross()
+    wave = 5e-3 * np.cos(2 * np.pi * np.asarray(touches.y_mm) / 31.0)
+    return tn.diagnose(touches.with_columns(x_mm=touches.x_mm + wave), setup)
+
+
+@cache
 def together() -> Diagnosis:
     """Two measurements of one machine."""
     return tn.diagnose([turned_axis(4.0), turned_axis(4.0, seed=2)])
@@ -280,6 +288,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     ),
     "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
+    "diagnosis with structure": with_structure,
+    "Structure": lambda: with_structure().structure,
     "Budget": lambda: tn.identify(*cross()).budget(tolerances={"EX0C": 20.0}),
     "Budget by draws": lambda: with_outliers().budget(method="monte-carlo", draws=200),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
