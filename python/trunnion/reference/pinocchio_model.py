@@ -66,6 +66,14 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         For a preset or a location error that is in no list.
     ImportError
         Without pinocchio.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> model = tn.pinocchio_model(setup, {"EX0C": 15.0})
+    >>> list(model.names)[-2:]
+    ['A', 'C']
     """
     pin = optional_module("pinocchio", "trunnion.pinocchio_model", "reference")
     preset = setup.machine.preset

@@ -112,6 +112,12 @@ class Machine(Part):
 
     Results are totals that include the known errors. `tolerance`: of location errors by name, above
     0; a diagnosis states biases in units of it.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Machine("trt-ca", errors={"EX0C": 12.5}).errors["EX0C"]
+    12.5
     """
 
     table: ClassVar[str] = "machine"
@@ -141,6 +147,13 @@ class AxisSetup(Part):
 
     A plan or program with a move beyond `range_mm` (linear axes: the ball's centre in the machine
     frame) or `range_deg` (rotary axes: as the control counts) is refused.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.AxisSetup(point_mm=(0.0, 5.0, -30.0))
+    >>> tn.Setup(tn.Artefact("cross"), axes={"A": axis}).axis_points()
+    {'A': (0.0, 5.0, -30.0)}
     """
 
     table: ClassVar[str] = "axes"
@@ -170,6 +183,13 @@ class Artefact(Part):
     direction) and `tolerance_deg` (about Z) of its place it stands.
 
     What is stated of its calibration and temperature is part of uncertainty budgets.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> ball = tn.Artefact("sphere", diameter_mm=24.0, centre_mm=(60.0, 0.0, 80.0))
+    >>> ball.effective_stem_diameter_mm
+    8.0
     """
 
     table: ClassVar[str] = "artefact"
@@ -246,6 +266,12 @@ class Probe(Part):
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
     collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Probe(servo_period_ms=1.0).ticks_um(600.0)
+    10.0
     """
 
     table: ClassVar[str] = "probe"
@@ -283,7 +309,14 @@ class Probe(Part):
 
 @dataclass(frozen=True)
 class Resolution(Part):
-    """What commands are rounded to; 0 = not rounded. Recorded positions are not rounded."""
+    """What commands are rounded to; 0 = not rounded. Recorded positions are not rounded.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Resolution(linear_um=1.0).to_dict()
+    {'linear_um': 1.0, 'rotary_arcsec': 0.36}
+    """
 
     table: ClassVar[str] = "resolution"
     linear_um: float = key(0.1, UNCERTAINTY, "step of commands to linear axes; 0: not rounded")
@@ -295,6 +328,12 @@ class TableSetup(Part):
     """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks.
 
     `is_assumed`: the set-up does not say how large it is.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.TableSetup(radius_mm=200.0).to_dict()
+    {'radius_mm': 200.0, 'thickness_mm': 30.0}
     """
 
     table: ClassVar[str] = "table"
@@ -305,7 +344,14 @@ class TableSetup(Part):
 
 @dataclass(frozen=True)
 class PlanSetup(Part):
-    """How a plan moves: where an approach starts, how far it searches, at what rapid speeds."""
+    """How a plan moves: where an approach starts, how far it searches, at what rapid speeds.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.PlanSetup(slow_feed_mm_min=30.0).slow_feed_mm_min
+    30.0
+    """
 
     table: ClassVar[str] = "plan"
     clearance_mm: float = key(5.0, LENGTH, "from the surface to the ball where an approach starts")
@@ -340,7 +386,8 @@ class Setup:
 
     Examples
     --------
-    >>> setup = Setup(artefact=Artefact("cross"), probe=Probe(ball_radius_mm=1.5))
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(ball_radius_mm=1.5))
     >>> setup.sense("C"), setup.probe.effective_stem_radius_mm
     (1, 0.75)
     """
