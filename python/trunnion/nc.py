@@ -114,7 +114,10 @@ def follow(
         do not close, cycles, subprograms, shifts of the origin.
     """
     got: dict[str, Any] = program.path(
-        blocks=blocks, start=start, feed=feed, machine_codes=list(machine_codes)
+        blocks=None if blocks is None else tuple(blocks),
+        start=start,
+        feed=feed,
+        machine_codes=list(machine_codes),
     )
     return Moves(
         begin=got["begin"],
