@@ -14,7 +14,7 @@ PACKAGE = Path(tn.__file__).parent
 MAX_FILE_LINES = 500
 MAX_FUNCTION_LINES = 60
 EXAMPLES = re.compile(
-    r'\n +Examples\n +-+\n.*?(?=\n +""")', re.DOTALL
+    r'\n\n +Examples\n +-+\n.*?(?=\n +""")', re.DOTALL
 )  # of docstrings: not counted
 
 # A folder uses only those above it in this list.
