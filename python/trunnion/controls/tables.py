@@ -56,7 +56,7 @@ def iso_table(setup: Setup, estimate: Known) -> ControlFiles:
     std = estimate.std_errors if isinstance(estimate, Estimate) else {}
     chain = Chain(setup)
     head = [
-        f"# machine {setup.machine.preset}; names of ISO 230-1 and -7",
+        f"# machine {setup.machine.name}; names of ISO 230-1 and -7",
         "# frame: the machine's, right-handed, Z along the spindle, origin in the centre of the "
         "table top; errors are absolute in it",
         "# sign: where the real axis is, less where the nominal one is; tilts right-handed",
@@ -133,7 +133,7 @@ def isg_files(
     values = {k[1:]: sign * factors[unit_of(k)] * v for k, v in known.errors.items()}
     said = "errors of the machine" if sign > 0 else "corrections, the negative of the errors"
     lines = [
-        f"// location errors of a {setup.machine.preset}, by trunnion",
+        f"// location errors of a {setup.machine.name}, by trunnion",
         f"// offsets in mm, angles in {angle_unit}: {said}; unit and sign were given by the user,",
         "// the public documentation of ISG_CSV does not state them: test one error first",
         " ".join(values),

@@ -12,7 +12,7 @@ key is an error.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import trunnion._core as _core
@@ -35,6 +35,7 @@ from trunnion.setup.fields import (
     key,
     keys_of,
 )
+from trunnion.setup.machines import CHAIN, DIRECTION, Description, check_error, presets
 from trunnion.setup.names import canonical_error_name
 from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
@@ -56,21 +57,10 @@ STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
 MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
 """Location errors beyond a tenth of a metre or half a turn are typos."""
 
+DEFAULT_PRESET = "trt-ca"
 UNCERTAINTY = Number(0.0, 1e4)
 ANGLE = Number(-1e5, 1e5)
 SPEED = Number(1e-3, 1e7)
-
-
-@dataclass(frozen=True)
-class _Presets:
-    """A machine that the core knows."""
-
-    @property
-    def words(self) -> str:
-        return "one of " + ", ".join(_core.presets())
-
-    def __call__(self, what: str, value: Any) -> str:
-        return choose(what, value, _core.presets())
 
 
 @dataclass(frozen=True)
@@ -106,25 +96,61 @@ def _canonical(what: str, spelling: str) -> str:
 class Machine(Part):
     """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
 
-    Results are totals that include the known errors. `tolerance`: of location errors by name, above
-    0; a diagnosis states biases in units of it.
+    The chain is that of a `preset` (``trt-ca`` unless said; docs/conventions.md lists them) or a
+    kinematic code of ISO 10791-6, from the workpiece over the bed to the tool: `chain` =
+    ``[w C' A' b X Y Z (C) t]``. Where its axes are not along X, Y, Z or not through the origin, the
+    tables ``[axes.A]`` say so (`AxisSetup`). `table_normal` is that of the table top, on which the
+    artefact stands, at zero of all axes.
+
+    `errors` are part of the nominal model: results are totals that include them, a plan goes by
+    them.
+    `tolerance`: of location errors by name, above 0; a diagnosis
+    states biases in units of it.
     """
 
     table: ClassVar[str] = "machine"
-    preset: str = key("trt-ca", _Presets(), "chain of axes")
+    preset: str | None = key(None, Choice(tuple(presets())), "machine by name; else trt-ca")
     errors: Mapping[str, float] = key(FrozenMapping({}), _LocationErrors(), "errors known before")
     tolerance: Mapping[str, float] = key(
         FrozenMapping({}), _LocationErrors(positive=True), "tolerances of location errors"
+    )
+    chain: str | None = key(None, CHAIN, "axes from workpiece to tool, instead of a preset")
+    table_normal: tuple[float, float, float] | None = key(
+        None, DIRECTION, "of the table top at zero of all axes; else Z, or the preset's"
     )
 
     def __post_init__(self) -> None:
         """Check every field, and that the machine has these errors."""
         super().__post_init__()
-        known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
+        if self.preset is None and self.chain is None:
+            object.__setattr__(self, "preset", DEFAULT_PRESET)
+        if self.preset is not None and self.chain is not None:
+            raise self.refuse("chain", f"none beside preset = {self.preset!r}: give one of the two")
+        with entry("table_normal"):
+            machine = self.description().core(1.0)
+        self.check_errors(machine)
+
+    @property
+    def name(self) -> str:
+        """Name of the preset, or the kinematic code."""
+        return self.preset or self.chain or DEFAULT_PRESET
+
+    def description(self) -> Description:
+        """Return where the axes are, without what ``[axes.X]`` says."""
+        if self.preset is None:
+            known = Description(chain=self.chain or "")
+        else:
+            known = presets()[self.preset]
+        return (
+            known if self.table_normal is None else replace(known, table_normal=self.table_normal)
+        )
+
+    def check_errors(self, machine: _core.Machine) -> None:
+        """Refuse errors and tolerances that a machine of this chain has not."""
         for table in ("errors", "tolerance"):
             for name in getattr(self, table):
                 with entry(table, name):
-                    choose(f"machine.{table} of {self.preset}", name, known)
+                    check_error(f"machine.{table} of {self.name}", name, machine)
 
 
 @dataclass(frozen=True)
@@ -133,7 +159,12 @@ class AxisSetup(Part):
 
     `point_mm` says where a rotary axis nominally is: any point of it at zero of all axes, in the
     machine frame, whose origin is the centre of the table top, on the axis of the table. A
-    trunnion whose A axis lies 30 mm below the table top and 5 mm towards +Y has (0, 5, -30).
+    trunnion whose A axis lies 30 mm below the table top and 5 mm towards +Y has (0, 5, -30). The
+    axes of a head go through the pivot at (0, 0, probe.length_mm) unless they have a point. Linear
+    axes are along X, Y, Z of the machine frame: these directions define it.
+
+    `direction` is that of a rotary axis at zero of all axes, of any length, where it is not along
+    the X, Y or Z of its letter: a nutating axis at 45° in the YZ plane has (0, 1, 1).
 
     A plan or program with a move beyond `range_mm` (linear axes: the ball's centre in the machine
     frame) or `range_deg` (rotary axes: as the control counts) is refused.
@@ -149,6 +180,9 @@ class AxisSetup(Part):
     )
     range_deg: tuple[float, float] | None = key(
         None, Vector(2, ANGLE), "lowest and highest position of a rotary axis"
+    )
+    direction: tuple[float, float, float] | None = key(
+        None, DIRECTION, "of a rotary axis at zero; else along X, Y or Z, or the preset's"
     )
 
 
@@ -341,9 +375,7 @@ class Setup:
         for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
             instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
         object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
-        for axis, point in self.axis_points().items():
-            with entry("axes", axis, "point_mm"):
-                self._check_point(axis, point)
+        self._check_axes()
         for axis, made in self.axes.items():
             _check_range(axis, made)
         for name in PROCESS_TABLES:
@@ -364,14 +396,49 @@ class Setup:
         stated = {letter: axis.range_mm or axis.range_deg for letter, axis in self.axes.items()}
         return {letter: limits for letter, limits in stated.items() if limits is not None}
 
-    def _check_point(self, axis: str, point: tuple[float, float, float]) -> None:
-        """Refuse a point of an axis that cannot have one or is somewhere else."""
-        if axis in "XYZ":
-            raise InputError(
-                f"axes.{axis}.point_mm: got {list(point)}, expected none: only where a rotary axis "
-                "is matters"
-            )
-        _core.Machine(self.machine.preset, self.probe.length_mm, [], [(axis, point)])
+    def description(self) -> Description:
+        """Return where the axes of the machine are: its chain, and what ``[axes.X]`` says."""
+        known = self.machine.description()
+        stated = {k: a.direction for k, a in self.axes.items() if a.direction is not None}
+        return replace(
+            known,
+            directions={**known.directions, **stated},
+            points_mm={**known.points_mm, **self.axis_points()},
+        )
+
+    def _check_axes(self) -> None:
+        """Refuse axes that the machine has not, and what an axis cannot have."""
+        known = self.machine.description()
+        letters = known.core(1.0).letters
+        for axis, given in self.axes.items():
+            with entry("axes", axis):
+                if axis not in "XYZ" and axis not in letters:
+                    has = ", ".join("XYZ" + letters)
+                    raise InputError(
+                        f"axes.{axis}: got an axis that machine {self.machine.name} has not, "
+                        f"expected one of {has}"
+                    )
+            for name in ("point_mm", "direction"):
+                value = getattr(given, name)
+                with entry("axes", axis, name):
+                    if axis in "XYZ" and value is not None:
+                        raise InputError(
+                            f"axes.{axis}.{name}: got {list(value)}, expected none: linear axes "
+                            "are along X, Y, Z of the machine frame, wherever they are"
+                        )
+                    if axis in letters and value is not None:
+                        self._check_line(axis, name, value)
+        with entry("machine"):
+            self.machine.check_errors(self.description().core(self.probe.length_mm))
+
+    def _check_line(self, axis: str, name: str, value: tuple[float, float, float]) -> None:
+        """Let the core refuse the direction or the point of one axis."""
+        known = self.machine.description()
+        if name == "direction":
+            one = replace(known, directions={**known.directions, axis: value})
+        else:
+            one = replace(known, points_mm={**known.points_mm, axis: value})
+        one.core(self.probe.length_mm)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the tables of the file with plain values; empty ones left out."""

@@ -93,7 +93,7 @@ def linuxcnc_files(
     if own and isinstance(estimate, Estimate) and estimate.names:
         interval = residual_interval(setup, estimate, **rotary, draws=1000, seed=seed).max_um
     return ControlFiles(
-        f"LinuxCNC with {NAME if own else STOCK[setup.machine.preset]}",
+        f"LinuxCNC with {NAME if own else STOCK[check_machine(setup)]}",
         {**made.files, "sign_test.ngc": sign_test(setup)},
         made.settings,
         before,

@@ -23,6 +23,9 @@ LINEAR_ERRORS = (
 )
 """Effects that the component holds beside location errors: the entries XX YY ZZ XY XZ YZ of Λ."""
 
+TABLES = ("AC", "BC")
+UNITS = {"A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)}
+
 PLACES = 6
 """Decimals of numbers in the source: a nanometre."""
 
@@ -32,18 +35,25 @@ def check_machine(setup: Setup) -> str:
 
     Raises InputError: a rotary axis in the head; a set-up that does not say where the table is.
     """
-    preset = setup.machine.preset
-    letters, sides, _ = _core.presets()[preset]
-    if set(sides) != {"table"}:
+    chain = Chain(setup)
+    if set(chain.sides.values()) != {"table"} or chain.letters not in TABLES:
         raise InputError(
-            f"LinuxCNC kinematics: got machine {preset}, expected rotary axes under the table only"
+            f"LinuxCNC kinematics: got machine {setup.machine.name}, expected rotary axes under the "
+            "table only, A or B carrying C"
+        )
+    off = {k: x.direction for k, x in setup.axes.items() if x.direction not in (None, UNITS[k])}
+    off |= {k: x for k, x in setup.machine.description().directions.items() if x != UNITS[k]}
+    for letter, direction in off.items():
+        raise InputError(
+            f"LinuxCNC kinematics: got axis {letter} along {list(direction or ())}, expected it "
+            "along its own direction: the component turns about X, Y and Z"
         )
     if setup.control.centre_mm is None:
         raise InputError(
             "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
             "the table top) in machine coordinates, as X, Y, Z of the work offset"
         )
-    return letters
+    return chain.letters
 
 
 def held(known: MachineErrors) -> MachineErrors:
@@ -83,7 +93,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     words = {
         "NAME": name,
         "VERSION": _core.__version__,
-        "MACHINE": setup.machine.preset,
+        "MACHINE": setup.machine.name,
         "COORDINATES": " ".join("XYZ" + letters),
         "AXES": str(len(letters)),
         "CONVENTIONAL": str(int(conventional)),
