@@ -39,30 +39,30 @@ bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
 .PHONY: power
-power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/power.md
+power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/results/power.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m power
-	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/power.md
-	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/power-measured.md
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/results/power.md
+	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/results/power-measured.md
 
 .PHONY: power-probabilities
-power-probabilities: build  ## are stated probabilities true: 5,100 cases of all kinds, an hour, into docs/power-probabilities.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.probabilities --out ../docs/power-probabilities.md
+power-probabilities: build  ## are stated probabilities true: 5,100 cases of all kinds, an hour, into docs/results/power-probabilities.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.probabilities --out ../docs/results/power-probabilities.md
 
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/power-ballbar.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/results/power-ballbar.md
 
 .PHONY: power-ticks
-power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/power-ticks.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/power-ticks.md
+power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/results/power-ticks.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md
 
 .PHONY: power-positioning
-power-positioning: build  ## the same for positioning and levels, by other formulas, two minutes, into docs/power-positioning.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.positioning --out ../docs/power-positioning.md
+power-positioning: build  ## the same for positioning and levels, by other formulas, two minutes, into docs/results/power-positioning.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.positioning --out ../docs/results/power-positioning.md
 
 .PHONY: power-axis-logs
-power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/power-axis-logs.md
-	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --runs 30 --seed 2 --out ../docs/power-axis-logs.md
+power-axis-logs: build  ## the same for logs of axis positions, half an hour, into docs/results/power-axis-logs.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.axis_logs --runs 30 --seed 2 --out ../docs/results/power-axis-logs.md
 
 .PHONY: lint
 lint: build  ## rustfmt, clippy, ruff, mypy --strict, stubtest
@@ -86,12 +86,16 @@ lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
 		--all-extras --resolver=backtracking --output-file requirements.lock pyproject.toml
 
 .PHONY: power-turning
-power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/power-turning.md
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/turning_blind.py 200 --out docs/power-turning.md
+power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/results/power-turning.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/turning_blind.py 200 --out docs/results/power-turning.md
 
 .PHONY: linuxcnc
-linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, an hour, into docs/linuxcnc-runs.md
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/probing_bench.py 200 --out docs/linuxcnc-runs.md
+linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, an hour, into docs/results/linuxcnc-runs.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/probing_bench.py 200 --out docs/results/linuxcnc-runs.md
+
+.PHONY: linuxcnc-corrected
+linuxcnc-corrected: build  ## 20 hidden machines corrected in a real LinuxCNC, twenty minutes, into docs/results/linuxcnc-corrected.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/corrected_bench.py 20 --out docs/results/linuxcnc-corrected.md
 
 # LinuxCNC's interpreter, which the tests of part programs run where it is there: the two packages it
 # needs beyond a usual Debian, unpacked and not installed (installing pulls in a desktop).
@@ -111,7 +115,7 @@ clean:  ## remove everything that was built
 	rm -rf .venv target
 
 .PHONY: real-machines
-real-machines: build  ## docs/real-machines.md with figures, from the measured files of others
+real-machines: build  ## docs/results/real-machines.md with figures, from the measured files of others
 	$(BIN)/python docs/make_real_machines.py
 
 .PHONY: docs
@@ -121,3 +125,8 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_measured_figures.py
+
+.PHONY: site
+site: build  ## the documentation site, into target/site, without a network; warnings are errors
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "target/site/index.html; to search in it: $(BIN)/python -m http.server -d target/site"

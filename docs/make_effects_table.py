@@ -7,7 +7,7 @@ from pathlib import Path
 import trunnion as tn
 from trunnion.models.kinds import kinds
 
-PAGE = Path(__file__).parent / "effects.md"
+PAGE = Path(__file__).parent / "reference" / "effects.md"
 HEAD = ("id", "what it is", "code", "belongs to", "parameters", "needs")
 MAX_SHOWN = 4
 

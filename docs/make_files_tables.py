@@ -6,7 +6,7 @@ from pkgutil import resolve_name
 from trunnion.base.units import unit_of
 from trunnion.models.kinds import Kind, kinds
 
-PAGE = Path(__file__).parent / "files.md"
+PAGE = Path(__file__).parent / "reference" / "files.md"
 BEGIN, END = "<!-- columns: begin -->", "<!-- columns: end -->"
 
 

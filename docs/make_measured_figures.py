@@ -1,4 +1,4 @@
-"""Figures of docs/measured-data.md from the measured files of others: ``make docs``.
+"""Figures of docs/results/measured-data.md from the measured files of others: ``make docs``.
 
 Does nothing where ``../shared/measured`` is missing: those files are not part of the project.
 """

@@ -16,7 +16,7 @@ from trunnion.demo import PAPER_ESTIMATES, table_3
 from trunnion.nc import Program
 from trunnion.samples.truth import TABLE_2
 
-PAGE = Path(__file__).parent / "papers.md"
+PAGE = Path(__file__).parent / "results" / "papers.md"
 LISTINGS = Path(__file__).parents[1] / "tests" / "data" / "turning"
 CODES = [("G", 4503.0)]  # a code of that lathe which moves nothing
 
@@ -43,19 +43,22 @@ def page() -> str:
     sections: Sequence[tuple[str, str, Callable[[], Iterable[Row]]]] = (
         (
             "Kang, Kim, Jee (2022): location errors of a tilting rotary table with a cross",
-            "[closed-forms.md](closed-forms.md), `notebooks/01_calibrate.ipynb`, `trunnion demo`.",
+            "[closed-forms.md](../explanation/closed-forms.md), `notebooks/01_calibrate.ipynb`, "
+            "`trunnion demo`.",
             cross,
         ),
         (
             "C. K. Park, D. S. Park (1990): correction of turning programs",
-            "[turning.md](turning.md), `notebooks/03_turning.ipynb`. The crossings of Figs. 18 "
+            "[turning.md](../how-to/turning.md), `notebooks/03_turning.ipynb`. The crossings of "
+            "Figs. 18 "
             "and 20 "
             "are the only measured facts of the paper that its text holds; all else is simulated.",
             lathe,
         ),
         (
             "Byun, Jee (2010): cross-coupled control of five axes",
-            "[contouring.md](contouring.md), `notebooks/04_contouring.ipynb`. The figures have no "
+            "[contouring.md](../how-to/contouring.md), `notebooks/04_contouring.ipynb`. The "
+            "figures have no "
             "numbers: order and ratio can be compared.",
             five_axes,
         ),

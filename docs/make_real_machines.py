@@ -25,7 +25,7 @@ import trunnion as tn
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED = Path(os.environ.get("TRUNNION_DATA", ROOT / ".." / "shared" / "measured"))
-PAGE = ROOT / "docs" / "real-machines.md"
+PAGE = ROOT / "docs" / "results" / "real-machines.md"
 FIGURES = ROOT / "docs" / "figures"
 RED, BLUE, GREY = "#c1272d", "#1f5fa8", "#7a7a7a"
 MAX_CAUSES = 4
@@ -309,7 +309,7 @@ def page() -> str:
         if section.text:
             parts.append(f"{section.text}\n\n")
         if section.figure:
-            parts.append(f"![{section.title}](figures/{section.figure}.png)\n\n")
+            parts.append(f"![{section.title}](../figures/{section.figure}.png)\n\n")
         for name in section.names:
             about = tn.datasets.about(name)
             parts.append(f"### `{name}`: {about.description}\n\n")

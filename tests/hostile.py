@@ -132,6 +132,8 @@ def _compensation() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "VolumetricError.at": (tn.volumetric_error(setup, LOCATION, points=(3, 3, 2)).at, {"points_mm": [[1, 2, 3]], "threads": 1}),
         "InverseCompensation.of": (tn.InverseCompensation.of, {"setup": setup, "errors": LOCATION, "effects": None, "largest_turn_deg": 1.0}),
         "compensation.MachineErrors.of": (compensation.MachineErrors.of, {"setup": setup, "errors": LOCATION, "effects": {"a_twist": {"k_arcsec": 2.0}}, "placement": {"dx_um": 1.0}}),
+        "volumetric_budget": (tn.volumetric_budget, {"setup": setup, "estimate": tn.identify(*cross()), **BOX, "a_deg": 30, "c_deg": 0, "tolerance_um": 30.0, "method": "monte-carlo", "draws": 200, "seed": 1}),
+        "budget": (tn.identify(*cross()).budget, {"names": ("EX0C",), "tolerances": {"EX0C": 5.0}, "method": "monte-carlo", "draws": 200, "seed": 1}),
         "interval": (tn.identify(*cross()).interval, {"name": "EX0C", "coverage": 0.9}),
     }  # fmt: skip
 

@@ -53,7 +53,7 @@ def placed(x: float, y: float, z: float, a: float, b: float, c: float) -> FloatA
 
 
 def places(errors: dict[str, float], point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """T_A and T_C of a ``trt-ca`` whose A axis goes through a point, from docs/conventions.md."""
+    """T_A and T_C of a ``trt-ca``, its A axis through a point: docs/explanation/conventions.md."""
     e = {k: v * (1e-3 if k[1] in "XYZ" else ARCSEC) for k, v in errors.items()}
     _, y, z = point
     a = placed(0, y + e["EY0A"], z + e["EZ0A"], e["EA0A"], e["EB0A"], e["EC0A"])

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
 from trunnion.files.table import Table
-from trunnion.plot.dispatch import PICTURES
+from trunnion.plot.dispatch import DESCRIBED, PICTURES
 
 __all__ = ["check_result"]
 
@@ -126,7 +126,7 @@ def _says_something(result: Any) -> None:
 def _draws(result: Any) -> None:
     if not isinstance(result, Result):
         return
-    if not any(kind.__name__ in PICTURES for kind in type(result).__mro__):
+    if not any(kind.__name__ in {**PICTURES, **DESCRIBED} for kind in type(result).__mro__):
         with pytest.raises(InputError, match="plot: got"):
             result.plot()
         return

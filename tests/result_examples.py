@@ -89,6 +89,12 @@ def together() -> Diagnosis:
     return tn.diagnose([turned_axis(4.0), turned_axis(4.0, seed=2)])
 
 
+@cache
+def batch() -> tn.DiagnosisBatch:
+    """Two measurements, one of which is not there."""
+    return tn.diagnose_many([turned_axis(4.0), "no-such-file.csv"], workers=1)
+
+
 def turned_axis(backlash_um: float, seed: int = 1) -> tn.Positioning:
     """Stops of the X axis with a backlash."""
     rng = np.random.default_rng(seed)
@@ -208,6 +214,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     **{f"diagnosis {kind.name}": partial(diagnosis_of, kind.name) for kind in kinds()},
     "diagnosis with outliers": with_outliers,
     "diagnosis of several": together,
+    "DiagnosisBatch": batch,
+    "FailedDiagnosis": lambda: batch()[1],
     "model of several": lambda: together().model,
     **{f"model {kind.name}": partial(model_of, kind.name) for kind in kinds()},
     "Recognised": lambda: tn.read(tn.sample_path("plate/first.csv"), units="inch").recognised,
@@ -269,5 +277,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "ControlFiles": control_files,
     "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
+    "Budget": lambda: tn.identify(*cross()).budget(tolerances={"EX0C": 20.0}),
+    "Budget by draws": lambda: with_outliers().budget(method="monte-carlo", draws=200),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

@@ -1,7 +1,7 @@
 """Blind tests: causes hidden by a generator of its own are named, and nothing else is.
 
 `make test` holds the rate of right answers over all cases of a machine together; `make power` the
-false alarms and the hidden causes each by itself. The table: docs/power-ballbar.md.
+false alarms and the hidden causes each by itself. The table: docs/results/power-ballbar.md.
 """
 
 import numpy as np

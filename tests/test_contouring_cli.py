@@ -24,7 +24,7 @@ def run(*arguments: str, code: int = 0) -> str:
 
 def test_simulate_with_the_sample_set_up_is_the_papers_machine() -> None:
     figures = [
-        json.loads(run("contour", "simulate", "--feed", "3000", "--json", *extra))
+        json.loads(run("contour", "simulate", "--feed", "3000", "--json", *extra))["runs"]
         for extra in ((), (SETUP,))
     ]
     assert [f["controller"] for f in figures[0]] == ["independent", "existing", "proposed"]
@@ -63,7 +63,7 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("contour", "simulate", "--feed", "-5"), "feed_mm_min: got -5"),
         (("contour", "simulate", "--controller", "best"), "expected one of independent"),
@@ -78,7 +78,7 @@ def test_a_run_that_diverges_is_said_so_and_not_logged(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_faults_are_one_line(arguments: tuple[str, ...], told: str) -> None:
+def test_faults_are_one_line(arguments: tuple[str, ...], message: str) -> None:
     said = run(*arguments, code=2)
-    assert told in said
+    assert message in said
     assert "Traceback" not in said

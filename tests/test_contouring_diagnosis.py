@@ -382,7 +382,7 @@ def test_columns_that_cannot_be_an_axis_log_are_refused() -> None:
 
 def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    for text, told in (
+    for text, message in (
         ('[artefact]\nkind = "cross"\n', r"s\.toml:1:1: servo: the table is missing"),
         ("[servo.X]\ngain = 80\n", r"s\.toml:2:1: servo\.X\.gain: unknown key"),
         ("[servo.X]\ngain_per_s = 80\n", r"s\.toml:1:1: servo\.X\.time_constant_ms: missing"),
@@ -392,19 +392,19 @@ def test_a_servo_table_that_is_wrong_is_told_with_its_place(tmp_path: Path) -> N
         ("[servo.W]\n", r"servo\.W: unknown key, expected one of period_ms, feedback, X"),
     ):
         file.write_text(text, encoding="utf-8")
-        with pytest.raises(FileFormatError, match=told):
+        with pytest.raises(FileFormatError, match=message):
             ct.read_servo(file)
 
 
 @pytest.mark.parametrize(
-    ("shape", "told"),
+    ("shape", "message"),
     [
         ("drift", "depends on time ("),
         ("jump", "depends on time (a jump at 1.0"),
     ],
 )
 def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
-    shape: str, told: str
+    shape: str, message: str
 ) -> None:
     runs = [
         ct.simulate(ct.Path.paper(), feed, controller="independent").axis_log(
@@ -418,7 +418,7 @@ def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
     d = diagnose(log.with_columns(x_act_mm=log.actual("x") + 2e-3 * added[shape]), SETUP)
     assert d.verdict == "unexplained"
     assert d.unexplained is not None
-    assert told in d.unexplained
+    assert message in d.unexplained
 
 
 def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:

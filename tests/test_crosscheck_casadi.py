@@ -52,10 +52,10 @@ def test_errors_and_placement_come_back_from_exact_readings(seed: int) -> None:
 # No plan of this kind tells these from the fourteen: of a sag one combination is dz and EZ0A; the
 # height is dz where only its top is touched; a probe never comes from below to meet the other side
 # of the Z backlash.
-UNSEEN = ("a_sag", "artefact_height", "backlash_z")
+NOT_IDENTIFIABLE = ("a_sag", "artefact_height", "backlash_z")
 
 
-@pytest.mark.parametrize("id_", [e for e in EFFECTS if e not in UNSEEN])
+@pytest.mark.parametrize("id_", [e for e in EFFECTS if e not in NOT_IDENTIFIABLE])
 def test_each_effect_comes_back_from_exact_readings(id_: str) -> None:
     rng = np.random.default_rng(len(id_))
     values = generator.random_effect(rng, id_, RICH)

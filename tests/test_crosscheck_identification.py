@@ -135,7 +135,7 @@ def test_cuboids_edges_and_other_machines_agree(preset: str, seed: int) -> None:
     same(identify(data, setup), casadi_baseline.identify(data, setup))
 
 
-def test_what_one_calls_unseen_the_other_does_too() -> None:
+def test_what_one_calls_not_identifiable_the_other_does_too() -> None:
     rng = np.random.default_rng(5)
     truth = Truth(generator.random_errors(rng), generator.random_placement(rng))
     for id_ in EFFECTS:

@@ -1,4 +1,4 @@
-"""The rates of the power table (docs/power.md), held with as many runs as that takes.
+"""The rates of the power table (docs/results/power.md), held with as many runs as that takes.
 
 `make test` holds them over several cases together, `make power` each by itself.
 """
@@ -123,9 +123,9 @@ def test_bias_of_the_location_errors_is_removed() -> None:
 
 
 def test_the_predicted_discrimination_is_achieved() -> None:
-    """Aliases of A under the paper's plan, told apart by the touches of ``next_touches``.
+    """Aliases of A under the paper's plan, distinguished by the touches of ``next_touches``.
 
-    Few runs, so that it fails only if the prediction is far off; the rate is in docs/power.md.
+    Few runs, so that it fails only if the prediction is far off; the rate: docs/results/power.md.
     """
     t = run(Case("alike", "paper", size=1.0, only=("a_positioning",)), 8, seed=17)
     achieved = predicted = 0

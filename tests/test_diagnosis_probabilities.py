@@ -1,6 +1,6 @@
 """Probabilities of sets of causes: sums, exact data, and a small sample of the reliability table.
 
-The whole table is docs/power-probabilities.md, made by ``make power-probabilities``.
+The whole table is docs/results/power-probabilities.md, made by ``make power-probabilities``.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 import trunnion as tn
 from power.measured_twin import make_sweep
+from trunnion.base.units import Floats
 from trunnion.diagnosis import candidates, case
 from trunnion.diagnosis.effect import Effect, Parameter
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
@@ -84,3 +85,24 @@ def test_numbers_do_not_depend_on_blas_threads() -> None:
         with threadpool_limits(threads, user_api="blas"):
             seen.append(tn.diagnose(model).to_dict())
     assert seen[0] == seen[1]
+
+
+def test_a_pencil_of_columns_is_as_good_as_all_of_them() -> None:
+    """Variants that are affine in a parameter are kept as two of them, with the same numbers."""
+    rng = np.random.default_rng(8)
+    base, slope = rng.standard_normal((2, 60, 2))
+    at = np.linspace(-3.0, 5.0, 9)
+    variants = base + at[:, None, None] * slope
+    other = rng.standard_normal((1, 60, 1))
+    basis = np.linalg.qr(rng.standard_normal((60, 3)))[0]
+    firsts: list[Floats | candidates.Pencil] = [variants, candidates.Pencil(base, slope, at)]
+    made = [
+        candidates.Candidates.of_pieces([(0, first), (1, other)], 2, 60 * 19, basis)
+        for first in firsts
+    ]
+    r = rng.standard_normal((60, 4))
+    np.testing.assert_allclose(made[1].gains(r), made[0].gains(r), rtol=1e-10)
+    np.testing.assert_allclose(made[1].penalty, made[0].penalty, rtol=1e-10)
+    for block in range(10):
+        ours, theirs = made[1].columns(block), made[0].columns(block)
+        np.testing.assert_allclose(ours.T @ ours, theirs.T @ theirs, atol=1e-10)

@@ -68,7 +68,7 @@ def test_the_main_job_in_words(tmp_path: Path) -> None:
     assert d.causes[0].parameters["rate_um_h"] == pytest.approx(4.8, abs=0.4)
     assert d.model.effects["drift_z"]["rate_um_h"] == d.causes[0].parameters["rate_um_h"]
     page = d.to_html(tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "<svg" in page
+    assert 'data-figure="0"' in page
     assert "src=" not in page
     json.dumps(d.to_dict(), allow_nan=False)
 
@@ -95,8 +95,8 @@ def test_score_on_another_measurement_of_the_machine() -> None:
     other = measured(effects, seed=2)
     moved = Truth(other.truth.errors, random_placement(np.random.default_rng(9)), effects)
     made, twin_setup, _, _ = ground("rich")
-    unseen = measure(made, twin_setup, moved, noise_um=0.3, tick_um=0.1, seed=77)
-    g = d.score(tn.Touches(unseen.columns))
+    further = measure(made, twin_setup, moved, noise_um=0.3, tick_um=0.1, seed=77)
+    g = d.score(tn.Touches(further.columns))
     assert g.heldout_rms_after_um == pytest.approx(0.3, abs=0.05)
     assert g.heldout_rms_before_um > 1.3 * g.heldout_rms_after_um
 

@@ -46,7 +46,7 @@ def test_an_offset_of_the_instrument_is_no_other_unit() -> None:
 
 def test_exchanged_columns_are_named() -> None:
     swapped = AXIS.with_columns(measured_mm=AXIS.target, target_mm=AXIS.measured)
-    with pytest.raises(tn.DataError, match="are target_mm and measured_mm exchanged"):
+    with pytest.raises(tn.DataError, match="are the two columns exchanged"):
         swapped.iso230_2()
 
 
@@ -119,7 +119,7 @@ def test_shares_have_their_unit() -> None:
 
 
 def test_the_page_on_positioning_does_as_it_says() -> None:
-    text = (ROOT / "docs/positioning.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how-to/positioning.md").read_text(encoding="utf-8")
     code = re.findall(r"```python\n(.*?)```", text, re.S)
     assert code
     names: dict[str, object] = {}

@@ -1,4 +1,4 @@
-"""Identification: any plan and artefact, uncertainty that holds, nothing said of the unseen."""
+"""Identification: any plan and artefact; uncertainty holds; what is not identifiable is named."""
 
 import numpy as np
 import pytest

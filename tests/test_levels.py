@@ -273,7 +273,7 @@ def granite() -> tn.Levels:
 
 @measured
 def test_the_granite_plate() -> None:
-    """Zero and shape are told apart by reversal; the shape is that of one orientation alone."""
+    """Zero and shape are distinguished by reversal; the shape is that of one orientation alone."""
     both = granite()
     one = both[:54]
     zero = both.flatness().instrument_zero_um_m

@@ -35,5 +35,5 @@ def test_promise(check: Callable[[Model, Any], None], example: str) -> None:
 def test_the_page_of_effects_is_that_of_the_catalogues() -> None:
     docs = Path(__file__).parents[1] / "docs"
     made = runpy.run_path(str(docs / "make_effects_table.py"))
-    text = (docs / "effects.md").read_text(encoding="utf-8")
+    text = (docs / "reference" / "effects.md").read_text(encoding="utf-8")
     assert made["page"](text) == text, "run `make docs`"

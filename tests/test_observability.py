@@ -25,7 +25,7 @@ def test_the_papers_plan_sees_all_fourteen() -> None:
     json.dumps(seen.to_dict(), allow_nan=False)
 
 
-def test_invisible_effects_and_exact_dependencies_of_the_papers_plan() -> None:
+def test_effects_that_are_not_identifiable_and_exact_dependencies_of_the_papers_plan() -> None:
     seen = tn.observability(tn.plan(CROSS), CROSS)
     assert set(seen.not_identifiable_effects) == {
         "probe_lobing",

@@ -1,4 +1,4 @@
-"""docs/papers.md is what its maker makes of runs today."""
+"""docs/results/papers.md is what its maker makes of runs today."""
 
 import importlib.util
 from pathlib import Path
@@ -12,4 +12,6 @@ def test_the_page_of_the_papers_is_current() -> None:
     assert spec.loader is not None
     maker = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(maker)
-    assert (DOCS / "papers.md").read_text(encoding="utf-8") == maker.page(), "run make docs"
+    assert (DOCS / "results" / "papers.md").read_text(encoding="utf-8") == maker.page(), (
+        "run make docs"
+    )

@@ -1,4 +1,4 @@
-"""A sample of docs/power-positioning.md: the family of what the catalogue has no formula for."""
+"""A sample of docs/results/power-positioning.md: what the catalogue has no formula for."""
 
 import pytest
 

@@ -137,7 +137,7 @@ def test_columns_of_two_kinds_are_refused() -> None:
 
 def test_the_page_of_files_has_every_column_and_its_code_runs() -> None:
     docs = Path(__file__).parents[1] / "docs"
-    text = (docs / "files.md").read_text(encoding="utf-8")
+    text = (docs / "reference" / "files.md").read_text(encoding="utf-8")
     assert runpy.run_path(str(docs / "make_files_tables.py"))["page"](text) == text
     code = "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
     out: dict[str, tn.AxisLog] = {}

@@ -24,9 +24,9 @@ def cause(name: str, effect: str) -> dict[str, Any]:
 
 
 def test_the_page_has_its_figures_and_its_code_runs() -> None:
-    page = Path(__file__).parents[1] / "docs" / "real-machines.md"
+    page = Path(__file__).parents[1] / "docs" / "results" / "real-machines.md"
     text = page.read_text(encoding="utf-8")
-    for figure in re.findall(r"\]\((figures/.*?)\)", text):
+    for figure in re.findall(r"\]\((../figures/.*?)\)", text):
         assert (page.parent / figure).is_file()
     for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
         exec(code, {})
@@ -91,7 +91,7 @@ def test_the_report_of_the_x_drive() -> None:
 
 
 def test_the_granite_plate() -> None:
-    """With the level turned its zero is told apart; from one orientation it is not."""
+    """With the level turned its zero is distinguished; from one orientation it is not."""
     both = tn.datasets.load("surface_plate", FOLDER)
     assert len(both) == 108
     by_hand = (both["along_um_m"][:54] + both["along_um_m"][54:][::-1]).mean() / 2

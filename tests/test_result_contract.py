@@ -26,6 +26,7 @@ NOT_RESULTS = {
     *(
         "PlanSetup",
         "ControlSetup",
+        "ReportSetup",
         "ProbingProgram",
         "EffectInfo",
         "UserEffect",

@@ -43,8 +43,8 @@ def test_estimates_scatter_as_the_bound_says_at_every_length() -> None:
             assert spread == pytest.approx(bound[name], rel=0.06), (length, name)
             mean = at["identified_error"].sel(parameter=name).mean().item()
             assert abs(mean) < 4.5 * bound[name] / np.sqrt(3000), (length, name)
-            told = np.sqrt((at["identified_std_error"].sel(parameter=name) ** 2).mean().item())
-            assert told == pytest.approx(bound[name], rel=0.06), (length, name)
+            stated = np.sqrt((at["identified_std_error"].sel(parameter=name) ** 2).mean().item())
+            assert stated == pytest.approx(bound[name], rel=0.06), (length, name)
 
 
 def test_compensation_leaves_less_with_less_noise() -> None:
@@ -86,8 +86,8 @@ def test_compensation_is_that_of_single_calls(method: str) -> None:
     names = bench.model.error_names
     for sample in range(n):
         true = dict(zip(names, truths[sample], strict=False))
-        believed = dict(zip(names, truths[sample, :8] + missed[sample, :8], strict=True))
-        control = tn.ModelCompensation.of(setup, believed)
+        assumed = dict(zip(names, truths[sample, :8] + missed[sample, :8], strict=True))
+        control = tn.ModelCompensation.of(setup, assumed)
         before = tn.volumetric_error(setup, true, **pose)
         left = tn.volumetric_error(setup, true, **pose, compensation=control)
         for name, expected in (

@@ -1,4 +1,4 @@
-"""Turned passes from causes, by formulas written from docs/effects.md."""
+"""Turned passes from causes, by formulas written from docs/reference/effects.md."""
 
 import numpy as np
 import pytest

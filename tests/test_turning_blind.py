@@ -1,4 +1,4 @@
-"""Hidden causes of diameter errors are found at the rates of docs/power-turning.md.
+"""Hidden causes of diameter errors are found at the rates of docs/results/power-turning.md.
 
 `make test` holds the rate of right answers over all cases together; `make power` each by itself.
 Wear beside a heating tool is a case of its own: one to three passes from a cold tool leave it in

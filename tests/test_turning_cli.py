@@ -125,7 +125,7 @@ def test_diameters_for_errors_are_refused(files: Path) -> None:
 
 
 def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
-    """docs/turning.md; and they are what their maker makes."""
+    """docs/how-to/turning.md; and they are what their maker makes."""
     make_turning(tmp_path)
     kept = {path.name: path for path in tmp_path.iterdir()}
     assert sorted(kept) == ["diameters.csv", "part.ngc", "passes.csv", "setup.toml"]

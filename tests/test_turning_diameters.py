@@ -43,7 +43,7 @@ def test_reversed_feed_parts_wear_from_taper() -> None:
     assert {frozenset({"tool_wear"}), frozenset({"taper"})} <= set(got.alternatives)
     best = next_passes(got)[0]
     assert "reversed feed" in best.label
-    # Wear or taper, whichever is named, is parted from the other.
+    # Wear or taper, whichever is named, is distinguished from the other.
     other = ({"taper"} if got.named == {"tool_wear"} else {"tool_wear"},)
     assert frozenset(other[0]) in best.distinguished
 
@@ -66,8 +66,8 @@ def test_a_warm_tool_parts_wear_from_heating() -> None:
 def test_without_a_clock_the_length_cut_takes_its_place() -> None:
     data, _ = measured(2, ("tool_heating",), 1)
     data = data.with_columns(time_s=None)
-    told = Conditions(overhang_mm=130.0)
-    names = {e.id: [p.name for p in e.parameters] for e in build(data, told).effects}
+    conditions = Conditions(overhang_mm=130.0)
+    names = {e.id: [p.name for p in e.parameters] for e in build(data, conditions).effects}
     assert names["tool_heating"] == ["amplitude_um", "tau_mm"]
     assert names["tool_wear"] == ["rate_um_m"]
     clock = Conditions(130.0, feed_mm_rev=0.1, cutting_speed_m_min=200.0, diameter_mm=54.0)
@@ -95,7 +95,7 @@ def test_what_is_missing_is_told() -> None:
 @pytest.mark.parametrize("passes", [1, 2])
 def test_few_exact_and_equal_readings_give_no_warning(count: int, passes: int) -> None:
     """Rests that are zero to rounding: a division and a root of a negative number once."""
-    told = Conditions(100.0)
+    conditions = Conditions(100.0)
     z = np.linspace(95.0, 5.0, count)
     shapes = {
         "equal": np.full(count, 5.0),
@@ -107,7 +107,7 @@ def test_few_exact_and_equal_readings_give_no_warning(count: int, passes: int) -
     for name, error in shapes.items():
         columns = {"z_mm": np.tile(z, passes), "error_um": np.tile(error, passes)}
         columns["pass"] = np.repeat(np.arange(passes), count)
-        got = diagnose(Diameters(columns), told)
+        got = diagnose(Diameters(columns), conditions)
         assert np.isfinite(got.gain.rms_after_um), name
         assert (got.verdict == "consistent") >= (name == "equal")
         assert got.summary()

@@ -123,12 +123,12 @@ def test_half_a_tick_left_in_moves_two_parameters_only() -> None:
         ("a_twist", 1),
     ],
 )
-def test_invisible_under_the_papers_plan(id_: str, parameters: int) -> None:
+def test_not_identifiable_under_the_papers_plan(id_: str, parameters: int) -> None:
     for j in range(parameters):
         assert np.linalg.norm(left(id_, j)) < 1e-3
 
 
-def test_c_backlash_is_invisible_when_the_sense_is_the_same_everywhere() -> None:
+def test_c_backlash_is_not_identifiable_when_the_sense_is_the_same_everywhere() -> None:
     same = paper_plan()
     same.conditions.c_dir[:] = 1.0
     column = effect_columns(same, SETUP, "c_backlash")[:, 0]

@@ -1,6 +1,6 @@
 """Compute the power table and write it as Markdown: ``make power``.
 
-python -m power [--runs 200] [--seed 1] [--out ../docs/power.md] [--only NAME ...]
+python -m power [--runs 200] [--seed 1] [--out ../docs/results/power.md] [--only NAME ...]
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ HEADING = [
     "errors and placement, noise (0.3 µm, 0.1 to 2 µm where nothing is hidden) unknown to the "
     "code, ticks of 0.1 µm. Sizes are the rms that an effect leaves in the residuals of the plain "
     "model; effects drawn together correlate by less than 0.7. In brackets what is expected. The "
-    "spread of the errors with bad touches is that of the errors that are still determined, in "
-    "runs where all bad touches were found.",
+    "spread of the errors with outliers is that of the errors that are still determined, in "
+    "runs where all outliers were found.",
     "",
 ]
 
@@ -64,8 +64,8 @@ TABLE: list[tuple[Case, float, list[Expected]]] = [
     (Case("four effects of 1 σ", "rich", 4, 1.0), 1.0, [among(0.90), WRONG]),
     (Case("outside the catalogue, 1 σ", "paper", size=1.0, unknown=True), 1.0, [QUANTITY]),
     (Case("outside the catalogue, 1 σ", "rich", size=1.0, unknown=True), 1.0, [QUANTITY]),
-    (Case("5 % bad touches", "paper", outliers=0.05), 1.0, [FOUND, UNNAMED]),
-    (Case("5 % bad touches", "rich", outliers=0.05), 1.0, [FOUND, UNNAMED]),
+    (Case("5 % outliers", "paper", outliers=0.05), 1.0, [FOUND, UNNAMED]),
+    (Case("5 % outliers", "rich", outliers=0.05), 1.0, [FOUND, UNNAMED]),
 ]
 
 
@@ -134,7 +134,7 @@ def _parting(count: int, seed: int) -> list[str]:
         "Promise of `next_touches` against what came of it, single effects of 1 σ that are "
         "ambiguous under the paper's plan:",
         "",
-        "| further touches | promised | cases | parted |",
+        "| further touches | expected | cases | distinguished |",
         "|---|---|---|---|",
     ]
     for n in (8, 24):

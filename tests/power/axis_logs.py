@@ -1,6 +1,7 @@
 """How often a diagnosis of axis logs is right: ``python -m power.axis_logs``.
 
-python -m power.axis_logs [--runs 50] [--seed 1] [--out ../docs/power-axis-logs.md] [--only NAME]
+python -m power.axis_logs [--runs 50] [--seed 1] [--out ../docs/results/power-axis-logs.md]
+    [--only NAME]
 
 Logs of an independent twin at two feeds, 0.2 µm and 1 arcsec of noise: nothing hidden, the same
 with noise that has a memory, and each kind of effect by itself on an axis and of a size drawn anew.

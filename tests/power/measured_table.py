@@ -52,15 +52,15 @@ CASES: list[tuple[str, type[tn.Points] | type[tn.Sweep], tuple[str, ...], Make]]
 
 def _tally(effect: str, said: list[tn.Diagnosis]) -> str:
     """What the diagnoses of one row said, with counts."""
-    told = sum(d.verdict != "consistent" for d in said)
+    found_any = sum(d.verdict != "consistent" for d in said)
     if not effect:
-        return f"not consistent: {told}"
+        return f"not consistent: {found_any}"
     found = sum(any(effect in a for a in d.alternatives) for d in said)
     if effect == "field":
         # A random field has every error of the axes in it, and is made of them where they do.
-        return f"not consistent: {told}, a field by name: {found}"
-    unseen = sum("absorbs it" in d.not_identifiable.get(effect, "") for d in said)
-    return f"stated as not identifiable: {unseen}" if unseen else f"named or alternative: {found}"
+        return f"not consistent: {found_any}, a field by name: {found}"
+    stated = sum("absorbs it" in d.not_identifiable.get(effect, "") for d in said)
+    return f"stated as not identifiable: {stated}" if stated else f"named or alternative: {found}"
 
 
 def main() -> None:

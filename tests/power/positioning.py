@@ -1,6 +1,6 @@
 """How often the family of a cause is right on positioning and levels of other formulas than ours.
 
-python -m power.positioning [--runs 60] [--seed 1] [--out ../docs/power-positioning.md]
+python -m power.positioning [--runs 60] [--seed 1] [--out ../docs/results/power-positioning.md]
 
 Stops of an axis (11 targets, both directions, 5 cycles, 0.7 µm noise) and readings of a level (24
 places, twice, turned in between, 1 µm/m noise). Each row hides one disturbance of 3 σ rms, by a

@@ -1,7 +1,7 @@
 """Are the probabilities of a diagnosis true? ``python -m power.probabilities``.
 
 python -m power.probabilities [--share 1.0] [--seed 2] [--store cases.jsonl]
-    [--out ../docs/power-probabilities.md]
+    [--out ../docs/results/power-probabilities.md]
 
 Diagnoses measurements of every kind with causes drawn at random (`power.random_cases`) and compares
 what is stated with what is true. With ``--store`` cases are kept: a run that was stopped goes on.
@@ -58,7 +58,7 @@ over ten bins of probability, of the most probable set, of all stated sets (alte
 there is none), and of each named cause. *By chance*: what true probabilities would show of the
 first with so many cases.
 
-![Stated and true probability](figures/probabilities.png)
+![Stated and true probability](../figures/probabilities.png)
 """
 
 
@@ -217,7 +217,7 @@ def main() -> int:
                     file.write(json.dumps(asdict(one)) + "\n")
         cases.append(one)
     if given.out:
-        picture(cases, given.out.parent / "figures" / "probabilities.png")
+        picture(cases, given.out.parent.parent / "figures" / "probabilities.png")
     report.write(page(cases, given.seed), given.out)
     return 1 if calibration_error([s for c in cases for s in c.sets]) > LIMIT else 0
 

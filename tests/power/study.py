@@ -52,7 +52,7 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Case:
-    """What is hidden: ``effects`` of ``size`` σ each, ``unknown`` of ``size`` σ, bad touches."""
+    """What is hidden: ``effects`` of ``size`` σ each, ``unknown`` of ``size`` σ, outliers."""
 
     name: str
     plan: str
@@ -239,7 +239,7 @@ def run(case: Case, count: int, seed: int) -> Tally:
 def part(o: Outcome, n: int, seed: int) -> tuple[float, bool]:
     """Make the n touches of ``next_touches``: the chance that was promised, and whether it came.
 
-    Parted: of the sets that the first diagnosis called alike, the hidden one alone is left.
+    Distinguished: of the sets that the first diagnosis called alike, the hidden one alone is left.
     """
     setup = ground(o.measurement_plan)[3]
     promise = tn.expected_discrimination(o.diagnosis, n)

@@ -1,6 +1,7 @@
 """How often a diagnosis is right on readings of a control that looks at the probe once a tick.
 
-python -m power.ticks [--runs 200] [--seed 1] [--out ../docs/power-ticks.md] [--only paper 0.1]
+python -m power.ticks [--runs 200] [--seed 1] [--out ../docs/results/power-ticks.md]
+    [--only paper 0.1]
 
 The control has a model of its own here. A move starts on a servo tick and runs at constant feed, so
 the control looks at the probe when the ball is at start + k x tick, k = 0, 1, 2, ...; the tick is
@@ -230,10 +231,10 @@ def run(
     effects = {} if effect is None else hide(rng, plan, effect, scatter)
     truth = Truth(random_errors(rng), random_placement(rng), effects)
     positions = recorded(touched, setup, truth, noise, dither, rng)
-    told = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
+    as_stated = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
     data = touches(touched, positions)
     begin = time.process_time()
-    d = diagnose(data, told)
+    d = diagnose(data, as_stated)
     seconds = time.process_time() - begin
     stated = {name: d.errors_std[name] for name in LOCATION_ERRORS[setup.preset]}
     return Run(

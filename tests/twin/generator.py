@@ -426,7 +426,7 @@ class Sizing:
         return float(np.sqrt(np.mean(change**2)))
 
     def scaled(self, id_: str, values: Mapping[str, float], rms_um: float) -> dict[str, float]:
-        """The same effect, linear parameters scaled to leave rms_um. Invisible ones are refused."""
+        """The same effect, linear parameters scaled to rms_um; refused where nothing is left."""
         linear = [name for name in values if name not in ("t0_s", "tau_min")]
         now = self.rms_left_um({id_: values})
         size = max(abs(values[name]) for name in linear)

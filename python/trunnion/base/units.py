@@ -34,6 +34,7 @@ _SUFFIXES = {
     "arcsec": "arcsec",
     "deg": "deg",
     "ppm_k": "ppm/K",
+    "std_k": "K",
     "ppm": "ppm",
     "rpm": "1/min",
     "min": "min",

@@ -22,9 +22,11 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    schemas,
     start,
     sweep,
     turning,
+    view,
 )
 
 __all__ = ["app"]
@@ -71,7 +73,9 @@ GROUPS = (
     levels,
     hybrid,
     sweep,
+    view,
     demo,
+    schemas,
 )
 for part in GROUPS:
     part.register(app)

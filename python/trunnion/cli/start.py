@@ -5,20 +5,33 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, check_outputs, command, save
+from trunnion.cli.schema import Printed
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder, made if it is not there")]
 
 
+class Copied(TypedDict):
+    """What `samples` prints as JSON."""
+
+    files: list[str]
+
+
+class Started(Copied):
+    """What `init` prints as JSON."""
+
+    touches: int
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    for function in (init, samples):
-        command(app)(function)
+    command(app, values=Printed(keys=Started))(init)
+    command(app, values=Printed(keys=Copied))(samples)
 
 
 def init(
@@ -53,7 +66,8 @@ def init(
     next_steps = (
         f"Next: put the real dimensions into {files[0]}, then\n"
         f"  trunnion plan {files[0]} -o {files[1]} --force\n"
-        f"  trunnion program {files[1]} {files[0]} -o probe.ngc     (LinuxCNC; docs/linuxcnc.md)\n"
+        f"  trunnion program {files[1]} {files[0]} -o probe.ngc"
+        "   (LinuxCNC: docs/how-to/linuxcnc.md)\n"
         "  trunnion touches plan.csv touches.log setup.toml -o measured.csv\n"
         "  trunnion diagnose measured.csv setup.toml --html diagnosis.html"
     )

@@ -26,6 +26,7 @@ from trunnion.compensation.parameters import cnc_parameters as cnc_parameters
 from trunnion.compensation.parameters import printed_zeros as printed_zeros
 from trunnion.compensation.uncertainty import ResidualInterval as ResidualInterval
 from trunnion.compensation.uncertainty import residual_interval as residual_interval
+from trunnion.compensation.uncertainty import volumetric_budget as volumetric_budget
 from trunnion.compensation.volumetric import PoseField as PoseField
 from trunnion.compensation.volumetric import VolumetricError as VolumetricError
 from trunnion.compensation.volumetric import error_fields as error_fields

@@ -10,7 +10,7 @@ linearisation neglects is below a part in a thousand of what is left.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,14 +21,14 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.compensation.control import ModelCompensation
-from trunnion.compensation.machine import (
-    Known,
-    MachineErrors,
-)
+from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
 from trunnion.compensation.workspace import Workspace, pose_grid
+from trunnion.machine.budget import Budget, Method, drawn, measurand
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
+VOLUMETRIC = ("max_um", "rms_um")
+TINY = 1e-300
 _BLOCK = 500
 
 
@@ -134,11 +134,11 @@ def residual_interval(
             freedom = estimate.degrees_of_freedom
     if not freedom > 0:
         raise InputError(f"degrees_of_freedom: got {freedom!r}, expected above 0")
-    parameters = [name for name, _ in known.core(setup).parameters]
-    used = [name for name in listed if name in parameters]
+    used, numbers = _taking_part(setup, known, listed)
     index = [listed.index(name) for name in used]
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
-    at_corners, moments = _rates(setup, known, where, [parameters.index(name) for name in used])
+    rates = _Field.of(setup, known, where, numbers, ModelCompensation(known)).rates
+    at_corners, moments = rates.at_corners, rates.moments
     random = np.random.default_rng(seed)
     root = _root(matrix[np.ix_(index, index)])
     largest, square = np.empty(draws), np.empty(draws)
@@ -162,25 +162,155 @@ def residual_interval(
     return ResidualInterval(level, max_um, max_bound, rms_um, rms_bound, draws)
 
 
-def _rates(
-    setup: Setup, known: MachineErrors, where: Workspace, used: Sequence[int]
-) -> tuple[Floats, Floats]:
-    """Derivatives of the error in the corners of the box, and of its mean square, (p, poses, ..).
+@checked
+def volumetric_budget(
+    setup: Setup,
+    estimate: Estimate,
+    x_mm: ArrayLike = (-150, 150),
+    y_mm: ArrayLike = (-120, 120),
+    z_mm: ArrayLike = (0, 150),
+    a_deg: ArrayLike = 0,
+    c_deg: ArrayLike = 0,
+    *,
+    b_deg: ArrayLike | None = None,
+    tolerance_um: float | None = None,
+    method: Method = "linear",
+    draws: int = 20_000,
+    seed: int = 0,
+) -> Budget:
+    """Uncertainty budget of the volumetric error of a machine as it was measured, by the GUM.
+
+    Parameters
+    ----------
+    setup
+        Machine.
+    estimate
+        Result of an identification, or the model of a diagnosis.
+    x_mm, y_mm, z_mm, a_deg, b_deg, c_deg
+        Box of the work and rotary positions, as for `volumetric_error`.
+    tolerance_um
+        Largest volumetric error allowed: conformity by ISO 14253-1 is stated.
+    method
+        "linear", or "monte-carlo": inputs are drawn, and the largest error is sought anew for each
+        draw. The length of an error has a bias where it is not larger than its uncertainty: the
+        linear method does not show it.
+    draws, seed
+        Of the Monte Carlo method.
+
+    Returns
+    -------
+    Budget
+        Of ``max_um``, the largest length of the error vector over box and poses, and ``rms_um``,
+        over the solid box and the poses.
+
+    Raises
+    ------
+    DataError
+        A location error that is not identifiable: no uncertainty can be given.
+    InputError
+        An estimate with an effect outside the catalogue that moves the tool.
+    """
+    known = MachineErrors.of(setup, estimate)
+    if known.own:
+        names = ", ".join(one.id for one in known.own)
+        raise InputError(f"effects: got {names}, expected effects of the machine's catalogue only")
+    order = estimate.names or tuple(estimate.std_errors)
+    used, numbers = _taking_part(setup, known, order)
+    where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
+    field, index = _Field.of(setup, known, where, numbers), [order.index(name) for name in used]
+    sources = tuple(replace(s, rates=s.rates[index]) for s in estimate.uncertainty_sources())
+    values, gradients = field.values(np.zeros((1, len(used))))[0], field.gradients()
+    made = tuple(
+        measurand(name, value, gradient, sources)
+        for name, value, gradient in zip(VOLUMETRIC, values, gradients, strict=True)
+    )
+    limits = {} if tolerance_um is None else {VOLUMETRIC[0]: tolerance_um}
+    budget = Budget(made, tolerances=limits)
+    if method == "linear" or not sources:
+        return budget
+    return drawn(budget, sources, field.values, draws, seed)
+
+
+def _taking_part(
+    setup: Setup, known: MachineErrors, listed: Sequence[str]
+) -> tuple[list[str], list[int]]:
+    """Names that move the tool on the work, and their numbers in the core's model."""
+    parameters = [name for name, _ in known.core(setup).parameters]
+    used = [name for name in listed if name in parameters]
+    return used, [parameters.index(name) for name in used]
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Vectors of the error in the corners of the box, and what their mean square is made of.
 
     The mean square over the solid box is that of the value in its middle and of the gains times the
-    standard deviations of the coordinates.
+    standard deviations of the coordinates: shapes (..., poses, corners, 3), (..., poses, 3, 4).
     """
-    core = known.core(setup)
-    poses = pose_grid(setup, where.rotary(setup)[0])
-    assumed, zeros = ModelCompensation(known).control_model(setup)
-    rates = core.truth_rates(assumed, zeros, poses).reshape(len(poses), -1, 3, 4)[:, used]
-    ends = where.ends()
-    corners = np.stack(np.meshgrid(*ends, [1.0], indexing="ij"), axis=-1).reshape(-1, 4)
-    at_corners = np.einsum("mpij,kj->pmki", rates, corners)
-    middle = np.array([*(e.mean() for e in ends), 1.0])
-    spread = np.array([np.ptp(e) / np.sqrt(12.0) for e in ends])
-    moments = np.concatenate([rates @ middle[:, None], rates[..., :3] * spread], axis=-1)
-    return at_corners, moments.transpose(1, 0, 2, 3)
+
+    at_corners: Floats
+    moments: Floats
+
+    @classmethod
+    def of(cls, fields: Floats, ends: Sequence[Floats]) -> _Points:
+        """Of affine fields (..., poses, 3, 4)."""
+        corners = np.stack(np.meshgrid(*ends, [1.0], indexing="ij"), axis=-1).reshape(-1, 4)
+        middle = np.array([*(e.mean() for e in ends), 1.0])
+        spread = np.array([np.ptp(e) / np.sqrt(12.0) for e in ends])
+        at_corners = np.einsum("...ij,kj->...ki", fields, corners)
+        moments = [fields @ middle[:, None], fields[..., :3] * spread]
+        return cls(at_corners, np.concatenate(moments, axis=-1))
+
+
+@dataclass(frozen=True)
+class _Field:
+    """The error over a box and poses, and its derivatives by p parameters of the machine."""
+
+    value: _Points
+    rates: _Points
+
+    @classmethod
+    def of(
+        cls,
+        setup: Setup,
+        known: MachineErrors,
+        where: Workspace,
+        used: Sequence[int],
+        compensation: ModelCompensation | None = None,
+    ) -> _Field:
+        """Of a machine; ``compensation``: None: the control assumes the nominal one."""
+        core = known.core(setup)
+        poses = pose_grid(setup, where.rotary(setup)[0])
+        control = ModelCompensation(NOMINAL) if compensation is None else compensation
+        assumed, zeros = control.control_model(setup)
+        value = core.fields(assumed, zeros, poses)[0].reshape(len(poses), 3, 4)
+        rates = core.truth_rates(assumed, zeros, poses).reshape(len(poses), -1, 3, 4)[:, used]
+        ends = where.ends()
+        return cls(_Points.of(value, ends), _Points.of(rates.swapaxes(0, 1), ends))
+
+    def values(self, changes: Floats) -> Floats:
+        """Largest and rms error, µm, at changes of the parameters (count, p): (count, 2)."""
+        out = np.empty((len(changes), 2))
+        for first in range(0, len(changes), _BLOCK):
+            block = slice(first, first + _BLOCK)
+            there = np.tensordot(changes[block], self.rates.at_corners, axes=1)
+            there += self.value.at_corners
+            out[block, 0] = np.sqrt(np.einsum("dmki,dmki->dmk", there, there).max(axis=(1, 2)))
+            parts = np.tensordot(changes[block], self.rates.moments, axes=1) + self.value.moments
+            out[block, 1] = np.sqrt(np.einsum("dmij,dmij->d", parts, parts) / parts.shape[1])
+        return out
+
+    def gradients(self) -> tuple[Floats, Floats]:
+        """Derivatives of the largest and of the rms error by each parameter, (p,) each."""
+        lengths = np.linalg.norm(self.value.at_corners, axis=-1)
+        pose, corner = np.unravel_index(int(np.argmax(lengths)), lengths.shape)
+        worst, size = self.value.at_corners[pose, corner], max(float(lengths.max()), TINY)
+        rms = np.sqrt(np.sum(self.value.moments**2) / len(self.value.moments))
+        mean = np.einsum("pmij,mij->p", self.rates.moments, self.value.moments)
+        return (
+            self.rates.at_corners[:, pose, corner] @ worst / size,
+            mean / max(rms * len(self.value.moments), TINY),
+        )
 
 
 def _covariance(

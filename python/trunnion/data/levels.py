@@ -233,8 +233,8 @@ class Levels(Table):
             return ""
         return (
             "The instrument was not turned: its zero and the inclination of the surface as a whole "
-            "are not told apart. The deviation from a straight line or a plane does not depend on "
-            "them."
+            "are not distinguished. The deviation from a straight line or a plane does not depend "
+            "on them."
         )
 
     def _check(self) -> None:

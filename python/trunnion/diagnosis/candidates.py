@@ -7,6 +7,7 @@ nonlinear parameters.
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -15,7 +16,54 @@ from scipy import special
 
 from trunnion.base.units import Flags, Floats, Integers
 
-Piece: TypeAlias = tuple[int, Floats]  # candidate, some of its variants (v, n, k)
+
+@dataclass(frozen=True)
+class Pencil:
+    """Columns ``base + at * slope`` of the variants of a candidate, of which none is made.
+
+    base, slope: (n, k); at: (v,).
+    """
+
+    base: Floats
+    slope: Floats
+    at: Floats
+
+    @property
+    def size(self) -> int:
+        """Count of the numbers kept."""
+        return 2 * self.base.size
+
+    def __len__(self) -> int:
+        """Count of the variants."""
+        return len(self.at)
+
+    def rows(self, some: Integers | slice) -> "Pencil":
+        """Return the same of some of the rows."""
+        return Pencil(self.base[some], self.slope[some], self.at)
+
+
+# a candidate, some of its variants (v, n, k)
+Piece: TypeAlias = tuple[int, Floats | Pencil]
+
+
+@dataclass(frozen=True)
+class _Combined:
+    """Columns that are combinations ``weights`` (m, q) of a few ``shared`` ones (q, n)."""
+
+    weights: Floats
+    shared: Floats
+
+    @cached_property
+    def products(self) -> Floats:
+        """Inner products of the shared columns (q, q)."""
+        return np.asarray(self.shared @ self.shared.T)
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def __getitem__(self, some: slice) -> Floats:
+        return np.asarray(self.weights[some] @ self.shared)
+
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
@@ -27,6 +75,7 @@ NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 21  # numbers that are worked on at once
+SINGLE_SUM = 4096  # products that are added up in single precision
 NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -87,18 +136,17 @@ class Candidates:
         n, p = basis.shape
         self.dof = n - p
         kind = storage(numbers)
-        parts: list[Floats] = []
+        parts: list[Floats | _Combined] = []
         owner, rank, start = [NONE], [NONE], [NONE]
         filled = 0
         for batch in _batches(pieces):
-            longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for _, v in batch))
-            some = _orthonormal_blocks([v for _, v in batch], basis, ROUNDING * longest)
-            parts.append(np.asarray(some[0].astype(kind, copy=False)))
+            some = _unit_blocks([v for _, v in batch], basis, kind)
+            parts.append(some[0])
             owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
             rank.append(some[1])
             start.append(some[2] + filled)
             filled += len(some[0])
-        self._parts: tuple[Floats, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self._parts: tuple[Floats | _Combined, ...] = tuple(parts) or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
         self._keep(self.rank > 0)
@@ -184,12 +232,25 @@ class Candidates:
 
     def columns(self, block: int) -> Floats:
         """Columns of a block, one a row, shape (k, n)."""
+        part, some = self._place(block)
+        return part[some]
+
+    def _place(self, block: int) -> tuple[Floats | _Combined, slice]:
+        """Part that holds the columns of a block, and which of it they are."""
         first = int(self.start[block])
         for part in self._parts:
             if first < len(part):
-                return part[first : first + int(self.rank[block])]
+                return part, slice(first, first + int(self.rank[block]))
             first -= len(part)
-        return np.zeros((0, 0))
+        return self._parts[0], slice(0)
+
+    def _inner(self, a: int, b: int) -> Floats:
+        """Inner products of the columns of two blocks, shape (k, l)."""
+        part, some = self._place(a)
+        other, others = self._place(b)
+        if isinstance(part, _Combined) and part is other:
+            return np.asarray(part.weights[some] @ part.products @ part.weights[others].T)
+        return inner(part[some], other[others].T)
 
     def gram_rows(self, block: int) -> Floats:
         """Inner products of a block's columns with all columns, shape (k, M)."""
@@ -246,7 +307,7 @@ class Candidates:
                 continue
             length = 0.0
             for a, b in itertools.pairwise(map(int, blocks)):
-                g = inner(self.columns(a), self.columns(b).T)
+                g = self._inner(a, b)
                 overlap = np.sqrt(np.sum(g * g) / max(g.shape))
                 length += float(np.arccos(min(overlap, 1.0)))
             u = special.chdtri(1, self.level[j])
@@ -255,7 +316,14 @@ class Candidates:
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
-        return np.concatenate([inner(part, r) for part in self._parts])
+        return np.concatenate(
+            [
+                part.weights @ inner(part.shared, r)
+                if isinstance(part, _Combined)
+                else inner(part, r)
+                for part in self._parts
+            ]
+        )
 
     def gains(self, r: Floats) -> Floats:
         """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
@@ -279,15 +347,54 @@ class Candidates:
 
 
 def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
-    """Pieces, so many at a time as have not too many numbers together."""
+    """Pieces, so many at a time as have not too many numbers together; a pencil by itself."""
     batch: list[Piece] = []
     for piece in pieces:
+        if isinstance(piece[1], Pencil):
+            if batch:
+                yield batch
+            yield [piece]
+            batch = []
+            continue
         batch.append(piece)
         if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
             yield batch
             batch = []
     if batch:
         yield batch
+
+
+def _unit_blocks(
+    variants: Sequence[Floats | Pencil], basis: Floats, kind: type[np.float32 | np.float64]
+) -> tuple[Floats | _Combined, Integers, Integers]:
+    """Orthonormal columns of each block beside the basis, their rank, and where they start."""
+    if isinstance(variants[0], Pencil):
+        return _orthonormal_pencil(variants[0], basis)
+    arrays = [v for v in variants if not isinstance(v, Pencil)]
+    longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for v in arrays))
+    columns, rank, start = _orthonormal_blocks(arrays, basis, ROUNDING * longest)
+    return np.asarray(columns.astype(kind, copy=False)), rank, start
+
+
+def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[_Combined, Integers, Integers]:
+    """The same of the variants of a pencil: all of it in inner products of its 2 k columns."""
+    shared = np.concatenate([pencil.base, pencil.slope], axis=1).T
+    k = len(shared) // 2
+    one = np.eye(k)
+    weights = np.stack([np.concatenate([one, at * one], axis=1) for at in pencil.at])
+    before = shared @ shared.T
+    size = np.sqrt(np.maximum(np.einsum("vki,ij,vkj->vk", weights, before, weights), 0.0))
+    least = ROUNDING * float(size.max(initial=0.0))
+    weights /= np.where(size > least, size, np.inf)[:, :, None]
+    shared -= (shared @ basis) @ basis.T
+    w, u = np.linalg.eigh(weights @ (shared @ shared.T) @ weights.transpose(0, 2, 1))
+    w, u = w[:, ::-1], u[:, :, ::-1]
+    seen = w > DEPENDENT
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
+    rows = (u * scale[:, None, :]).transpose(0, 2, 1) @ weights
+    rank = seen.sum(axis=1)
+    start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+    return _Combined(rows[seen], shared), rank, start
 
 
 def _orthonormal_blocks(
@@ -338,14 +445,17 @@ def _squares(v: Floats) -> Floats:
 def inner(columns: Floats, r: Floats) -> Floats:
     """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
 
-    Sums of many numbers in single precision would make columns look independent that are not.
+    Sums of many numbers in single precision would make columns look independent that are not: only
+    those of `SINGLE_SUM` products are, which leaves 1e-9 of the two lengths.
     """
     if columns.dtype == np.float64:
         return np.asarray(columns @ r)
-    r = r.astype(np.float64, copy=False)
-    most = max(1, BATCH_NUMBERS // columns.shape[1])
-    pieces = np.split(columns, range(most, len(columns), most))
-    return np.concatenate([piece.astype(np.float64) @ r for piece in pieces])
+    single = r.astype(np.float32, copy=False)
+    out = np.zeros((len(columns), *r.shape[1:]))
+    for first in range(0, len(single), SINGLE_SUM):
+        some = slice(first, first + SINGLE_SUM)
+        out += columns[:, some] @ single[some]
+    return out
 
 
 def storage(numbers: int) -> type[np.float32 | np.float64]:

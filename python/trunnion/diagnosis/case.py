@@ -14,6 +14,8 @@ from trunnion.diagnosis.candidates import (
     DEPENDENT_INCOMPLETE,
     MAX_DOUBLES,
     Candidates,
+    Pencil,
+    Piece,
 )
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
@@ -86,7 +88,10 @@ class Case:
     def candidates(self) -> Candidates:
         """The candidates beside the plain fit."""
         rows = slice(None) if self.complete else self.rows
-        pieces = ((j, x[:, rows]) for j, x in self.linearised.pieces())
+        pieces = (
+            (j, x.rows(rows) if isinstance(x, Pencil) else x[:, rows])
+            for j, x in self.linearised.pieces()
+        )
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
         found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
@@ -111,8 +116,9 @@ class Case:
     def chance(self, effect: Effect, f: Fit, variance: float) -> float:
         """Probability of readings like these without an effect of a fit, not counting candidates.
 
-        Where its size cannot be told from its place (share and frequency of a resonance far above
-        what the motion excites) it may be there without doubt all the same: at the place found.
+        Where its size cannot be separated from its place (share and frequency of a resonance far
+        above what the motion excites) it may be there without doubt all the same: at the place
+        found.
         """
         tests = (self._wald(effect, f, held=held) for held in (False, True))
         dof, variance = max(f.dof, 1), max(variance, TINY)
@@ -268,31 +274,47 @@ class Linearised:
     values:
         Of each candidate, the parameter values of its variants (linear parameters 0).
     width:
-        Count of columns.
+        Count of columns that are kept.
     """
 
     def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
         self.values = [grid_values(effect) for effect in model.effects]
-        linear = [sum(p.linear for p in effect.parameters) for effect in model.effects]
-        self.width = sum(len(v) * k for v, k in zip(self.values, linear, strict=True))
+        self.width = sum(
+            (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
+            for effect, v in zip(model.effects, self.values, strict=True)
+        )
         self._make = partial(_pieces, model, nuisance, whiten, self.values)
         few = self.width * len(model.readings) <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
 
-    def pieces(self) -> Iterable[tuple[int, Floats]]:
+    def pieces(self) -> Iterable[Piece]:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make() if self._kept is None else self._kept
 
 
 def _pieces(
     model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
-) -> Iterator[tuple[int, Floats]]:
+) -> Iterator[Piece]:
     n = len(model.readings)
     for j, effect in enumerate(model.effects):
+        if name := affine(effect):
+            at = np.array([v[name] for v in values[j]])
+            x = variant_columns(model, effect, nuisance, [values[j][0], values[j][-1]])
+            first, last = np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+            slope = (last - first) / (at[-1] - at[0])
+            yield j, Pencil(first - at[0] * slope, slope, at)
+            continue
         most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
             x = variant_columns(model, effect, nuisance, values[j][first : first + most])
             yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+
+
+def affine(effect: Effect) -> str | None:
+    """Name of the one parameter in which the columns of an effect are affine."""
+    others = [p for p in effect.parameters if not p.linear]
+    alone = len(others) == 1 and others[0].affine and len(others[0].grid) > 2
+    return others[0].name if alone else None
 
 
 @dataclass

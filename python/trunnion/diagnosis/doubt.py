@@ -34,7 +34,7 @@ class Doubt:
     covariance:
         With the doubt between the sets, shape (p + k, p + k); 0 for what did not move.
     between:
-        Standard uncertainty that is due to the doubt alone, shape (p + k,).
+        Part of it that is due to the doubt alone, shape (p + k, p + k).
     rival:
         Number of the set that adds most to it, shape (p + k,).
     """
@@ -56,11 +56,12 @@ class Doubt:
         total = float(chances[counted].sum())
         covariance = f.covariance * np.outer(growth, growth) * variance
         if len(counted) < 2 or total <= 0:
-            return cls(covariance, np.zeros(len(covariance)), (0,) * len(covariance))
+            return cls(covariance, np.zeros_like(covariance), (0,) * len(covariance))
         squares = np.zeros((len(counted), len(covariance)))
         linear = _Sets(case, f, [sets[i] for i in counted])
         first = linear.estimate(sets[0])
         mean = covariance * chances[0] / total
+        between = np.zeros_like(covariance)
         for row, i in enumerate(counted[1:], start=1):
             weight, other = chances[i] / total, linear.estimate(sets[i])
             both = first.inside & other.inside
@@ -70,10 +71,11 @@ class Doubt:
             off = np.where(both, other.values - first.values, 0.0)
             steps = [off, *(np.where(both, step, 0.0) for step in other.steps)]
             distance = sum(np.outer(step, step) for step in steps)
-            mean = mean + weight * (np.where(np.outer(both, both), own, mixed) + distance)
+            mean = mean + weight * np.where(np.outer(both, both), own, mixed)
+            between = between + weight * distance
             squares[row] = weight * np.diag(distance)
         rival = tuple(counted[int(row)] for row in np.argmax(squares, axis=0))
-        return cls(mean, np.sqrt(squares.sum(axis=0)), rival)
+        return cls(mean + between, between, rival)
 
 
 @dataclass(frozen=True)

@@ -47,12 +47,16 @@ class Parameter:
         that the best one lies in the valley of the optimum.
     bounds:
         Smallest and largest possible value.
+    affine:
+        The columns of the linear parameters are affine in this one (the height of a pivot): two
+        of its values give those at all others.
     """
 
     name: str
     unit: str = ""
     grid: tuple[float, ...] = ()
     bounds: tuple[float, float] = (-np.inf, np.inf)
+    affine: bool = False
 
     def __post_init__(self) -> None:
         """Read the unit from the name."""
@@ -251,8 +255,11 @@ def gridded(
 def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
     turn = 2 * np.pi * place / period
-    cos, sin = np.cos(turn), np.sin(turn)
-    return np.stack([cos, sin, (a * sin - b * cos) * turn / period], axis=1)
+    out = np.zeros((len(turn), 3))
+    out[:, 0], out[:, 1] = np.cos(turn), np.sin(turn)
+    if a or b:  # a search starts without size: then the period changes nothing
+        out[:, 2] = (a * out[:, 1] - b * out[:, 0]) * turn / period
+    return out
 
 
 def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:

@@ -23,6 +23,7 @@ that the readings themselves show.
 Time and memory are linear in readings. Numbers do not depend on the count of threads.
 """
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -42,6 +43,8 @@ from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
 
+LOG = logging.getLogger("trunnion.diagnosis")
+
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
 MAX_STEP_SIGMAS = 7.0  # twice √12
@@ -51,7 +54,7 @@ MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
-MIN_DOF = 5  # degrees of freedom from which outliers can be told
+MIN_DOF = 5  # degrees of freedom from which outliers can be found
 FAR_SIGMAS = 4.0
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
@@ -68,6 +71,12 @@ def diagnose(model: Model) -> Diagnosis:
     DataError
         Fewer readings than unknowns, or readings that are not finite.
     """
+    LOG.info(
+        "%d readings, %d parameters that are always fitted, %d candidates",
+        len(model.readings),
+        len(model.nuisance),
+        len(model.effects),
+    )
     with one_blas_thread():
         case, choice = _ordinary(model)
         if choice is None:
@@ -323,6 +332,7 @@ def _explained_without(case: Case, bad: Integers) -> Choice:
     """Explain without these readings, or those of them that stay bad."""
     n = len(case.rows)
     without = explain(case.without(bad))
+    LOG.debug("%d set aside: %s", len(bad), ", ".join(without.fit.effects) or "no cause")
     for _ in range(MAX_REVISIONS if len(bad) else 0):
         late = case.rows[kept_rows(n, bad)][_far_out(case, without.fit)]
         revised = np.union1d(_still_out(case, without, bad), late)

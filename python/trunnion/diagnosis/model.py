@@ -29,6 +29,7 @@ from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
+from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
 
 
@@ -127,6 +128,8 @@ class Uncertainty:
         Noise of one reading, in the readings' unit.
     degrees_of_freedom:
         Of ``sigma``.
+    sources:
+        What the uncertainty comes from.
     """
 
     names: tuple[str, ...]
@@ -134,6 +137,7 @@ class Uncertainty:
     covariance: Floats
     sigma: float
     degrees_of_freedom: int
+    sources: tuple[Source, ...] = ()
 
     def fields(self) -> dict[str, Any]:
         """As fields of an :class:`~trunnion.machine.estimate.Estimate`."""
@@ -143,6 +147,7 @@ class Uncertainty:
             "covariance": self.covariance,
             "sigma_um": self.sigma,
             "degrees_of_freedom": float(self.degrees_of_freedom),
+            "sources": self.sources,
         }
 
 
@@ -218,6 +223,11 @@ class Model:
     def differing(self, other: Model) -> frozenset[str]:  # noqa: ARG002
         """Ids of effects whose parameters mean something else in a model of other data: none."""
         return frozenset()
+
+    @property
+    def reservation(self) -> str | None:
+        """Why the data may say nothing of the machine, in a sentence; None: no reason."""
+        return None
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -331,6 +341,10 @@ class Model:
     def exact_residuals(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return reading minus what it would be under a fit, without any linearisation, (n,)."""
         return np.asarray(self.readings.values - self.predict(nuisance, effects))
+
+    def inputs(self, nuisance: Floats, effects: EffectValues) -> tuple[Input, ...]:  # noqa: ARG002
+        """What the set-up states an uncertainty of, for the budget of a fit: nothing."""
+        return ()
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Return the machine's errors (µm, arcsec, by name) for before and after."""

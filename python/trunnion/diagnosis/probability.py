@@ -1,7 +1,7 @@
 """How probable the sets of causes are that a search looked at.
 
 A set S has the weight exp(-score(S) / 2), its penalised likelihood: the penalty of a cause stands
-for what is assumed of it beforehand (:mod:`.selection`). Sets are told by the causes of the
+for what is assumed of it beforehand (:mod:`.selection`). Sets are identified by the causes of the
 catalogue that act in them, with or without unexplained structure beside these; the weights of all
 sets that the search looked at, of the plain model (no cause) and of structure without a cause add
 up to 1. Candidates that change the readings alike share their sets' weights evenly.

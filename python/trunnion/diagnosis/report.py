@@ -25,6 +25,7 @@ from trunnion.diagnosis.records import (
 )
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 from trunnion.machine.unnoticed import unnoticed
 
@@ -34,6 +35,7 @@ ABSORBED = "what is always fitted absorbs it"
 PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
+TINY = 1e-300
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
 
 
@@ -55,7 +57,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     verdict = _verdict(unexplained, gain, len(alternatives), len(dropped))
     growth = kept.growth(f, variance)
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
-    f = replace(f, covariance=f.covariance * np.outer(growth, growth))
+    grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance)
     sigma = float(np.sqrt(variance))
     if not isinstance(model.readings.unit, str):
@@ -65,12 +67,12 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
-    lost = _absorbed(kept, e.candidates, std, f)
-    weak = _unnoticed(kept, f, std, variance)
-    contributions, ladder = contributions_of(kept, case.given or plain, f, rows)
+    lost = _absorbed(kept, e.candidates, std, grown)
+    weak = _unnoticed(kept, grown, std, variance)
+    contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     return Diagnosis(
         verdict=verdict,
-        causes=_causes(case, e, f, variance, wide, alternatives),
+        causes=_causes(case, e, grown, variance, wide, alternatives),
         evidence=tuple(alternatives),
         gain=gain,
         unexplained=unexplained,
@@ -85,7 +87,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
             **_not_identifiable(case, plain, f, std),
             **lost,
         },
-        model=model.extended(f.nuisance, f.effects, _uncertainty(model, wide, 1.0, sigma)),
+        model=model.extended(f.nuisance, f.effects, _uncertainty(kept, f, doubt, sigma, variance)),
         p_value=e.alarm,
         sigma=sigma,
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
@@ -95,6 +97,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
+        reservation=model.reservation,
         notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
         contributions=contributions,
         ladder=ladder,
@@ -242,20 +245,30 @@ def _doubts(
     mine = [i for i, x in enumerate(model.nuisance) if x.name in std and doubt.rival[i]]
     names = [model.nuisance[i].name for i in mine]
     return (
-        {name: float(doubt.between[i]) for i, name in zip(mine, names, strict=True)},
+        {k: float(np.sqrt(doubt.between[i, i])) for i, k in zip(mine, names, strict=True)},
         {name: sets[doubt.rival[i]].causes for i, name in zip(mine, names, strict=True)},
     )
 
 
-def _uncertainty(model: Model, f: Fit, variance: float, sigma: float) -> Uncertainty:
-    names = _names(model, f)
-    std = f.std() * np.sqrt(variance)
+def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float) -> Uncertainty:
+    """Uncertainty of a fit with the doubt between the sets, and what it comes from."""
+    names = _names(case.model, f)
+    std = replace(f, covariance=doubt.covariance).std()
+    rounding = sigma * float(np.sqrt(min(case.floor.variance / max(variance, TINY), 1.0)))
+    own, unit = doubt.covariance - doubt.between, units_of(case.model.readings)[0]
+    sources = list(of_readings(own, sigma, unit[0] if len(unit) == 1 else "", rounding, f.dof))
+    gain = f.covariance @ case.white(f.jacobian).T
+    inputs = case.model.inputs(f.nuisance, f.effects)
+    sources += [one.source(gain @ case.white(one.columns)) for one in inputs]
+    if np.any(doubt.between):
+        sources.append(Source(MODEL, 1.0, "", root(doubt.between)))
     return Uncertainty(
         names,
         dict(zip(names, map(float, std), strict=True)),
-        f.covariance * variance,
+        doubt.covariance,
         sigma,
         f.dof,
+        tuple(sources),
     )
 
 

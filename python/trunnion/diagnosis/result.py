@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,11 +19,9 @@ from trunnion.base.report import (
     class_named,
     measured,
     number,
-    plain,
     significant,
-    structured,
 )
-from trunnion.base.stored import fitting
+from trunnion.base.stored import fitting, plain, structured
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.contributions import (
     Contribution,
@@ -41,21 +39,15 @@ from trunnion.diagnosis.records import (
     Verdict,
     alternatives_table,
     chance,
-    labelled,
-    percent,
-    with_unit,
 )
 from trunnion.diagnosis.score import score
+from trunnion.diagnosis.sentences import MAX_SETS, sentences_of, unit_in
 from trunnion.files.table import Table as DataTable
-from trunnion.files.table import places
+from trunnion.machine.budget import Budget, Method
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
-UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom")
-MAX_SETS = 6  # in a sentence
-MAX_WORST = 3  # errors that are stated to be in doubt
-MIN_DOUBT = 0.5  # of the uncertainty of such an error
-ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
+UNCERTAINTY = ("std_errors", "names", "covariance", "sigma_um", "degrees_of_freedom", "sources")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,6 +97,8 @@ class Diagnosis(Result):
         The readings with what the models leave of them.
     notes:
         What else a reader should know, in sentences.
+    reservation:
+        Why the data may say nothing of the machine, in a sentence; first in the summary.
     contributions:
         What each named cause explains, and what it had biased, in descending order.
     ladder:
@@ -142,6 +136,7 @@ class Diagnosis(Result):
     model: Any
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
+    reservation: str | None = None
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0
@@ -208,6 +203,32 @@ class Diagnosis(Result):
             model = self.rebuilt_model().bind(other)
         return score(model, self.nuisance_before, self.nuisance_after, self.effects)
 
+    @checked
+    def budget(
+        self,
+        names: Sequence[str] | None = None,
+        *,
+        tolerances: Mapping[str, float] | None = None,
+        method: Method = "linear",
+        draws: int = 20_000,
+        seed: int = 0,
+    ) -> Budget:
+        """Uncertainty budget of the machine's errors (None: of all), by the GUM.
+
+        As :meth:`Estimate.budget` of `model`, with the doubt between sets of causes as a source.
+
+        Raises
+        ------
+        InputError
+            The diagnosis is one of a model of one's own, whose extended model is no estimate.
+        """
+        if not isinstance(self.model, Estimate):
+            kind = type(self.model).__name__
+            raise InputError(f"budget: got a model of type {kind}, expected an Estimate")
+        return self.model.budget(
+            names, tolerances=tolerances, method=method, draws=draws, seed=seed
+        )
+
     # --- JSON
 
     def derived(self) -> dict[str, Any]:
@@ -269,146 +290,7 @@ class Diagnosis(Result):
 
     def sentences(self) -> tuple[str, ...]:
         """Say the verdict first, then what carries it."""
-        said = [self._probable(c) for c in self.causes]
-        lines: list[str] = []
-        match self.verdict:
-            case "consistent":
-                lines = [
-                    "Consistent: the model explains the data, the residual is noise of "
-                    f"{self._noise()} ({chance(self.p_value)}); that no known cause acts: "
-                    f"{percent(self.none_probability)}."
-                ]
-            case "explained" if len(said) == 1:
-                lines = [f"Explained by one cause: {said[0]}."]
-            case "explained" if said:
-                lines = [f"Explained by {len(said)} causes: {'; '.join(said)}."]
-            case "explained":
-                count = "one outlier" if len(self.outliers) == 1 else "the outliers"
-                lines = [f"Explained: the model fits the data without {count}."]
-            case "ambiguous":
-                lines = self._ambiguous()
-            case "unexplained":
-                lines = [f"Unexplained: no known cause fits; {self.unexplained}."]
-                if said:
-                    lines.append(f"Named beside it: {'; '.join(said)}.")
-        if self.unexplained and self.verdict in ("explained", "ambiguous"):
-            lines.append(f"Left unexplained: {self.unexplained}.")
-        if said:
-            falls = all(
-                g.heldout_rms_after_um < g.heldout_rms_before_um
-                for g in (self.gain, *self.gain.others)
-            )
-            verb = "falls" if falls else "changes"
-            lines += [
-                *self._bias(),
-                *(() if self.ladder is None else self.ladder.sentences()),
-                f"Cross-validated rms {verb} {self.gain.fall()}; "
-                f"the plain model alone has {chance(self.p_value)}.",
-            ]
-        weak = (f"{labelled(k, self.labels.get(k, ''))}: {v}" for k, v in self.unnoticed.items())
-        small = "; ".join(weak)
-        return (
-            *lines,
-            *self._left_out(),
-            *((f"Not excluded: {small}.",) if small else ()),
-            *self.notes,
-        )
-
-    def _probable(self, cause: Cause) -> str:
-        return f"{cause.headline()} ({percent(cause.probability)})"
-
-    def _noise(self) -> str:
-        if not self.gain.others:
-            return with_unit(f"{self.sigma:.3g}", self.gain.unit)
-        parts = (with_unit(f"{g.rms_after_um:.3g}", u) for u, g in self.gain.by_unit().items())
-        return ", ".join(parts)
-
-    def _ambiguous(self) -> list[str]:
-        """Say what is certain, then what is in doubt."""
-        certain = frozenset.intersection(*self.alternatives)
-        lines = [
-            f"Ambiguous: {len(self.alternatives)} sets of causes are equally consistent with the "
-            "data."
-        ]
-        sure = [self._probable(c) for c in self.causes if c.id in certain]
-        if sure:
-            lines.append(f"In all of them: {'; '.join(sure)}.")
-        first = "; ".join(c.headline() for c in self.causes if c.id not in certain)
-        others = [
-            " + ".join(labelled(i, self.labels.get(i, "")) for i in sorted(a.causes - certain))
-            for a in self.evidence[1 : MAX_SETS + 1]
-        ]
-        more = len(self.alternatives) - 1 - len(others)
-        doubt = "; or ".join(
-            f"{text or 'no further cause'} ({percent(a.probability)})"
-            for text, a in zip((first, *others), self.evidence, strict=False)
-        )
-        return [
-            *lines,
-            f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}.",
-            *self._widened(),
-        ]
-
-    def _widened(self) -> list[str]:
-        """Say of which errors the uncertainty is mostly the doubt between two sets."""
-        shares = {
-            k: self.doubt[k] / self.errors_std[k]
-            for k in self.rivals
-            if np.isfinite(self.errors_std[k]) and self.doubt[k] > ROUNDING
-        }
-        worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
-        lines = []
-        for name in worst[:MAX_WORST]:
-            std, part = (f"{v[name]:.2g}" for v in (self.errors_std, self.doubt))
-            one, other = self.alternatives[0], self.rivals[name]
-            pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
-            lines.append(
-                f"{name} ± {std} {self._unit(name)}, of it ± {part} from the doubt between "
-                f"{' and '.join(pair)}"
-            )
-        return [f"{'; '.join(lines)}."] if lines else []
-
-    def _bias(self) -> list[str]:
-        """Name the machine error that the causes had biased most, in its standard errors."""
-        moved = {k: v - self.errors_after.get(k, v) for k, v in self.errors_before.items()}
-        known = {k: m for k, m in moved.items() if np.isfinite(self.errors_std.get(k, 1.0))}
-        if not known:
-            return []
-        sizes = {k: max(self.errors_std.get(k, 1.0), ROUNDING) for k in known}
-        name = max(known, key=lambda k: abs(known[k]) / sizes[k])
-        if abs(known[name]) < sizes[name]:
-            return []
-        return [
-            f"Without {'it' if len(self.causes) == 1 else 'them'}, {name} is biased by "
-            f"{with_unit(f'{abs(known[name]):.2g}', self._unit(name))}."
-        ]
-
-    def _left_out(self) -> list[str]:
-        """Name outliers by their place, and errors that the data do not identify."""
-        lines = []
-        if self.outliers:
-            what = "Outlier" if len(self.outliers) == 1 else "Outliers"
-            lines.append(f"{what}, left out: {self._places()}.")
-        lost = [k for k in self.not_identifiable if k in self.errors_after]
-        if lost:
-            reasons = {self.not_identifiable[k] for k in lost}
-            why = next(iter(reasons)) if len(reasons) == 1 else ""
-            lines.append(f"Not identifiable: {', '.join(lost)}{f' ({why})' if why else ''}.")
-        return lines
-
-    def _places(self) -> str:
-        """Say where people find the outliers; rows of several measurements are counted on."""
-        if not isinstance(self.data, tuple):
-            return places(self.data, self.outliers)
-        parts, first = [], 0
-        for one in self.data:
-            mine = [row - first for row in self.outliers if 0 <= row - first < len(one)]
-            parts += [places(one, mine)] if mine else []
-            first += len(one)
-        return ", ".join(parts)
-
-    def _unit(self, name: str) -> str:
-        return self.units.get(name) or unit_of(name)
+        return sentences_of(self)
 
     # --- tables
 
@@ -419,7 +301,7 @@ class Diagnosis(Result):
         for name, after in self.errors_after.items():
             std = self.errors_std.get(name)
             value, error = measured(after, std)
-            row: tuple[Cell, ...] = (name, value, error, self._unit(name))
+            row: tuple[Cell, ...] = (name, value, error, unit_in(self, name))
             if not plain:
                 before = self.errors_before.get(name)
                 row = (*row, None if before is None else _shown_like(before, std), None)

@@ -11,6 +11,7 @@ The same checks, with the same words, serve the constructor and the file reader.
 """
 
 import html
+import importlib
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -24,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
-from trunnion.base.report import plain
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.saved import Columns, Saved
+from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 from trunnion.files.origin import Origin
@@ -49,7 +50,7 @@ class ColumnMapping(Protocol):
         ...
 
 
-class Table:
+class Table(Saved):
     """Rows of a kind of data, frozen: one read-only array a column, of equal length.
 
     Made from a mapping (a dict, a pandas DataFrame), from keywords, or from both. Columns that the
@@ -301,6 +302,10 @@ class Table:
 
     # --- out
 
+    def sheets(self) -> Mapping[str, Columns]:
+        """Return the columns as one table: what a workbook or Parquet holds."""
+        return {type(self).__name__: self._columns}
+
     @overload
     def to_csv(self) -> str: ...
     @overload
@@ -381,6 +386,14 @@ class Table:
             return cls.from_description(values)
         except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
+
+    def plot(self, **options: Any) -> Any:
+        """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""
+        return importlib.import_module("trunnion.plot").draw(self, **options)
+
+    def scene(self, *context: Any, **options: Any) -> Any:
+        """Return its view in space as a Plotly figure (see :func:`trunnion.plot.scene`)."""
+        return importlib.import_module("trunnion.plot").scene(self, *context, **options)
 
     def __repr__(self) -> str:
         count = len(self)

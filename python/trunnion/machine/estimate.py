@@ -13,9 +13,19 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
-from trunnion.base.report import Result, Table, plain
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
+from trunnion.machine.budget import (
+    COVERAGE_FACTOR,
+    READINGS,
+    Budget,
+    Method,
+    Source,
+    drawn,
+    measurand,
+    root,
+)
 from trunnion.machine.effects import Moving, Owner, effect_id
 from trunnion.machine.linear_axes import FieldMotion, LinearMotion, motion_from_dict
 
@@ -110,6 +120,11 @@ class Estimate(Result):
         Id → how an effect that is not in the catalogue of the machine moves the tool.
     not_compensable
         Id → why an effect says nothing that a compensation could use.
+    sources
+        What the uncertainty comes from, each with its influence on the parameters in the order of
+        `names`: readings, and what the set-up states of probe and artefact.
+    tolerances
+        Of location errors, as the set-up states them, µm and arcsec.
     """
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -124,6 +139,8 @@ class Estimate(Result):
     owners: dict[str, Owner] = field(default_factory=dict)
     motions: dict[str, Any] = field(default_factory=dict)
     not_compensable: dict[str, str] = field(default_factory=dict)
+    sources: tuple[Source, ...] = ()
+    tolerances: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Keep the shape of a covariance of nothing."""
@@ -172,6 +189,79 @@ class Estimate(Result):
     def not_identifiable(self) -> Combinations:
         """Sentences that name what the data do not identify, one a combination."""
         return Combinations(map(in_words, self.combinations))
+
+    # --- uncertainty
+
+    @checked
+    def budget(
+        self,
+        names: Sequence[str] | None = None,
+        *,
+        tolerances: Mapping[str, float] | None = None,
+        method: Method = "linear",
+        draws: int = 20_000,
+        seed: int = 0,
+    ) -> Budget:
+        """Uncertainty budget of parameters by the GUM.
+
+        `std_errors` hold what the readings say; the budget adds what the set-up states of the
+        calibration of probe and artefact and of temperature.
+
+        Parameters
+        ----------
+        names
+            Parameters; None: the location errors, or all parameters where there is none.
+        tolerances
+            Largest size allowed, by name; None: those of the set-up.
+        method
+            "linear" (JCGM 100:2008), or "monte-carlo" (JCGM 101:2008): inputs drawn from their own
+            distributions, with the shortest interval of 95.45 %.
+        draws, seed
+            Of the Monte Carlo method.
+
+        Raises
+        ------
+        UnknownNameError
+            A name that is no parameter with a standard error.
+        InputError
+            Fewer than 100 draws.
+        """
+        known = [n for n in self.std_errors if n in self.values]  # what is always fitted has none
+        listed = [n for n in (self.errors or known) if n in known]
+        wanted = listed if names is None else list(names)
+        for name in wanted:
+            choose("parameter", name, known)
+        order, sources = self._order(), self.uncertainty_sources()
+        made = [
+            measurand(
+                name,
+                self.values[name],
+                np.array([float(name == other) for other in order]),
+                sources,
+                identifiable=bool(np.isfinite(self.std_errors[name])),
+            )
+            for name in wanted
+        ]
+        given = self.tolerances if tolerances is None else tolerances
+        limits = {k: v for k, v in given.items() if tolerances is not None or k in wanted}
+        budget = Budget(tuple(made), COVERAGE_FACTOR, "linear", limits)
+        if method == "linear" or not sources:
+            return budget
+        at = [order.index(name) for name in wanted]
+        values = np.array([self.values[name] for name in wanted])
+        return drawn(budget, sources, lambda change: values + change[:, at], draws, seed)
+
+    def _order(self) -> tuple[str, ...]:
+        return self.names or tuple(self.std_errors)
+
+    def uncertainty_sources(self) -> tuple[Source, ...]:
+        """Return `sources`; where none are stated, one of the covariance or standard errors."""
+        if self.sources:
+            return self.sources
+        std = np.array([self.std_errors.get(name, 0.0) for name in self._order()])
+        matrix = self.covariance if self.names else np.diag(np.where(np.isfinite(std), std, 0) ** 2)
+        rates = root(matrix)
+        return (Source(READINGS, 1.0, "", rates, self.degrees_of_freedom),) if rates.size else ()
 
     # --- reports
 

@@ -41,19 +41,19 @@ def unnoticed(
     dict
         Id → ``2.1 µm/h of it can stay unnoticed and would shift EZ0A by +0.6 µm``.
     """
-    x = np.column_stack(list(columns.values())) if columns else np.zeros((len(jacobian), 0))
-    along = cofactor @ (jacobian.T @ x)
-    left = np.linalg.norm(x - jacobian @ along, axis=0)
-    seen = left > absorbed * np.linalg.norm(x, axis=0)
     found: dict[str, tuple[float, str]] = {}
-    for i, parameter in enumerate(columns):
+    for parameter, x in columns.items():
         effect, name = parameter.split(".", 1)
         unit = unit_of(name)
-        for error, row in zip(names, along[:, i], strict=True):
+        along = cofactor @ (jacobian.T @ x)
+        left = float(np.linalg.norm(x - jacobian @ along))
+        if left <= absorbed * float(np.linalg.norm(x)):
+            continue
+        for error, row in zip(names, along, strict=True):
             least = max(std.get(error, np.inf), ROUNDING)
-            if not seen[i] or not np.isfinite(least):
+            if not np.isfinite(least):
                 continue
-            size = min(NOTICED / float(left[i]), ASSUMED_SIZE.get(unit, 1.0))
+            size = min(NOTICED / left, ASSUMED_SIZE.get(unit, 1.0))
             ratio = abs(row) * size / least
             if ratio > max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
                 shift = f"{row * size:+.2g} {unit_of(error)}".rstrip()

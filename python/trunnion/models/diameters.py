@@ -6,7 +6,7 @@
 
 The offset of a pass is the setting of the tool: it is always fitted, so that a constant says
 nothing about a cause. The causes are in the core (``trunnion_core::turning::diameter``), formulas
-and parameters in docs/effects.md, the keys of ``[turning]`` in `Conditions`.
+and parameters in docs/reference/effects.md, the keys of ``[turning]`` in `Conditions`.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ class InstrumentComparison(Result):
         """One sentence a cause."""
         lines = [self._sentence(a) for a in self.attributions]
         if len(self.instruments) < 2:
-            lines = ["Nothing can be told apart: no two instruments measure the axis."]
+            lines = ["Nothing can be distinguished: no two instruments measure the axis."]
         elif not lines:
             lines.append("No instrument shows a cause, and they do not differ.")
         lines += [

@@ -49,7 +49,7 @@ SURFACE = "levels say how a surface is, not how an axis moves"
 IDS = ("instrument_zero", "drift", "twist", "bow", "kink", "kink_x", "kink_y", "field")
 NOT_TURNED = (
     "The instrument was not turned by 180 degrees: its zero and the inclination of the surface are "
-    "not told apart."
+    "not distinguished."
 )
 NO_DRIFT = (
     "Places were read in their order, once or there and back with the instrument turned: a drift "

@@ -17,7 +17,7 @@ from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.units import conversion, unit_of
 from trunnion.files.columns import ColumnError, is_numeric, scaled
-from trunnion.files.csv_file import Options, read_table
+from trunnion.files.csv_file import Options, options_in_force, read_table
 from trunnion.files.delimited import Delimited
 from trunnion.files.foreign import FORMATS, Channels
 from trunnion.files.recognised import Recognised
@@ -44,8 +44,8 @@ def read(
     """Read measured data, whatever their kind and the format of their file.
 
     What it was taken for is the table's `recognised`. Nothing is guessed: what can be read in two
-    ways is refused, and the message names the argument that decides. docs/files.md lists the
-    formats.
+    ways is refused, and the message names the argument that decides. docs/reference/files.md
+    lists the formats.
 
     Parameters
     ----------
@@ -90,12 +90,12 @@ def read(
     >>> log
     AxisLog(2 rows: time_s, x_cmd_mm, x_act_mm)
     """
-    options = Options(separator, decimal, units, sheet)
+    options = options_in_force(Options(separator, decimal, units, sheet))
     if not isinstance(data, str | PathLike):
         return _of_arrays(data, columns, kind, options)
     if Path(data).suffix.lower() == ".toml":
         raise InputError(f"{data}: got a set-up (.toml), expected measured data (tn.read_setup)")
-    source = Source.of(data, sheet)
+    source = Source.of(data, options.sheet)
     found = next((each for each in FORMATS if each.matches(source)), None)
     if found is None and columns is None:
         return _plain(data, source, kind, options)

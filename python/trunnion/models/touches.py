@@ -36,9 +36,11 @@ from trunnion.diagnosis.model import (
     Uncertainty,
     repeats,
 )
+from trunnion.machine.budget import Input
 from trunnion.machine.effects import EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import identify
+from trunnion.probing.inputs import inputs_of
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
     TouchModel,
@@ -250,6 +252,11 @@ class TouchDiagnosisModel(Model):
         grid = np.geomspace(minutes / 20, 1.5 * minutes, DURATIONS)
         return Parameter(name, unit, tuple(map(float, grid)), (minutes / 100, 20 * minutes))
 
+    def inputs(self, nuisance: Floats, effects: EffectValues) -> tuple[Input, ...]:
+        """Calibration of probe and artefact, temperature, steps of the rotary axes."""
+        ids, values = self._vector(nuisance, effects)
+        return inputs_of(self._model(ids), self.data, values)
+
     # --- what the engine looks for structure in
 
     @property
@@ -336,6 +343,7 @@ class TouchDiagnosisModel(Model):
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
             owners={e.id: e.owner for e in self.effects if e.id in effects},
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},
+            tolerances=dict(self.setup.machine.tolerance),
             **({} if uncertainty is None else uncertainty.fields()),
         )
 

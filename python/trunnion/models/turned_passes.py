@@ -34,8 +34,9 @@ def simulate_diameters(
     setup
         With a table ``[turning]``.
     effects
-        Id → parameter → value, as docs/effects.md lists them for diameters: ``{"tool_heating":
-        {"amplitude_um": -40.0, "tau_s": 30.0}}``. Parameters that are not given are 0.
+        Id → parameter → value, as docs/reference/effects.md lists them for diameters:
+        ``{"tool_heating": {"amplitude_um": -40.0, "tau_s": 30.0}}``. Parameters that are not
+        given are 0.
     offset_um
         Setting of the tool, the same for all passes, on the diameter.
     noise_um, seed

@@ -8,7 +8,6 @@ from .contouring import plot_margins as plot_margins
 from .contouring import plot_model_error as plot_model_error
 from .contouring import plot_orientation_error as plot_orientation_error
 from .contouring import plot_path as plot_path
-from .diagnosis import diagnosis_figures as diagnosis_figures
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
@@ -22,6 +21,7 @@ from .hybrid import plot_sensitivity as plot_sensitivity
 from .levels import plot_flatness as plot_flatness
 from .levels import plot_straightness as plot_straightness
 from .positioning import plot_positioning as plot_positioning
+from .scenes.scene import scene as scene
 from .touches import plot_artefact as plot_artefact
 from .touches import plot_estimates as plot_estimates
 from .touches import plot_observability as plot_observability

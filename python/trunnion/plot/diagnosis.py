@@ -1,144 +1,330 @@
-"""Pictures of a diagnosis."""
+"""Pictures of a diagnosis: each cause over what it depends on, and what the model leaves."""
 
-from textwrap import fill
-from typing import cast
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Flags, Floats
-from trunnion.diagnosis.model import Covariate
-from trunnion.diagnosis.records import Residuals
+from trunnion.base.units import Flags, Floats, unit_of, without_unit
+from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.plot.axes import axes_or_new
+from trunnion.machine.estimate import Estimate
+from trunnion.plot.coordinates import Coordinate, Weight, coordinate_of, positions, weights_of
+from trunnion.plot.picture import (
+    BLUE,
+    GREEN,
+    MUTED,
+    PALETTE,
+    PURPLE,
+    VERMILLION,
+    Axis,
+    Picture,
+    Series,
+    band,
+    bars,
+    line,
+    points,
+)
+from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
+from trunnion.setup.names import error_label
 
-BEFORE, AFTER, OUT = "#c1272d", "#1f5fa8", "#7a7a7a"
-BINS = 16
-JITTER = 0.006
-MAX_CAUSES = 4
-TITLE_WIDTH = 60  # characters a line
+COVERAGE = 2.0
+TOUCHED = 0.02  # of the largest change: readings that a cause changes
+LIMIT = 1.15
+CLASS_WIDTH = 0.3
+MAX_SETS = 8
+MAX_CORRELATED = 40
 
 
-def plot_diagnosis(d: Diagnosis, *, ax: Axes | None = None, cause: str | None = None) -> Axes:
-    """Draw residuals before and after against what a cause (the strongest) depends on.
+def plot_diagnosis(d: Diagnosis, *, ax: Any = None, cause: str | None = None) -> Any:
+    """Draw a cause (the strongest) over what it depends on, with the fitted curve and U (k = 2).
 
-    Readings that the cause does not change are drawn pale.
+    Readings are corrected for the other causes. Without a cause: what the model leaves.
     """
-    record = _record(d)
+    return diagnosis_picture(d, cause).draw(ax)
+
+
+def diagnosis_picture(d: Diagnosis, cause: str | None = None) -> Picture:
+    """Return the picture of a cause, of the strongest, or without one of what is left."""
     if cause is None:
-        cause = d.causes[0].id if d.causes else None
-    change = None if cause is None else record.changes.get(cause)
-    if change is None:
-        covariate = _named_covariate(d, record)
-        touched = np.ones(len(record.values), dtype=bool)
-        title = "Residuals" if d.verdict == "consistent" else "What the model does not explain"
-    else:
-        touched = np.abs(change) > 0.02 * np.max(np.abs(change))
-        covariate = _covariate_of(change[touched], record, touched)
-        label = next((c.called() for c in d.causes if c.id == cause), cause)
-        title = f"{label}: residuals before and after"
-    axes = plot_residuals(d, covariate, touched=touched, ax=ax)
-    axes.set_title(fill(title, TITLE_WIDTH))
-    return axes
+        return cause_picture(d, d.causes[0].id) if d.causes else residual_picture(d)
+    if cause not in d.named:
+        known = ", ".join(sorted(d.named)) or "none"
+        raise InputError(f"cause: got {cause!r}, expected one of the named causes: {known}")
+    return cause_picture(d, cause)
 
 
-def plot_residuals(
-    d: Diagnosis,
-    covariate: Covariate,
-    *,
-    touched: Flags | None = None,
-    ax: Axes | None = None,
-) -> Axes:
+def plot_residuals(d: Diagnosis, covariate: Covariate, *, ax: Any = None) -> Any:
     """Draw residuals before and after against one covariate; outliers as crosses at the edge."""
-    record = _record(d)
-    ax = cast(Axes, axes_or_new(ax))
-    n = len(record.values)
-    strong = np.ones(n, dtype=bool) if touched is None else touched
+    return residual_picture(d, covariate).draw(ax)
+
+
+# --- a cause
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A cause with its readings: what a picture of it needs.
+
+    Attributes
+    ----------
+    d, cause
+        The diagnosis and the cause.
+    record
+        Its readings.
+    change
+        What the cause changes, (n,).
+    rows
+        Readings drawn: used, and in the unit of most of the change, (n,).
+    unit
+        That unit.
+    """
+
+    d: Diagnosis
+    cause: Cause
+    record: Residuals
+    change: Floats
+    rows: Flags
+    unit: str
+
+    @classmethod
+    def of(cls, d: Diagnosis, id_: str) -> Explained:
+        """Return the cause of this id."""
+        record = record_of(d)
+        change = record.changes[id_]
+        power = np.bincount(record.unit_index, change**2, len(record.units))
+        unit = int(np.argmax(power / np.maximum(np.bincount(record.unit_index), 1)))
+        cause = next(c for c in d.causes if c.id == id_)
+        rows = record.kept & (record.unit_index == unit)
+        return cls(d, cause, record, change, rows, record.units[unit])
+
+    @cached_property
+    def model(self) -> Model | None:
+        """The model of the data, None without them."""
+        return self.d.rebuilt_model() if self.d.data is not None else None
+
+    @cached_property
+    def coordinate(self) -> Coordinate | None:
+        """What it depends on."""
+        weights = [Weight("deviation of the reading", self.unit, np.ones(len(self.change)))]
+        if self.model is not None:
+            nuisance = np.array(list(self.d.nuisance_after.values()))
+            labels = {x.name: _words(x.name) for x in self.model.nuisance}
+            weights = weights_of(self.model, nuisance, self.unit, labels)
+        return coordinate_of(
+            self.change, self.record.covariates, weights, self.rows, timed=self._timed
+        )
+
+    @property
+    def _timed(self) -> bool:
+        """Whether it acts by time, by what it needs and by the units of its parameters."""
+        needs: tuple[str, ...] = ()
+        if self.model is not None and self.cause.id in {e.id for e in self.model.effects}:
+            needs = self.model.effect(self.cause.id).needs
+        units = [unit_of(name) for name in self.cause.parameters]
+        return "time_s" in needs or any(u in ("min", "s", "h") or u.endswith("/h") for u in units)
+
+    @cached_property
+    def spread(self) -> Floats:
+        """Columns (n, k) of the fitted change by one standard uncertainty in each direction."""
+        values = dict(self.cause.parameters)
+        if self.model is not None and self.cause.id in {e.id for e in self.model.effects}:
+            nuisance = np.array(list(self.d.nuisance_after.values()))
+            effect = self.model.effect(self.cause.id)
+            columns = self.model.effect_jacobian(nuisance, effect, values)
+            return np.asarray(columns @ _root(self.d, self.cause))
+        return np.zeros((len(self.change), 0))
+
+
+def _root(d: Diagnosis, cause: Cause) -> Floats:
+    """Root of the covariance of a cause's parameters, (k, k); of their variances alone without."""
+    names = [f"{cause.id}.{name}" for name in cause.parameters]
+    std = np.array([s if np.isfinite(s) else 0.0 for s in cause.std_errors.values()])
+    model = d.model
+    if isinstance(model, Estimate) and set(names) <= set(model.names):
+        at = [model.names.index(name) for name in names]
+        values, vectors = np.linalg.eigh(model.covariance[np.ix_(at, at)])
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.diag(std)
+
+
+def cause_picture(d: Diagnosis, id_: str) -> Picture:
+    """Readings corrected for the other causes over what this one depends on, with the fit."""
+    of = Explained.of(d, id_)
+    where = of.coordinate
+    title = f"{_capital(labelled(id_, of.cause.label))}, {percent(of.cause.probability)}"
+    reading = of.record.after + of.change
+    if where is None:
+        return _against_change(of, title, reading)
+    drawn = of.rows & where.clear()
+    places, names = positions(where.x)
+    amount = np.divide(
+        reading, where.weight.enters, out=np.zeros_like(reading), where=where.weight.enters != 0
+    )
+    curves = where.curve(np.column_stack([of.change, of.spread]), of.rows)
+    series: list[Series] = []
+    for i, (name, x, fitted) in enumerate(curves):
+        colour = PALETTE[i % len(PALETTE)] if len(curves) > 1 else BLUE
+        mine = drawn if where.split is None else drawn & (where.split == _index(where, name))
+        shift = 0.12 * np.sin(2.4 * np.arange(int(mine.sum()))) if names else 0.0
+        rows = of.record.rows[mine]
+        label = name or "reading, other causes taken off"
+        faint = {"colour": colour, "opacity": 0.8}
+        series.append(points(places[mine] + shift, amount[mine], label, rows=rows, **faint))
+        series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
+    clear = int(drawn.sum())
+    left = int(of.rows.sum()) - clear
+    note = f"Not drawn: {left} readings that feel little of it." if left else ""
+    y = Axis(_capital(where.weight.name), where.weight.unit)
+    x_axis = Axis(_capital(where.x.name), where.x.unit, names)
+    return Picture(title, x_axis, y, tuple(series), note=note, key=id_)
+
+
+def _fitted(x: Floats, fitted: Floats, colour: str, classes: bool, first: bool) -> list[Series]:
+    """Return curve and band; over classes a short line at each."""
+    y = fitted[:, 0]
+    half = COVERAGE * np.sqrt(np.sum(fitted[:, 1:] ** 2, axis=1))
+    label, edge = ("fitted", "U (k = 2) of the fit") if first else ("", "")
+    if not classes:
+        made = [line(x, y, label, colour=colour, width=2.2)]
+        return [band(x, y - half, y + half, edge, colour=colour), *made] if half.any() else made
+    ends = np.stack([x - CLASS_WIDTH, x + CLASS_WIDTH, np.full_like(x, np.nan)], axis=1).ravel()
+    flat = [line(ends, np.repeat(y, 3), label, colour=colour, width=2.2)]
+    if half.any():
+        for sign in (-1, 1):
+            named = edge if sign == 1 else ""
+            at = np.repeat(y + sign * half, 3)
+            flat.append(line(ends, at, named, colour=colour, dash="dot", width=1.2))
+    return flat
+
+
+def _against_change(of: Explained, title: str, reading: Floats) -> Picture:
+    """Readings over what the fitted cause makes of them: on the line where it is right."""
+    x, y, rows = of.change[of.rows], reading[of.rows], of.record.rows[of.rows]
+    ends = np.array([x.min(), x.max()])
+    return Picture(
+        title,
+        Axis("what the fitted cause makes of a reading", of.unit),
+        Axis("Reading, other causes taken off", of.unit),
+        (
+            points(x, y, "reading", colour=BLUE, opacity=0.8, rows=rows),
+            line(ends, ends, "fitted", colour=PURPLE, width=2.2),
+        ),
+        note="It depends on no single recorded quantity.",
+        key=of.cause.id,
+    )
+
+
+def _index(where: Coordinate, name: str) -> int:
+    return where.names.index(name) if name in where.names else 0
+
+
+def touched(d: Diagnosis, id_: str) -> Flags:
+    """Whether a cause changes each reading, (n,)."""
+    change = np.abs(record_of(d).changes[id_])
+    return np.asarray(change > TOUCHED * change.max(initial=0.0))
+
+
+# --- what is left
+
+
+def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Picture:
+    """Residuals before and after against a covariate: one that `unexplained` names, or the order.
+
+    Outliers are crosses, at the edge where they are further out.
+    """
+    record = record_of(d)
+    v = _named_covariate(d, record) if covariate is None else covariate
+    x, names = positions(v)
     kept = record.kept
-    x, ticks = _positions(covariate)
-    spread = np.ptp(x[kept]) or 1.0
-    limit = 1.15 * np.max(np.abs(np.concatenate([record.before[kept], record.after[kept]])))
-    limit = limit or 1.0
-    few = len(np.unique(x)) < 0.5 * n
+    most = np.max(np.abs(np.concatenate([record.before[kept], record.after[kept]])), initial=0.0)
+    limit = LIMIT * float(most) or 1.0
+    shown = [("residual", record.after, BLUE)]
+    if d.causes or d.verdict != "consistent":
+        shown = [
+            ("plain model", record.before, VERMILLION),
+            ("with the causes", record.after, BLUE),
+        ]
     series = [
-        ("before", record.before, BEFORE, -1.0),
-        ("after", record.after, AFTER, 1.0),
+        points(x[kept], r[kept], name, colour=colour, opacity=0.6, rows=record.rows[kept])
+        for name, r, colour in shown
     ]
-    if d.verdict == "consistent":
-        series = [("residual", record.after, AFTER, 0.0)]
-    for name, r, colour, side in series:
-        shift = side * JITTER * spread if few else 0.0
-        for mask, alpha in ((kept & ~strong, 0.15), (kept & strong, 0.75)):
-            if mask.any():
-                ax.plot(
-                    x[mask] + shift,
-                    r[mask],
-                    ".",
-                    ms=5,
-                    mew=0,
-                    color=colour,
-                    alpha=alpha,
-                    label=name if mask[strong].any() else None,
-                )
     if (~kept).any():
         edge = np.clip(record.before[~kept], -limit, limit)
-        ax.plot(x[~kept], edge, "x", ms=6, color=OUT, label="left out (at the edge)")
-    ax.axhline(0, color="black", lw=0.6)
-    ax.set_ylim(-1.05 * limit, 1.05 * limit)
-    ax.set_ylabel(f"residual ({record.unit})" if record.unit else "residual")
-    c = f" ({covariate.unit})" if covariate.unit else ""
-    ax.set_xlabel(f"{covariate.name}{c}")
-    if ticks is not None:
-        ax.set_xticks(np.arange(len(ticks)), ticks, rotation=60 if max(map(len, ticks)) > 4 else 0)
-    ax.grid(alpha=0.25, lw=0.5)
-    ax.legend(frameon=False, fontsize="small", ncols=3, loc="upper right", markerscale=2)
-    return ax
+        out = {"colour": MUTED, "marker": "cross", "size": 7.0, "rows": record.rows[~kept]}
+        series.append(points(x[~kept], edge, "left out (at the edge)", **out))
+    title = f"Residuals: {v.name}"
+    if d.unexplained and covariate is None:
+        title = f"What the model does not explain: {v.name}"
+    y = Axis("Residual", record.unit, limits=(-1.05 * limit, 1.05 * limit))
+    return Picture(title, Axis(_capital(v.name), v.unit, names), y, tuple(series))
 
 
-def _record(d: Diagnosis) -> Residuals:
+def ladder_picture(d: Diagnosis) -> Picture | None:
+    """Rms of the residual of the plain model and after each cause; None without causes."""
+    if d.ladder is None or not d.ladder.causes:
+        return None
+    names = ("plain model", *(f"+ {d.ladder.labels.get(c) or c}" for c in d.ladder.causes))
+    return Picture(
+        "Residual rms after each cause",
+        Axis("rms of the residual", d.ladder.unit),
+        Axis(names=names),
+        (bars(d.ladder.rms_um, colour=BLUE),),
+    )
+
+
+def alternatives_picture(d: Diagnosis) -> Picture | None:
+    """Probability of each set of causes; None where there is one only."""
+    sets = d.evidence[:MAX_SETS]
+    if len(sets) < 2:
+        return None
+    shared = frozenset.intersection(*(a.causes for a in sets))
+    names = tuple(" + ".join(_called(d, a.causes - shared)) or "nothing more" for a in sets)
+    also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
+    colours = bars([100 * a.probability for a in sets], colour=GREEN)
+    title = "Probability of each set of causes"
+    return Picture(title, Axis("probability", "%"), Axis(names=names), (colours,), note=also)
+
+
+def _called(d: Diagnosis, causes: frozenset[str]) -> list[str]:
+    return sorted(d.labels.get(i) or i.replace("_", " ") for i in causes)
+
+
+def diagnostics(d: Diagnosis) -> list[Picture]:
+    """Return residuals in order and against normal noise, and the correlation of the estimates."""
+    record = record_of(d)
+    out: list[Picture] = []
+    for i, unit in enumerate(record.units):
+        mine = record.kept & (record.unit_index == i)
+        if not mine.any():
+            continue
+        rows, left = record.rows[mine], record.after[mine]
+        order = np.argsort(rows, kind="stable")
+        several = f" ({with_unit('readings in', unit)})" if len(record.units) > 1 else ""
+        title = f"Residuals in the order of the file{several}"
+        out += [
+            order_picture(left[order], unit, rows=rows[order], title=title),
+            normal_picture(left, unit, rows=rows),
+        ]
+    model = d.model
+    if isinstance(model, Estimate) and model.names:
+        known = np.flatnonzero(np.diag(model.covariance) > 0)
+        if 2 <= len(known) <= MAX_CORRELATED:
+            names = [model.names[i] for i in known]
+            out.append(correlation_picture(names, model.covariance[np.ix_(known, known)]))
+    return out
+
+
+def record_of(d: Diagnosis) -> Residuals:
+    """Return the readings of a diagnosis."""
     if d.residuals is None:
         raise InputError("plot: got a diagnosis without its residuals, expected one with them")
     return d.residuals
-
-
-def _positions(v: Covariate) -> tuple[Floats, list[str] | None]:
-    if not v.classes:
-        return np.asarray(v.values, dtype=np.float64), None
-    labels, index = np.unique(v.values, return_inverse=True)
-    return index.astype(np.float64), [str(x) for x in labels]
-
-
-def _share(y: Floats, v: NDArray[np.generic]) -> float:
-    """Share of the variance of |y| and y between bins of a covariate, less what chance gives."""
-    distinct, index = np.unique(v, return_inverse=True)
-    if len(distinct) > BINS:
-        rank = np.argsort(np.argsort(v, kind="stable"), kind="stable")
-        index = rank * BINS // len(v)
-    count = np.bincount(index)
-    mean = np.bincount(index, y) / np.maximum(count, 1)
-    total = float(np.sum((y - y.mean()) ** 2))
-    between = float(np.sum(count * (mean - y.mean()) ** 2))
-    bins = int(np.sum(count > 0))
-    if total <= 0 or len(y) <= bins:
-        return 0.0
-    return 1 - (1 - between / total) * (len(y) - 1) / (len(y) - bins)
-
-
-def _covariate_of(change: Floats, record: Residuals, rows: Flags) -> Covariate:
-    """Return the covariate that says most of how a change varies."""
-    best, top = record.covariates[0], -np.inf
-    sizes = np.abs(change)
-    for v in record.covariates:
-        values = np.asarray(v.values)[rows]
-        if len(np.unique(values)) < 2:
-            continue
-        share = max(_share(change, values), _share(sizes, values) if np.ptp(sizes) > 0 else 0.0)
-        if share > top + 0.02:
-            best, top = v, share
-    return best
 
 
 def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
@@ -150,18 +336,10 @@ def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
     return ordered[0] if ordered else record.covariates[0]
 
 
-def diagnosis_figures(d: Diagnosis) -> list[Figure]:
-    """Return the pictures of its page: residuals by cause, then all readings in order."""
-    record = _record(d)
-    shown: list[str | None] = [c.id for c in d.causes[:MAX_CAUSES]]
-    axes = [plot_diagnosis(d, cause=cause, ax=_own_axes()) for cause in shown or [None]]
-    order = next((v for v in record.covariates if v.sequence), None)
-    if order is not None:
-        axes.append(plot_residuals(d, order, ax=_own_axes()))
-        axes[-1].set_title("All readings in order")
-    return [cast(Figure, ax.figure) for ax in axes]
+def _words(name: str) -> str:
+    label = error_label(name)
+    return without_unit(name).replace("_", " ") if label == name else label
 
 
-def _own_axes() -> Axes:
-    """Return axes of a figure that no window knows."""
-    return Figure(figsize=(7, 3.6), layout="constrained").add_subplot()
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -37,8 +37,9 @@ PICTURES = {
 }
 """Class of a result → function of :mod:`trunnion.plot`."""
 
-PAGES = {"Diagnosis": "diagnosis_figures"}
-"""Class of a result → function that returns the figures of its page, where there are several."""
+DESCRIBED: dict[str, str] = {}
+"""Class of a result → function of :mod:`trunnion.plot` that returns its picture, or several, as
+:class:`~trunnion.plot.picture.Picture` (or a scene with ``to_plotly``); before `PICTURES`."""
 
 
 def draw(result: Any, **options: Any) -> Any:
@@ -52,20 +53,27 @@ def draw(result: Any, **options: Any) -> Any:
     for kind in type(result).__mro__:
         if kind.__name__ in PICTURES:
             return getattr(trunnion.plot, PICTURES[kind.__name__])(result, **options)
+        if kind.__name__ in DESCRIBED:
+            return _described(kind.__name__, result)[0].draw(**options)
     raise InputError(
         f"plot: got {type(result).__name__}, expected one of {', '.join(sorted(PICTURES))}"
     )
 
 
-def pictures(result: Any) -> tuple[str, ...]:
-    """Return the pictures of a result's page as SVG; none where no picture is drawn of it."""
+def pictures(result: Any) -> tuple[Any, ...]:
+    """Return the pictures of a result's page: descriptions, or SVG where there are none."""
     for kind in type(result).__mro__:
-        if kind.__name__ in PAGES:
-            return tuple(map(_svg, getattr(trunnion.plot, PAGES[kind.__name__])(result)))
+        if kind.__name__ in DESCRIBED:
+            return _described(kind.__name__, result)
         if kind.__name__ in PICTURES:
             drawn = draw(result)
             return (_svg(getattr(drawn, "figure", drawn)),)
     return ()
+
+
+def _described(kind: str, result: Any) -> tuple[Any, ...]:
+    made = getattr(trunnion.plot, DESCRIBED[kind])(result)
+    return tuple(made) if isinstance(made, list | tuple) else (made,)
 
 
 def _svg(figure: Figure) -> str:

@@ -71,7 +71,7 @@ def closed_form(
     References
     ----------
     Kang, Kim, Jee (2022), equations (3) to (20); derivation of the separating forms in
-    ``docs/closed-forms.md``.
+    ``docs/explanation/closed-forms.md``.
     """
     is_printed = choose("method", method, ("printed", "separating")) == "printed"
     with mistakes_named(data, setup):

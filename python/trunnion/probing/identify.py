@@ -13,9 +13,12 @@ from trunnion._core import Moves
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import Grid, Repeats, growth
+from trunnion.base.statistics import linear_fit
 from trunnion.data.touches import Touches
+from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.probing.inputs import inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
     TouchModel,
@@ -111,9 +114,30 @@ def _identified(
         else _by_the_core(model, moves, how, max_steps)
     )
     errors = None
+    plain = found
     if not own and np.any(ticks_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found)
-    return _result(model, data, own, found, knee, errors)
+    problem = TouchProblem(model, data, moves, own)
+    sources = _sources(problem, plain, found, known=how.sigma_um > 0)
+    return replace(_result(model, data, own, found, knee, errors), sources=sources)
+
+
+def _sources(
+    problem: TouchProblem, plain: Found, found: Found, *, known: bool
+) -> tuple[Source, ...]:
+    """What the estimates' uncertainty comes from; ``found``: covariance that knows of ticks."""
+    model, data = problem.model, problem.data
+    weighted = problem.jacobian(found.values) * found.weights[:, None]
+    if plain.sigma_um > 0:
+        cofactor = plain.covariance / plain.sigma_um**2
+    else:
+        cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.moments).cofactor
+    freedom = np.inf if known else float(found.degrees_of_freedom)
+    rounding = rounding_um(model.setup, data)
+    readings = of_readings(found.covariance, found.sigma_um, "µm", rounding, freedom)
+    stated = inputs_of(model, data, found.values[: len(model.names)])
+    gain = cofactor @ weighted.T
+    return (*readings, *(one.source(gain @ one.columns) for one in stated))
 
 
 def _beside_rounding(
@@ -185,6 +209,7 @@ def _result(
         combinations=tuple(named_combination(names, row) for row in found.combinations),
         at_bound=_at_end_of_search(model, data, values[:built_in]),
         weights=found.weights,
+        tolerances=dict(model.setup.machine.tolerance),
         lack_of_fit=lack_of_fit(
             found.residuals_um if errors is None else errors(found.residuals_um),
             repeats_of(data),

@@ -102,15 +102,24 @@ class TouchModel:
         """Whose each of the effects is."""
         return {name: self.chain.effects[name].owner for name in self.effect_ids}
 
-    def moves(self, touches: Touches, *, from_start: bool = False) -> _core.Moves:
-        """Rows of the touches in the core's units; points are recorded positions or starts."""
+    def moves(
+        self,
+        touches: Touches,
+        *,
+        from_start: bool = False,
+        turned: Mapping[str, Floats] | None = None,
+    ) -> _core.Moves:
+        """Rows of the touches in the core's units; points are recorded positions or starts.
+
+        turned: Other positions of some rotary axes by letter, degrees, (n,).
+        """
         instance("touches", touches, Touches, "Touches, as read_touches or plan gives them")
         self._check_needs(touches)
         point = touches.start_mm if from_start else touches.position_mm
         if point is None:
             raise DataError("columns start_x_mm, start_y_mm, start_z_mm: got none, expected a plan")
         return _core.Moves(
-            self.chain.to_machine(touches.rotary_deg, len(touches)),
+            self.chain.to_machine({**touches.rotary_deg, **(turned or {})}, len(touches)),
             point,
             touches.direction,
             touches.feed_mm_min,

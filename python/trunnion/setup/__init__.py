@@ -10,3 +10,4 @@ from trunnion.setup.parts import Resolution as Resolution
 from trunnion.setup.parts import Setup as Setup
 from trunnion.setup.parts import TableSetup as TableSetup
 from trunnion.setup.read import read_setup as read_setup
+from trunnion.setup.report import ReportSetup as ReportSetup

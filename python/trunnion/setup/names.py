@@ -95,3 +95,30 @@ def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
         return ()
     code = re.sub(r"[_{}]", "", name).upper().replace("O", "0")
     return tuple(i for i in known if code in iso_codes(i))
+
+
+_RIGHT = {"A": "X", "B": "Y", "C": "Z"}
+_PLACEMENT = re.compile(r"(d(?=[xyz])|r(?=[abc]))([xyzabc])_(?:um|arcsec)")
+
+
+def error_label(name: str) -> str:
+    """Say what a location error or the placement of an artefact is, by its name.
+
+    ``EX0C`` → "offset of the C axis along X", ``EB0C`` → "tilt of the C axis about Y", ``EC0C`` →
+    "zero position of the C axis", ``dx_um`` → "shift of the artefact along X"; else the name.
+    """
+    if match := _PLACEMENT.fullmatch(name):
+        if match[1] == "d":
+            return f"shift of the artefact along {match[2].upper()}"
+        return f"turn of the artefact about {_RIGHT[match[2].upper()]}"
+    match = _SPELLING.fullmatch(name)
+    if match is None:
+        return name
+    what, axis = match.groups()
+    if what in "XYZ":
+        return f"offset of the {axis} axis along {what}"
+    return (
+        f"zero position of the {axis} axis"
+        if what == axis
+        else (f"tilt of the {axis} axis about {_RIGHT[what]}")
+    )

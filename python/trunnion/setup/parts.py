@@ -3,7 +3,7 @@
 Every key but the artefact's kind has a default, and ``print(setup)`` lists them all with value,
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
-``[control]`` are its own.
+``[control]``, ``[report]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
 and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
 key is an error.
@@ -37,6 +37,7 @@ from trunnion.setup.fields import (
 )
 from trunnion.setup.machines import CHAIN, DIRECTION, Description, check_error, presets
 from trunnion.setup.names import canonical_error_name
+from trunnion.setup.report import ReportSetup
 from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
@@ -53,6 +54,9 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 
 STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
 """Keys that say how an artefact of any kind stands on the table."""
+
+CERTIFICATE = ("calibration_um", "calibration_arcsec", "expansion_ppm_k", "temperature_std_k")
+"""Keys that say how well an artefact of any kind is known."""
 
 MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
 """Location errors beyond a tenth of a metre or half a turn are typos."""
@@ -96,7 +100,7 @@ def _canonical(what: str, spelling: str) -> str:
 class Machine(Part):
     """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
 
-    The chain is that of a `preset` (``trt-ca`` unless said; docs/conventions.md lists them) or a
+    The chain is that of a `preset` (``trt-ca`` unless said; docs/explanation/conventions.md) or a
     kinematic code of ISO 10791-6, from the workpiece over the bed to the tool: `chain` =
     ``[w C' A' b X Y Z (C) t]``. Where its axes are not along X, Y, Z or not through the origin, the
     tables ``[axes.A]`` say so (`AxisSetup`). `table_normal` is that of the table top, on which the
@@ -198,6 +202,8 @@ class Artefact(Part):
     table's, whose origin is the centre of its top; the placement that is identified is the
     deviation from there. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
     direction) and `tolerance_deg` (about Z) of its place it stands.
+
+    What is stated of its calibration and temperature is part of uncertainty budgets.
     """
 
     table: ClassVar[str] = "artefact"
@@ -218,6 +224,12 @@ class Artefact(Part):
     turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
     tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
     tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
+    calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
+    calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
+    expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
+    temperature_std_k: float = key(
+        0.0, Number(0.0, 100.0), "standard uncertainty of its temperature about 20 °C"
+    )
 
     def __post_init__(self) -> None:
         """Check every field, and that the kind has these dimensions."""
@@ -255,7 +267,7 @@ class Artefact(Part):
 
 def names_of(kind: str) -> tuple[str, ...]:
     """Return the names of the keys that a kind of artefact has."""
-    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING))
+    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING + CERTIFICATE))
 
 
 @dataclass(frozen=True)
@@ -277,6 +289,7 @@ class Probe(Part):
     length_mm: float = key(150.0, LENGTH, "ball centre to the pivot of a rotary head")
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
     servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
+    calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of the ball's radius")
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""
@@ -340,13 +353,24 @@ class PlanSetup(Part):
 
 PARTS: Mapping[str, type[Part]] = {
     part.table: part
-    for part in (Machine, Artefact, Probe, Resolution, TableSetup, PlanSetup, ControlSetup)
+    for part in (
+        Machine,
+        Artefact,
+        Probe,
+        Resolution,
+        TableSetup,
+        PlanSetup,
+        ControlSetup,
+        ReportSetup,
+    )
 }
 
 
 @dataclass(frozen=True, repr=False)
 class Setup:
     """A whole set-up; ``print(setup)`` lists every key with its value, unit and meaning.
+
+    `source` is the file that it was read from.
 
     Examples
     --------
@@ -363,10 +387,12 @@ class Setup:
     table: TableSetup = field(default_factory=lambda: TableSetup(is_assumed=True))
     plan: PlanSetup = field(default_factory=PlanSetup)
     control: ControlSetup = field(default_factory=ControlSetup)
+    report: ReportSetup = field(default_factory=ReportSetup)
     turning: Mapping[str, Any] = field(default_factory=dict)
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)
     hybrid: Mapping[str, Any] = field(default_factory=dict)
+    source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the types of the parts and the names of the axes."""

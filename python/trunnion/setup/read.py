@@ -51,6 +51,7 @@ def read_setup(path: str | PathLike[str]) -> Setup:
             axes={letter: axes.table(letter).build(AxisSetup) for letter in axes},
             **built,
             **processes,
+            source=str(path),
         )
 
 

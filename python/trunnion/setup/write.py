@@ -14,7 +14,7 @@ from trunnion.setup.fields import report
 if TYPE_CHECKING:
     from trunnion.setup.parts import Setup
 
-PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control")
+PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control", "report")
 SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
 PROCESSES = ("turning", "servo", "ballbar", "hybrid")
 

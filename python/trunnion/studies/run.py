@@ -19,6 +19,7 @@ from trunnion._core import MAX_THREADS
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, entry, whole, within
 from trunnion.base.errors import DataError, InputError, TrunnionError
+from trunnion.base.progress import progress_bar
 from trunnion.studies.dataset import (
     dataset,
     import_xarray,
@@ -29,7 +30,6 @@ from trunnion.studies.dataset import (
 )
 from trunnion.studies.description import Description, check_names
 from trunnion.studies.grid import Grid
-from trunnion.studies.progress import progress_bar
 from trunnion.studies.store import Blocks, Place, exclusive
 from trunnion.studies.study import Block, FunctionStudy, Output, Seeds, Study, study_of
 
@@ -110,7 +110,7 @@ def sweep(
     units
         Units of the outputs of a function.
     progress
-        Show a bar with the remaining time; None: when it takes longer than half a second.
+        Show a bar with the remaining time; None: when it takes longer than two seconds.
     most_failures
         A sample that fails is recorded with its parameters and error; when more than this share of
         those done (and more than 20) have failed, the sweep ends with an error.

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 import trunnion._core as _core
-from trunnion.base.errors import InputError
 from trunnion.compensation.machine import MachineErrors
+from trunnion.controls.screws import table_letters
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -23,37 +23,8 @@ LINEAR_ERRORS = (
 )
 """Effects that the component holds beside location errors: the entries XX YY ZZ XY XZ YZ of Λ."""
 
-TABLES = ("AC", "BC")
-UNITS = {"A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)}
-
 PLACES = 6
 """Decimals of numbers in the source: a nanometre."""
-
-
-def check_machine(setup: Setup) -> str:
-    """Return the letters of the rotary axes of a machine that the component can hold.
-
-    Raises InputError: a rotary axis in the head; a set-up that does not say where the table is.
-    """
-    chain = Chain(setup)
-    if set(chain.sides.values()) != {"table"} or chain.letters not in TABLES:
-        raise InputError(
-            f"LinuxCNC kinematics: got machine {setup.machine.name}, expected rotary axes under the "
-            "table only, A or B carrying C"
-        )
-    off = {k: x.direction for k, x in setup.axes.items() if x.direction not in (None, UNITS[k])}
-    off |= {k: x for k, x in setup.machine.description().directions.items() if x != UNITS[k]}
-    for letter, direction in off.items():
-        raise InputError(
-            f"LinuxCNC kinematics: got axis {letter} along {list(direction or ())}, expected it "
-            "along its own direction: the component turns about X, Y and Z"
-        )
-    if setup.control.centre_mm is None:
-        raise InputError(
-            "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
-            "the table top) in machine coordinates, as X, Y, Z of the work offset"
-        )
-    return chain.letters
 
 
 def held(known: MachineErrors) -> MachineErrors:
@@ -87,7 +58,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     InputError
         A machine that it cannot hold, or no ``[control] centre_mm``.
     """
-    letters = check_machine(setup)
+    letters = table_letters(setup, "LinuxCNC kinematics")
     senses = Chain(setup).senses.tolist()
     conventional = is_conventional(setup)
     words = {

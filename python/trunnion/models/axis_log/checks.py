@@ -94,7 +94,7 @@ def _steps_said(signal: AxisSignal) -> str:
     return (
         f". And {signal.letter.lower()}_act_{unit} is in steps of {step:.3g} {unit}, more than the "
         f"axis is away from its command ({lag:.2g} {unit}): gain, friction and backlash cannot be "
-        "told from it"
+        "distinguished from it"
     )
 
 

@@ -6,9 +6,9 @@ with the bar's direction n: reading += n·δ. A three-axis machine goes where it
 hybrid machine gets there through its loops, and its effects act on the legs, the joints and the
 wrist, from where the exact sensitivities take them to the tool point. Always fitted: the ball's
 centre of each set-up, and for the hybrid machine its 17 errors (trunnion.hybrid.mechanism).
-Formulas and signs of the effects are in docs/effects.md, the keys of the table ``[ballbar]`` in
-`BallbarSettings`. A machine is hybrid if the data command joints or the set-up has a table
-``[hybrid]``.
+Formulas and signs of the effects are in docs/reference/effects.md, the keys of the table
+``[ballbar]`` in `BallbarSettings`. A machine is hybrid if the data command joints or
+the set-up has a table ``[hybrid]``.
 """
 
 from trunnion.models.ballbar.model import BallbarModel as BallbarModel

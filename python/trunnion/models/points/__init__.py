@@ -7,7 +7,8 @@ reads ::
 
 with one rigid placement T_g R_g a set-up (``group``), which is nuisance. A reading is one measured
 coordinate, in µm, turned back into the machine frame by the placement of the plain fit. Effects
-are what the axes do, ``e``; formulas and units are in docs/effects.md. Derivatives are exact.
+are what the axes do, ``e``; formulas and units are in docs/reference/effects.md. Derivatives are
+exact.
 
 What the axes of one machine do alike on every part is *named*; what is left but changes slowly from
 place to place is *field*; what belongs to one hole and is there again when the hole is measured

@@ -9,7 +9,7 @@ one for each target (its radius, phase and height). All of these are nuisance. E
 of ISO 230-7 at the commanded position θ: radial E_X, E_Y and axial E_Z (µm), tilt E_A, E_B and
 angular positioning E_C (arcsec), in the frame of the axis, whose third direction is the one about
 which a positive position turns right-handed. Effects are error motions; formulas are in
-docs/effects.md. Predictions and derivatives are exact.
+docs/reference/effects.md. Predictions and derivatives are exact.
 
 A reading is one coordinate of a target in its own radial, tangential and axial direction, in µm
 from the plain circle. Axes position less well than instruments measure, so that the three are

@@ -178,10 +178,10 @@ class SweepModel(Model):
         """Exact derivative by an effect's parameters, the effect acting alone."""
         if effect.id not in self._motions:
             return effect.columns(values)
-        moved, columns = self._motion(effect.id, values)
-        acting = np.flatnonzero(np.any(columns, axis=(0, 2)))
-        by = self._by_motions(nuisance, moved)[:, :, acting]
-        return np.asarray((by @ columns[:, acting]).reshape(-1, columns.shape[2]))
+        motion = self._motions[effect.id]
+        columns = motion.derivative(self._conditions, values)
+        by = self._by_motions(nuisance, motion.motion(self._conditions, values))
+        return np.asarray((by[:, :, motion.acts] @ columns).reshape(-1, columns.shape[2]))
 
     def _by_motions(self, nuisance: Floats, moved: Floats) -> Floats:
         """Derivative of the readings by the motions, µm by mm and rad, (n, 3, 6).
@@ -206,16 +206,12 @@ class SweepModel(Model):
             self._at = (key, out)
         return out
 
-    def _motion(self, name: str, values: Mapping[str, float]) -> tuple[Floats, Floats]:
-        """Motion of one effect, mm and rad (n, 6), and its derivative by each parameter."""
-        return self._motions[name].motion(self._conditions, values)
-
     def _moved(self, effects: EffectValues) -> Floats:
         """Sum of the error motions of all effects, mm and rad, (n, 6)."""
         out = self._still
         for name, values in effects.items():
             if name in self._motions:
-                out = out + self._motion(name, values)[0]
+                out = out + self._motions[name].motion(self._conditions, values)
         return out
 
     def _turned(self, nuisance: Floats, moved: Floats) -> _Turned:
@@ -384,7 +380,7 @@ class ExtendedSweep(Estimate):
         for name, values in self.effects.items():
             if name in self.source._motions:
                 motion = self.source._motions[name]
-                total += motion.motion(Conditions.at(angle), values)[0] / MOTION_UNIT
+                total += motion.motion(Conditions.at(angle), values) / MOTION_UNIT
         return dict(zip(MOTIONS, total.T, strict=True))
 
 

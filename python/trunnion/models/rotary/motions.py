@@ -70,21 +70,31 @@ def senses(angle_deg: Floats) -> Floats:
 class Motion:
     """A candidate error motion.
 
-    ``columns(conditions, values)``: derivative of EX .. EC (µm, arcsec) by each parameter,
-    (n, 6, k). The motion is linear in the parameters that have no grid, and zero where those are.
+    ``columns(conditions, values)``: derivative of those of EX .. EC that it `acts` on (µm, arcsec)
+    by each parameter, (n, acts, k). The motion is linear in the parameters that have no grid, and
+    zero where those are.
     """
 
     parameters: tuple[Parameter, ...]
+    acts: tuple[int, ...]
     columns: Callable[[Conditions, Floats], Floats]
     label: str
     owner: Owner = Owner.MACHINE
 
-    def motion(self, conditions: Conditions, values: Mapping[str, float]) -> tuple[Floats, Floats]:
-        """Motion, mm and rad (n, 6), and its derivative by each parameter (n, 6, k)."""
+    def derivative(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
+        """Derivative of the motions that it acts on, mm and rad, by each parameter (n, acts, k)."""
         given = np.array([values[p.name] for p in self.parameters])
-        columns = self.columns(conditions, given) * MOTION_UNIT[:, None]
+        unit = MOTION_UNIT[list(self.acts)][:, None]
+        return np.asarray(self.columns(conditions, given) * unit)
+
+    def motion(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
+        """Motion, mm and rad (n, 6)."""
+        out = np.zeros((len(conditions.angle_deg), len(MOTIONS)))
         linear = np.array([p.linear for p in self.parameters])
-        return columns[:, :, linear] @ given[linear], columns
+        size = np.array([values[p.name] for p in self.parameters])[linear]
+        if np.any(size):
+            out[:, self.acts] = self.derivative(conditions, values)[:, :, linear] @ size
+        return out
 
 
 def catalogue(
@@ -105,16 +115,19 @@ def catalogue(
             out[str(name)] = _harmonic(kind, int(number), heights)
     out |= _trends(positions)
     scale = "scale of the positioning of the axis"
-    out["positioning_scale"] = Motion((Parameter("ppm"),), _scale, scale)
+    out["positioning_scale"] = Motion((Parameter("ppm"),), (5,), _scale, scale)
     if periods := _periods(positions):
         period = Parameter("period_deg", grid=periods, bounds=(periods[-1], periods[0] * 1.2))
         parameters = (Parameter("a_arcsec"), Parameter("b_arcsec"), period)
-        out["positioning_cyclic"] = Motion(parameters, _cyclic, "cyclic positioning error")
+        out["positioning_cyclic"] = Motion(parameters, (5,), _cyclic, "cyclic positioning error")
     if min(np.sum(conditions.sense > 0), np.sum(conditions.sense < 0)) >= MIN_OF_A_SENSE:
-        out["backlash"] = Motion((Parameter("b_arcsec"),), _backlash, "backlash of the axis")
+        reversal = (Parameter("b_arcsec"),)
+        out["backlash"] = Motion(reversal, (5,), _backlash, "backlash of the axis")
     rate = "um_h" if conditions.timed else "total_um"
     drifts = tuple(Parameter(f"d{a}_{rate}") for a in "xyz")
-    out["drift"] = Motion(drifts, _drift, "drift between instrument and axis", Owner.TIME)
+    out["drift"] = Motion(
+        drifts, (0, 1, 2), _drift, "drift between instrument and axis", Owner.TIME
+    )
     return out
 
 
@@ -138,39 +151,41 @@ def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
     if kind == "tilt" and spread > 0:
         grid = tuple(np.linspace(low - spread, high + spread, PIVOTS))
         bounds = (low - 5 * spread, high + 5 * spread)
-        parameters.append(Parameter("pivot_mm", grid=grid, bounds=bounds))
+        parameters.append(Parameter("pivot_mm", grid=grid, bounds=bounds, affine=True))
     often = {1: "once", 2: "twice"}.get(n, f"{n} times")
+    pivoted = len(parameters) > len(names)
     return Motion(
         tuple(parameters),
-        partial(_waves, motions, n),
+        (0, 1, *motions) if pivoted else motions,
+        partial(_pivoted if pivoted else _waves, motions, n),
         f"{_LABELS[kind]} of the axis, {often} a turn",
     )
 
 
-def _waves(motions: tuple[int, ...], n: int, conditions: Conditions, values: Floats) -> Floats:
+def _waves(motions: tuple[int, ...], n: int, conditions: Conditions, _: Floats) -> Floats:
     turn = n * np.radians(conditions.angle_deg)
     cos, sin = np.cos(turn), np.sin(turn)
     if motions == (5,):
         cos = cos - 1.0
-    out = np.zeros((len(turn), len(MOTIONS), 2 * len(motions)))
-    for i, m in enumerate(motions):
-        out[:, m, 2 * i], out[:, m, 2 * i + 1] = cos, sin
-    if len(values) > 2 * len(motions):
-        out = _about_pivot(out, values)
+    out = np.zeros((len(turn), len(motions), 2 * len(motions)))
+    for i in range(len(motions)):
+        out[:, i, 2 * i], out[:, i, 2 * i + 1] = cos, sin
     return out
 
 
-def _about_pivot(tilt: Floats, values: Floats) -> Floats:
-    """Tilt columns (n, 6, 4), about a point at height ``values[4]`` on the axis, and by it."""
+def _pivoted(motions: tuple[int, ...], n: int, conditions: Conditions, values: Floats) -> Floats:
+    """EX, EY, EA, EB of a tilt about a point at height ``values[4]`` on the axis, and by it."""
     pivot = values[4]
-    out = np.concatenate([tilt, np.zeros((*tilt.shape[:2], 1))], axis=2)
+    tilt = _waves(motions, n, conditions, values)
+    out = np.zeros((len(tilt), 4, 5))
+    out[:, 2:, :4] = tilt
     # ω × (p − pivot z) = ω × p + pivot (−E_B, E_A, 0); arcsec and mm to µm
     lever = ARCSEC * 1e3
-    out[:, 0, :4] = -lever * pivot * tilt[:, 4]
-    out[:, 1, :4] = lever * pivot * tilt[:, 3]
+    out[:, 0, :4] = -lever * pivot * tilt[:, 1]
+    out[:, 1, :4] = lever * pivot * tilt[:, 0]
     total = tilt @ values[:4]
-    out[:, 0, 4] = -lever * total[:, 4]
-    out[:, 1, 4] = lever * total[:, 3]
+    out[:, 0, 4] = -lever * total[:, 1]
+    out[:, 1, 4] = lever * total[:, 0]
     return out
 
 
@@ -192,6 +207,7 @@ def _trends(positions: Floats) -> dict[str, Motion]:
             ]
             out[f"{kind}_trend"] = Motion(
                 tuple(Parameter(name) for name in names),
+                motions,
                 partial(_trend, motions, mine, travel),
                 f"slow {_LABELS[kind]} of the axis",
             )
@@ -208,37 +224,28 @@ def _trend(
     """Legendre polynomials of the position, −1 to 1 over the range measured."""
     u = (conditions.angle_deg - travel[0]) / max(travel[1], 1e-9)
     p = np.polynomial.legendre.legvander(u, max(degrees))[:, list(degrees)]
-    out = np.zeros((len(u), len(MOTIONS), len(motions) * len(degrees)))
-    for i, m in enumerate(motions):
-        out[:, m, i * len(degrees) : (i + 1) * len(degrees)] = p
-    return out
-
-
-def _positioning(columns: Floats) -> Floats:
-    """Columns (n, k) of EC as columns of all motions."""
-    out = np.zeros((len(columns), len(MOTIONS), columns.shape[1]))
-    out[:, 5] = columns
+    out = np.zeros((len(u), len(motions), len(motions) * len(degrees)))
+    for i in range(len(motions)):
+        out[:, i, i * len(degrees) : (i + 1) * len(degrees)] = p
     return out
 
 
 def _scale(conditions: Conditions, _: Floats) -> Floats:
-    return _positioning(np.radians(conditions.angle_deg)[:, None] * 1e-6 / ARCSEC)
+    return np.asarray(np.radians(conditions.angle_deg)[:, None, None] * 1e-6 / ARCSEC)
 
 
 def _cyclic(conditions: Conditions, values: Floats) -> Floats:
     a, b, period = values
-    return _positioning(wave(conditions.angle_deg, period, a, b))
+    return wave(conditions.angle_deg, period, a, b)[:, None, :]
 
 
 def _backlash(conditions: Conditions, _: Floats) -> Floats:
-    return _positioning(-conditions.sense[:, None] / 2)
+    return np.asarray(-conditions.sense[:, None, None] / 2)
 
 
 def _drift(conditions: Conditions, _: Floats) -> Floats:
     """Shift of the targets along the instrument's axes, in the frame of the axis."""
-    out = np.zeros((len(conditions.angle_deg), len(MOTIONS), 3))
-    out[:, :3] = conditions.elapsed[:, None, None] * conditions.instrument
-    return out
+    return np.asarray(conditions.elapsed[:, None, None] * conditions.instrument)
 
 
 def _periods(positions: Floats) -> tuple[float, ...]:

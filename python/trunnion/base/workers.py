@@ -1,0 +1,80 @@
+"""Work in several processes, stopped at once by Ctrl-C."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import pickle
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import TypeVar
+
+from trunnion.base.errors import InputError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def map_processes(
+    work: Callable[[T], R], items: Sequence[T], workers: int, done: Callable[[int], None]
+) -> list[R]:
+    """Return ``work(item)`` of every item, in order; one worker is this process itself.
+
+    done: Called with 1 after each item.
+
+    Raises
+    ------
+    InputError
+        A process ended, or what it should work on cannot be sent to it. What `work` raises is
+        raised here.
+    """
+    if min(workers, len(items)) <= 1:
+        return [_counted(work(item), done) for item in items]
+    with processes(min(workers, len(items))) as pool:
+        try:
+            futures: list[Future[R]] = [pool.submit(work, item) for item in items]
+            for future in as_completed(futures):
+                _counted(future.result(), done)
+        except BrokenProcessPool as error:
+            raise InputError(
+                "workers: a process ended before its work was done (out of memory? a script that "
+                'starts processes needs `if __name__ == "__main__":` around its work); expected '
+                "to go on with workers=1"
+            ) from error
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise InputError(
+                f"workers: got data that cannot be sent to another process ({error}), expected "
+                "effects of your own defined at the top of a module, or workers=1"
+            ) from error
+        return [future.result() for future in futures]
+
+
+def _counted(result: R, done: Callable[[int], None]) -> R:
+    done(1)
+    return result
+
+
+@contextmanager
+def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """Processes that are killed when the block is left by an error or by Ctrl-C."""
+    before = set(multiprocessing.active_children())
+    # Not forked: the core's threads would not survive it.
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.kill()
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def _begin() -> None:
+    """Leave Ctrl-C to the process that waits, and the other cores to the other processes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.environ["RAYON_NUM_THREADS"] = "1"

@@ -1,0 +1,171 @@
+"""What a diagnosis says, in sentences."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trunnion.base.units import unit_of
+from trunnion.diagnosis.records import Cause, chance, labelled, percent, with_unit
+from trunnion.files.table import places
+
+if TYPE_CHECKING:
+    from trunnion.diagnosis.result import Diagnosis
+
+MAX_SETS = 6  # in a sentence
+MAX_WORST = 3  # errors that are stated to be in doubt
+MIN_DOUBT = 0.5  # of the uncertainty of such an error
+ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
+
+
+def sentences_of(d: Diagnosis) -> tuple[str, ...]:
+    """Say the verdict first, then what carries it."""
+    said = [_probable(c) for c in d.causes]
+    lines: list[str] = []
+    match d.verdict:
+        case "consistent":
+            lines = [
+                "Consistent: the model explains the data, the residual is noise of "
+                f"{_noise(d)} ({chance(d.p_value)}); that no known cause acts: "
+                f"{percent(d.none_probability)}."
+            ]
+        case "explained" if len(said) == 1:
+            lines = [f"Explained by one cause: {said[0]}."]
+        case "explained" if said:
+            lines = [f"Explained by {len(said)} causes: {'; '.join(said)}."]
+        case "explained":
+            count = "one outlier" if len(d.outliers) == 1 else "the outliers"
+            lines = [f"Explained: the model fits the data without {count}."]
+        case "ambiguous":
+            lines = _ambiguous(d)
+        case "unexplained":
+            lines = [f"Unexplained: no known cause fits; {d.unexplained}."]
+            if said:
+                lines.append(f"Named beside it: {'; '.join(said)}.")
+    if d.unexplained and d.verdict in ("explained", "ambiguous"):
+        lines.append(f"Left unexplained: {d.unexplained}.")
+    if said:
+        falls = all(
+            g.heldout_rms_after_um < g.heldout_rms_before_um for g in (d.gain, *d.gain.others)
+        )
+        verb = "falls" if falls else "changes"
+        lines += [
+            *_bias(d),
+            *(() if d.ladder is None else d.ladder.sentences()),
+            f"Cross-validated rms {verb} {d.gain.fall()}; "
+            f"the plain model alone has {chance(d.p_value)}.",
+        ]
+    weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
+    small = "; ".join(weak)
+    return (
+        *(() if d.reservation is None else (d.reservation,)),
+        *lines,
+        *_left_out(d),
+        *((f"Not excluded: {small}.",) if small else ()),
+        *d.notes,
+    )
+
+
+def _probable(cause: Cause) -> str:
+    return f"{cause.headline()} ({percent(cause.probability)})"
+
+
+def _noise(d: Diagnosis) -> str:
+    if not d.gain.others:
+        return with_unit(f"{d.sigma:.3g}", d.gain.unit)
+    parts = (with_unit(f"{g.rms_after_um:.3g}", u) for u, g in d.gain.by_unit().items())
+    return ", ".join(parts)
+
+
+def _ambiguous(d: Diagnosis) -> list[str]:
+    """Say what is certain, then what is in doubt."""
+    certain = frozenset.intersection(*d.alternatives)
+    lines = [
+        f"Ambiguous: {len(d.alternatives)} sets of causes are equally consistent with the data."
+    ]
+    sure = [_probable(c) for c in d.causes if c.id in certain]
+    if sure:
+        lines.append(f"In all of them: {'; '.join(sure)}.")
+    first = "; ".join(c.headline() for c in d.causes if c.id not in certain)
+    others = [
+        " + ".join(labelled(i, d.labels.get(i, "")) for i in sorted(a.causes - certain))
+        for a in d.evidence[1 : MAX_SETS + 1]
+    ]
+    more = len(d.alternatives) - 1 - len(others)
+    doubt = "; or ".join(
+        f"{text or 'no further cause'} ({percent(a.probability)})"
+        for text, a in zip((first, *others), d.evidence, strict=False)
+    )
+    return [
+        *lines,
+        f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}.",
+        *_widened(d),
+    ]
+
+
+def _widened(d: Diagnosis) -> list[str]:
+    """Say of which errors the uncertainty is mostly the doubt between two sets."""
+    shares = {
+        k: d.doubt[k] / d.errors_std[k]
+        for k in d.rivals
+        if np.isfinite(d.errors_std[k]) and d.doubt[k] > ROUNDING
+    }
+    worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
+    lines = []
+    for name in worst[:MAX_WORST]:
+        std, part = (f"{v[name]:.2g}" for v in (d.errors_std, d.doubt))
+        one, other = d.alternatives[0], d.rivals[name]
+        pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
+        lines.append(
+            f"{name} ± {std} {unit_in(d, name)}, of it ± {part} from the doubt between "
+            f"{' and '.join(pair)}"
+        )
+    return [f"{'; '.join(lines)}."] if lines else []
+
+
+def _bias(d: Diagnosis) -> list[str]:
+    """Name the machine error that the causes had biased most, in its standard errors."""
+    moved = {k: v - d.errors_after.get(k, v) for k, v in d.errors_before.items()}
+    known = {k: m for k, m in moved.items() if np.isfinite(d.errors_std.get(k, 1.0))}
+    if not known:
+        return []
+    sizes = {k: max(d.errors_std.get(k, 1.0), ROUNDING) for k in known}
+    name = max(known, key=lambda k: abs(known[k]) / sizes[k])
+    if abs(known[name]) < sizes[name]:
+        return []
+    return [
+        f"Without {'it' if len(d.causes) == 1 else 'them'}, {name} is biased by "
+        f"{with_unit(f'{abs(known[name]):.2g}', unit_in(d, name))}."
+    ]
+
+
+def _left_out(d: Diagnosis) -> list[str]:
+    """Name outliers by their place, and errors that the data do not identify."""
+    lines = []
+    if d.outliers:
+        what = "Outlier" if len(d.outliers) == 1 else "Outliers"
+        lines.append(f"{what}, left out: {_places(d)}.")
+    lost = [k for k in d.not_identifiable if k in d.errors_after]
+    if lost:
+        reasons = {d.not_identifiable[k] for k in lost}
+        why = next(iter(reasons)) if len(reasons) == 1 else ""
+        lines.append(f"Not identifiable: {', '.join(lost)}{f' ({why})' if why else ''}.")
+    return lines
+
+
+def _places(d: Diagnosis) -> str:
+    """Say where people find the outliers; rows of several measurements are counted on."""
+    if not isinstance(d.data, tuple):
+        return places(d.data, d.outliers)
+    parts, first = [], 0
+    for one in d.data:
+        mine = [row - first for row in d.outliers if 0 <= row - first < len(one)]
+        parts += [places(one, mine)] if mine else []
+        first += len(one)
+    return ", ".join(parts)
+
+
+def unit_in(d: Diagnosis, name: str) -> str:
+    """Return the unit of a parameter."""
+    return d.units.get(name) or unit_of(name)

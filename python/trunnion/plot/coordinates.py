@@ -1,0 +1,297 @@
+"""The coordinate that a cause depends on, found from its model: one rule for every effect.
+
+What a cause does to reading i is written as ``w_i g(x_i)``: w, how something enters the readings
+(as it is, along a direction, or like a parameter that is always fitted), x a recorded quantity (an
+angle, a time, a direction of approach), g a curve over it, one for each class where it needs some.
+Of all pairs of w and x the simplest that explains the change is taken. So a positioning error of a
+rotary axis is drawn as an angle over an angle, a drift as a displacement over time, a backlash over
+the direction, and readings with either sign fall on one curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from trunnion.base.units import Flags, Floats, Integers
+from trunnion.diagnosis.model import Covariate, Model
+
+ALONG = "deviation along "
+ENOUGH = 0.95
+"""Share of a change that a coordinate explains, at least."""
+AS_GOOD = 0.002
+"""Share by which a simpler coordinate may explain less."""
+MAX_LEVELS = 48
+"""Distinct values, up to which each has a place of its own."""
+NODES = (24, 160)
+"""Nodes of a curve over more values; the second where the first is too coarse."""
+MAX_CLASSES = 6
+MAX_READINGS = 4000
+"""For the search; the curve uses all."""
+MAX_HARMONIC = 12
+EXACT = 1e-3
+DENSE = 241
+AS_PARAMETER = 12.0
+"""What it costs a reader that an amount is given as one of a parameter."""
+MIN_WEIGHT = 0.25
+"""Of the largest: readings that feel less say too little of the amount."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weight:
+    """How an amount enters each reading, (n,), its name and unit, and what it costs a reader."""
+
+    name: str
+    unit: str
+    enters: Floats
+    cost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinate:
+    """What a cause is drawn over.
+
+    Attributes
+    ----------
+    x
+        The recorded quantity, each (n,).
+    weight
+        How the amount enters.
+    split
+        Class of each reading, (n,), where each class has its own curve; None: one curve.
+    names
+        Of the classes.
+    share
+        Of the change (mean square) that such a curve explains.
+    """
+
+    x: Covariate
+    weight: Weight
+    split: Integers | None
+    names: tuple[str, ...]
+    share: float
+
+    @cached_property
+    def positions(self) -> Floats:
+        """Place of each reading on the x axis, (n,)."""
+        return positions(self.x)[0]
+
+    def clear(self) -> Flags:
+        """Whether each reading feels enough of the amount to be drawn, (n,)."""
+        size = np.abs(self.weight.enters)
+        return np.asarray(size >= MIN_WEIGHT * size.max(initial=0.0)) & (size > 0)
+
+    def curve(self, columns: Floats, rows: Flags) -> list[tuple[str, Floats, Floats]]:
+        """Curves through columns (n, k) of changes: class, x (m,) and amounts (m, k)."""
+        split = np.zeros(len(columns), dtype=np.intp) if self.split is None else self.split
+        out = []
+        for index, name in enumerate(self.names or ("",)):
+            mine = rows & (split == index) & self.clear()
+            if mine.any():
+                place = self.positions[mine]
+                dense, amounts = _curve(place, self.weight.enters[mine], columns[mine], self.x)
+                out.append((name, dense, amounts))
+        return out
+
+
+def coordinate_of(
+    change: Floats,
+    covariates: Sequence[Covariate],
+    weights: Sequence[Weight],
+    rows: Flags,
+    *,
+    timed: bool = False,
+) -> Coordinate | None:
+    """Return the coordinate that explains a change (n,) of readings; None where none does.
+
+    Parameters
+    ----------
+    rows
+        Readings that count, (n,).
+    timed
+        Whether the cause acts by time: where something else explains it as well, time is taken.
+    """
+    at = np.flatnonzero(rows)
+    if not len(at) or not np.any(change[at]):
+        return None
+    if len(at) > MAX_READINGS:
+        at = at[:: -(-len(at) // MAX_READINGS)]
+    pairs = _pairs([*covariates, *_directions(weights)], weights)
+    for nodes in NODES:
+        found = []
+        for made, cost in pairs:
+            share, used = _explained(change, made, at, nodes)
+            cost += used + 20 * (timed and not _is_time(made.x))
+            if made.weight.cost >= AS_PARAMETER:  # of these the one that most readings feel
+                cost += 10 * float(1 - made.clear()[at].mean())
+            found.append((share, cost, made))
+        enough = [entry for entry in found if entry[0] >= ENOUGH]
+        # The order of things explains much by chance: it stands back where it needs classes.
+        plain = [e for e in enough if e[2].split is None or not e[2].x.sequence]
+        if chosen := plain or enough:
+            best = max(share for share, _, _ in chosen)
+            good = [entry for entry in chosen if entry[0] >= best - AS_GOOD]
+            share, _, made = min(good, key=lambda entry: entry[1])
+            return replace(made, share=share)
+    return None
+
+
+def _pairs(
+    covariates: Sequence[Covariate], weights: Sequence[Weight]
+) -> list[tuple[Coordinate, float]]:
+    """Every pair of a weight and a quantity, whole and by classes, with what it costs a reader."""
+    splits = [s for v in covariates if (s := _split(v)) is not None]
+    out = []
+    for weight in weights:
+        for v in covariates:
+            cost = weight.cost + _clumsiness(v)
+            out.append((Coordinate(v, weight, None, (), 0.0), cost))
+            for of, index, names in splits:
+                if not v.classes and of is not v:
+                    by = Coordinate(v, weight, index, names, 0.0)
+                    out.append((by, cost + 10 * (len(names) - 1)))
+    return out
+
+
+def _is_time(v: Covariate) -> bool:
+    return v.unit in ("s", "min", "h")
+
+
+def weights_of(
+    model: Model, nuisance: Floats, unit: str, labels: Mapping[str, str]
+) -> list[Weight]:
+    """Return how something may enter the readings of a model, the simplest first.
+
+    unit: Of the readings. labels: What a parameter that is always fitted is called, by name.
+    """
+    out = []
+    for name, enters in model.components.items():
+        if name:
+            along = f"{ALONG}{name}" if len(name) == 1 else f"deviation, {name}"
+            out.append(Weight(along, unit, np.asarray(enters, dtype=np.float64)))
+    out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
+    columns = model.jacobian(nuisance, {})
+    for j, one in enumerate(model.nuisance):
+        label = f"as {labels.get(one.name, one.name)}"
+        out.append(Weight(label, one.unit, np.asarray(columns[:, j]), AS_PARAMETER + 0.01 * j))
+    return [w for w in out if np.any(w.enters)]
+
+
+def positions(v: Covariate) -> tuple[Floats, tuple[str, ...]]:
+    """Return places on an axis (n,), and what stands at 0, 1, 2, ... of classes."""
+    if not v.classes:
+        return np.asarray(v.values, dtype=np.float64), ()
+    labels, index = np.unique(v.values, return_inverse=True)
+    return index.reshape(-1).astype(np.float64), tuple(map(str, labels))
+
+
+def _directions(weights: Sequence[Weight]) -> list[Covariate]:
+    """Sense in which a reading was approached, along each direction that has both."""
+    out = []
+    for weight in weights:
+        sense = np.sign(weight.enters)
+        if weight.name.startswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
+            name = f"direction along {weight.name.removeprefix(ALONG)}"
+            words = np.array(["−", "across", "+"])[sense.astype(int) + 1]
+            out.append(Covariate(name, words, classes=True))
+    return out
+
+
+def _split(v: Covariate) -> tuple[Covariate, Integers, tuple[str, ...]] | None:
+    """Return a quantity of few classes, the class of each reading, and their names."""
+    labels, index = np.unique(v.values, return_inverse=True)
+    if not v.classes or not 2 <= len(labels) <= MAX_CLASSES:
+        return None
+    names = tuple(f"{v.name} {label}" for label in labels)
+    return v, index.reshape(-1).astype(np.intp), names
+
+
+def _clumsiness(v: Covariate) -> float:
+    """How much simpler another coordinate would be: names of places say little of a law."""
+    many = len(np.unique(v.values)) > MAX_CLASSES
+    return 30.0 * (v.classes and many) + 5.0 * (v.sequence and not v.unit)
+
+
+def _explained(change: Floats, made: Coordinate, at: Integers, nodes: int) -> tuple[float, int]:
+    """Share of a change that a curve over a covariate explains, corrected for what it uses."""
+    c, w, x = change[at], made.weight.enters[at], made.positions[at]
+    which = np.zeros(len(at), dtype=np.intp) if made.split is None else made.split[at]
+    left, used = 0.0, 0
+    for index in range(max(len(made.names), 1)):
+        mine = which == index
+        if mine.any():
+            fitted, size = _fitted(x[mine], w[mine], c[mine], made.x, nodes)
+            left += float(np.sum((c[mine] - fitted) ** 2))
+            used += size
+    free = len(at) - used
+    total = float(np.sum(c * c))
+    return (1 - left / free / (total / len(at)) if free > 0 else -np.inf), used
+
+
+def _fitted(x: Floats, w: Floats, c: Floats, v: Covariate, nodes: int) -> tuple[Floats, int]:
+    """Return w g(x) fitted to c, each (n,), and how many values g has."""
+    levels, index = np.unique(x, return_inverse=True)
+    if len(levels) <= MAX_LEVELS or v.classes:
+        top = np.bincount(index, w * c)
+        under = np.bincount(index, w * w)
+        g = np.divide(top, under, out=np.zeros_like(top), where=under > 0)
+        return w * g[index], len(levels)
+    low, step = float(levels[0]), float(levels[-1] - levels[0]) / (nodes - 1)
+    place = (x - low) / step
+    left = np.minimum(place.astype(np.intp), nodes - 2)
+    part = place - left
+    a, b = w * (1 - part), w * part
+    own = np.bincount(left, a * a, nodes) + np.bincount(left + 1, b * b, nodes)
+    beside = np.bincount(left, a * b, nodes)
+    top = np.bincount(left, a * c, nodes) + np.bincount(left + 1, b * c, nodes)
+    bands = np.stack([np.append(0.0, beside[:-1]), own + 1e-9 * (own.max() or 1.0)])
+    g = solveh_banded(bands, top)
+    return a * g[left] + b * g[left + 1], nodes
+
+
+def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats, Floats]:
+    """Return amounts (m, k) at places (m,): dense where they follow a known law, else where read.
+
+    A quantity with a period takes one harmonic, any other a parabola, where that is exact.
+    """
+    levels, index = np.unique(x, return_inverse=True)
+    under = np.bincount(index, w * w)
+    amounts = np.stack([np.bincount(index, w * c) / under for c in columns.T], axis=1)
+    if v.classes or len(levels) < 3:
+        return levels, amounts
+    turn = v.period
+    dense = np.linspace(levels[0], levels[-1] if turn is None else levels[0] + turn, DENSE)
+    for basis in _laws(turn, len(levels)):
+        at = basis(levels)
+        values, *_ = np.linalg.lstsq(at, amounts, rcond=1e-10)
+        size = np.abs(amounts).max(initial=0.0)
+        if np.abs(at @ values - amounts).max(initial=0.0) <= EXACT * size + 1e-12:
+            return dense, basis(dense) @ values
+    if len(levels) > DENSE:
+        return dense, np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
+    return levels, amounts
+
+
+@dataclass(frozen=True)
+class _Harmonic:
+    turn: float
+    order: int
+
+    def __call__(self, x: Floats) -> Floats:
+        angle = 2 * np.pi * self.order * x / self.turn
+        return np.stack([np.ones_like(x), np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _parabola(x: Floats) -> Floats:
+    middle, half = (x.max() + x.min()) / 2, max(float(np.ptp(x)) / 2, 1e-12)
+    return np.vander((x - middle) / half, 3)
+
+
+def _laws(turn: float | None, levels: int) -> list[Callable[[Floats], Floats]]:
+    if turn is None:
+        return [_parabola] if levels > 3 else []
+    return [_Harmonic(turn, order) for order in range(1, MAX_HARMONIC + 1)]

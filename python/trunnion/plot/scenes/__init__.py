@@ -1,0 +1,1 @@
+"""Views in space that one can turn: Plotly figures made of plain traces."""

@@ -1,0 +1,76 @@
+"""What the set-up states of the probe, the artefact and the machine's steps, as inputs of touches.
+
+Each is how the readings change with something that is known only within its standard uncertainty:
+the inputs of type B of an uncertainty budget (JCGM 100:2008, 4.3).
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from trunnion.base.units import Floats, unit_of
+from trunnion.data.touches import Touches
+from trunnion.machine.budget import Input
+from trunnion.probing.model import TouchModel, catalogue, stops_of
+from trunnion.setup import Setup
+
+STEP_ARCSEC = 10.0
+"""Of a rotary axis, over which its effect on the readings is differenced."""
+DIMENSIONS = ("artefact_length", "artefact_width", "artefact_height", "artefact_diameter")
+
+
+def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, ...]:
+    """List what the set-up states an uncertainty of, with its influence on touches.
+
+    ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,).
+    """
+    artefact, probe = model.setup.artefact, model.setup.probe
+    expansion = artefact.expansion_ppm_k * artefact.temperature_std_k
+    sizes = (k.replace("_", " ") for k in DIMENSIONS)
+    stated = {
+        "probe_radius": ("calibration of the probe's ball", probe.calibration_um),
+        **{
+            k: (f"calibration of the {name}", artefact.calibration_um)
+            for k, name in zip(DIMENSIONS, sizes, strict=True)
+        },
+        "artefact_squareness": (
+            "calibration of the artefact's squareness",
+            artefact.calibration_arcsec,
+        ),
+        "artefact_expansion": ("temperature of the artefact", expansion),
+    }
+    given = {k: one for k, one in stated.items() if one[1] > 0}
+    return (*_known_to(model.setup, data, given), *_rotary_steps(model, data, values))
+
+
+def _known_to(
+    setup: Setup, data: Touches, stated: Mapping[str, tuple[str, float]]
+) -> Iterator[Input]:
+    """Effects that are known to be nothing within a standard uncertainty: id → name, std."""
+    known = {info.id for info in catalogue(setup)} if stated else set()
+    ids = [k for k in stated if k in known]
+    if not ids:
+        return
+    model = TouchModel(setup, ids)
+    columns = model.core.linearise(model.moves(data), model.values())[1]
+    for id_ in ids:
+        (at,) = (i for i, name in enumerate(model.names) if name.startswith(f"{id_}."))
+        yield Input(*stated[id_], unit_of(model.names[at]), columns[:, [at]])
+
+
+def _rotary_steps(model: TouchModel, data: Touches, values: Floats) -> Iterator[Input]:
+    """Rounding of the commands to each rotary axis, in each of its positions."""
+    step = model.setup.resolution.rotary_arcsec
+    stops = stops_of(data)
+    at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
+    for letter, positions in data.rotary_deg.items() if step > 0 else ():
+        ahead, behind = (
+            model.core.residuals(
+                model.moves(data, turned={letter: positions + sign * STEP_ARCSEC / 3600.0}), values
+            )
+            for sign in (1.0, -1.0)
+        )
+        change = (behind - ahead) / (2 * STEP_ARCSEC)
+        columns = np.where(at_stop, change[:, None], 0.0)
+        name = f"steps of the {letter.upper()} axis"
+        yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular")

@@ -1,0 +1,144 @@
+"""Which document a result makes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.conformity import Conformity, Decision
+from trunnion.base.report import Result
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.estimate import Estimate
+from trunnion.models.changes import MachineComparison
+from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
+from trunnion.reports.budget import budget_section
+from trunnion.reports.diagnosis import diagnosis_document
+from trunnion.reports.document import Document, Item, Mark, Points, Section
+from trunnion.reports.results import Figure, figures_table, location_errors, of_interest
+from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of
+
+MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
+CONFORMITY = {
+    Decision.PASS: "All tolerances are kept.",
+    Decision.FAIL: "A tolerance is exceeded.",
+    Decision.UNDECIDED: "Of a tolerance it is not decided: the uncertainty is too large.",
+}
+MAX_CORRELATED = 40
+
+
+def document(result: Result, source: Source) -> Document:
+    """Return the document of a result."""
+    for kind, build in BUILDERS:
+        if isinstance(result, kind):
+            return build(result, source)
+    return _general(result, source)
+
+
+def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark, str]:
+    """Return the mark of a verdict with what was decided of tolerances before it."""
+    if not decisions:
+        return plain, text
+    worst = next(d for d in (Decision.FAIL, Decision.UNDECIDED, Decision.PASS) if d in decisions)
+    return MARKS[worst], f"{CONFORMITY[worst]} {text}"
+
+
+def _general(result: Result, source: Source) -> Document:
+    """Sentences, tables and pictures as the result has them; figures with their uncertainty."""
+    sentences, tables = list(result.sentences()), list(result.tables())
+    found, decisions = figures_table("Results", figures_of(result), source.tolerance)
+    shown = drawn(result)
+    if found.rows:
+        tables = [found, *tables[1:]]
+    text = " ".join(sentences[:1]) or result.headline()
+    mark, text = verdict_of(text, decisions, Mark.NEUTRAL)
+    if isinstance(result, Conformity):
+        mark = MARKS[result.decision]
+    sections = (
+        Section("What else is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
+        Section("Pictures", tuple(shown[1:])),
+        Section("Tables", tuple(tables[1:])),
+        budget_section(result),
+        source.section(),
+    )
+    return Document(
+        result.title(), source.subtitle(), mark, text, (*tables[:1], *shown[:1]), sections
+    )
+
+
+def _estimate(result: Estimate, source: Source) -> Document:
+    """Location errors first, then what is known of the fit."""
+    old = source.setup.machine.errors if source.setup else {}
+    errors, decisions = figures_table(
+        "Errors of the machine",
+        location_errors(result.errors, result.std_errors, old, {}),
+        source.tolerance,
+    )
+    others = [
+        Figure(p.name, p.name, p.value, p.std_error, p.unit)
+        for p in result.parameters
+        if p.name not in result.errors
+    ]
+    rest, _ = figures_table("Placement of the artefact, and effects", others, {})
+    lost = len([s for s in result.std_errors.values() if not np.isfinite(s)])
+    text = of_interest(result.errors, result.std_errors)
+    mark, text = verdict_of(text, decisions, Mark.DOUBT if lost else Mark.NEUTRAL)
+    if not getattr(result, "converged", True):
+        mark, text = Mark.BAD, "The fit did not converge: do not use these numbers."
+    if doubts := result.derived().get("doubts"):
+        mark, text = Mark.BAD, f"{doubts[0]} {text}"
+    sentences = tuple(result.sentences())
+    shown = drawn(result)
+    sections = (
+        Section("What is known of the fit", (Points(sentences),) if sentences else ()),
+        Section("Pictures", tuple(shown[1:])),
+        Section("Residuals", tuple(_residuals(result))),
+        Section("Correlation of the estimates", tuple(_correlation(result))),
+        Section("Other parameters", (rest,) if rest.rows else ()),
+        budget_section(result),
+        source.section(),
+    )
+    return Document(result.title(), source.subtitle(), mark, text, (errors, *shown[:1]), sections)
+
+
+def _residuals(result: Estimate) -> list[Item]:
+    residuals = getattr(result, "residuals_um", None)
+    if residuals is None or not len(residuals):
+        return []
+    values = np.asarray(residuals, dtype=np.float64)
+    return [order_picture(values, "µm"), normal_picture(values, "µm")]
+
+
+def _correlation(result: Estimate) -> list[Item]:
+    known = np.diag(result.covariance) > 0 if result.names else np.zeros(0, dtype=bool)
+    count = int(known.sum())
+    if not 2 <= count <= MAX_CORRELATED:
+        return []
+    names = [name for name, kept in zip(result.names, known, strict=True) if kept]
+    return [correlation_picture(names, result.covariance[np.ix_(known, known)])]
+
+
+def _comparison(result: MachineComparison, source: Source) -> Document:
+    """What changed, with the change and its uncertainty before all else."""
+    sentences, tables = list(result.sentences()), list(result.tables())
+    figures = [Figure(q.name, q.called, q.change, q.std_error, q.unit) for q in result.quantities]
+    changed, decisions = figures_table("Changes", figures, source.tolerance)
+    mark, text = verdict_of(sentences[0], decisions, Mark.DOUBT if result.changed else Mark.GOOD)
+    shown = drawn(result)
+    sections = (
+        Section("What else is known", (Points(tuple(sentences[1:])),)),
+        Section("Pictures", tuple(shown[1:])),
+        Section("Before and after", tuple(tables)),
+        source.section(),
+    )
+    return Document(result.title(), source.subtitle(), mark, text, (changed, *shown[:1]), sections)
+
+
+BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (
+    (Diagnosis, diagnosis_document),
+    (MachineComparison, _comparison),
+    (Estimate, _estimate),
+)
+"""Class of a result → what makes its document; any other result has a general one."""

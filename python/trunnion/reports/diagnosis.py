@@ -1,0 +1,288 @@
+"""The report of a diagnosis: verdict, results, what to do, then the evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.base.units import unit_of, without_unit
+from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.files.table import Table as DataTable
+from trunnion.files.table import places
+from trunnion.machine.effects import Owner
+from trunnion.plot.diagnosis import (
+    alternatives_picture,
+    cause_picture,
+    diagnostics,
+    ladder_picture,
+    record_of,
+    residual_picture,
+    touched,
+)
+from trunnion.plot.picture import Picture
+from trunnion.plot.statistics import estimates_picture
+from trunnion.reports.budget import budget_section
+from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
+from trunnion.reports.hover import hovered
+from trunnion.reports.results import figures_table, location_errors
+from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of, standard_results
+
+MARKS = {
+    "consistent": Mark.GOOD,
+    "explained": Mark.NEUTRAL,
+    "ambiguous": Mark.DOUBT,
+    "unexplained": Mark.BAD,
+}
+MAX_OUTLIERS = 50
+MAX_PARAMETERS = 6  # of a cause
+MAX_SETS = 4  # in the verdict
+TODO = {
+    Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
+    Owner.TIME: "{what}: let the machine warm up, keep the temperature, or measure faster.",
+    Owner.INSTRUMENT: "{what}: it is the instrument's, not the machine's; calibrate the "
+    "instrument. The results above are free of it.",
+    Owner.ARTEFACT: "{what}: it is the artefact's, not the machine's; have the artefact "
+    "calibrated. The results above are free of it.",
+    Owner.PLACEMENT: "{what}: it is how the artefact stood, not the machine; clamp it anew. "
+    "The results above are free of it.",
+    Owner.WORKPIECE: "{what}: it belongs to this part, not to the machine.",
+}
+
+
+def diagnosis_document(result: Result, source: Source) -> Document:
+    """Return the document of a diagnosis."""
+    assert isinstance(result, Diagnosis)
+    d = result
+    sentences = d.sentences()
+    errors, decisions = _errors(d, source)
+    causes = _causes(d)
+    first, *others = _pictures(d, source)
+    standard = [r for one in source.data for r in standard_results(one)]
+    judged = [_judged(r, source) for r in standard]
+    top = [t for t in (causes, errors, *judged) if t.rows]
+    verdict = _verdict(d)
+    if "fail" in decisions:
+        verdict += " A tolerance is exceeded."
+    elif "undecided" in decisions:
+        verdict += " Of a tolerance it is not decided: the uncertainty is too large."
+    kind = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in source.data))
+    return Document(
+        f"Diagnosis{f' of {kind}' if kind else ''}: {d.verdict}",
+        source.subtitle(),
+        Mark.BAD if "fail" in decisions else MARKS[d.verdict],
+        verdict,
+        (*top, *_to_do(d, source), first),
+        (
+            Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
+            Section("Each cause", tuple(others)),
+            Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
+            Section("How much each cause explains", tuple(_ladder(d))),
+            Section("What else would explain the data", tuple(_alternatives(d))),
+            Section("Outliers", tuple(_outliers(d, source))),
+            Section("What the residual looks like", tuple(_diagnostics(d, source))),
+            Section("What these data do not identify", tuple(_lost(d))),
+            budget_section(d.model),
+            source.section(),
+        ),
+        {c.id: Group(_label(c), record_of(d).rows[touched(d, c.id)]) for c in d.causes},
+    )
+
+
+def _verdict(d: Diagnosis) -> str:
+    """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
+    if not d.causes:
+        return d.sentences()[0]
+    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
+    sure = [_likely(c) for c in d.causes if c.id in certain]
+    doubted = [
+        " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
+        + f" ({percent(a.probability)})"
+        for a in d.evidence[:MAX_SETS]
+        if a.causes - certain
+    ]
+    parts = []
+    if sure:
+        parts.append(f"Found: {'; '.join(sure)}.")
+    if len(d.alternatives) > 1:
+        more = len(d.alternatives) - len(doubted)
+        other = f" or one of {more} other sets" if more > 1 else ""
+        parts.append(f"In doubt: {' or '.join(doubted) or 'further causes'}{other}.")
+    if d.unexplained:
+        parts.append(f"Not explained: {d.unexplained}.")
+    return " ".join(parts)
+
+
+def _likely(c: Cause) -> str:
+    label = c.label or c.id.replace("_", " ")
+    return f"{label} ({percent(c.probability)})"
+
+
+def _judged(result: Result, source: Source) -> Table:
+    """Figures of a standard with U and tolerances; none where the result has no uncertainty."""
+    return figures_table(result.title(), figures_of(result), source.tolerance)[0]
+
+
+def _by_standard(result: Result) -> list[Item]:
+    return [*drawn(result), *result.sentences(), *(() if figures_of(result) else result.tables())]
+
+
+def _label(cause: Cause) -> str:
+    text = cause.label or cause.id.replace("_", " ")
+    return text[:1].upper() + text[1:]
+
+
+def _errors(d: Diagnosis, source: Source) -> tuple[Table, list[str]]:
+    """The machine's errors, causes taken off."""
+    old = source.setup.machine.errors if source.setup else {}
+    figures = location_errors(d.errors_after, d.errors_std, old, d.units)
+    title = "Errors of the machine" + (", the causes taken off" if d.causes else "")
+    table, decisions = figures_table(title, figures, source.tolerance)
+    return table, [str(one) for one in decisions]
+
+
+def _causes(d: Diagnosis) -> Table:
+    """Each named cause with its size and probability."""
+    rows = []
+    for c in d.causes:
+        size = _size(c)
+        share = next((x for x in d.contributions if x.id == c.id), None)
+        explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
+        sure = Shown(c.probability, percent(c.probability))
+        rows.append((_label(c), c.id, size, sure, explains))
+    columns = ("", "name in programs", "size ± U (k = 2)", "probability", "explains")
+    return Table.of("What is wrong", columns, rows)
+
+
+def _size(c: Cause) -> str:
+    """Say the parameters with U (k = 2); of many their number."""
+    if len(c.parameters) > MAX_PARAMETERS:
+        return f"{len(c.parameters)} parameters"
+    said = []
+    for name, value in c.parameters.items():
+        text = value_in_words(value, _twice(c.std_errors[name]), unit_of(name))
+        said.append(f"{without_unit(name)} = {text}" if len(c.parameters) > 1 else text)
+    return "; ".join(said)
+
+
+def _twice(std: float | None) -> float | None:
+    return None if std is None else 2 * std
+
+
+def _to_do(d: Diagnosis, source: Source) -> list[Item]:
+    """Say what follows."""
+    lines = []
+    owners = getattr(d.model, "owners", {})
+    if not owners and d.data is not None and d.causes:
+        owners = {e.id: e.owner for e in d.rebuilt_model().effects}
+    if d.verdict == "ambiguous":
+        lines.append(
+            "More than one set of causes fits: act on none that is in doubt before further "
+            "readings have decided (trunnion diagnose --next plans touches that do)."
+        )
+    if d.verdict == "unexplained":
+        lines.append(
+            "Something acts that no known cause makes: do not trust the results before it is "
+            f"found. Look for what depends on {_dependence(d)}."
+        )
+    for c in d.causes:
+        said = TODO[owners.get(c.id, Owner.MACHINE)].format(what=_label(c))
+        lines.append(said if c.probability > 0.5 else f"If it is there: {said}")
+    if d.outliers:
+        lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
+    if d.errors_after and d.verdict in ("consistent", "explained"):
+        lines.append("Enter the new values of the errors in the control (trunnion compensate).")
+    if not lines:
+        lines.append("Nothing: the readings are as the model says, but for noise.")
+    return [Points(tuple(lines), "What to do")]
+
+
+def _dependence(d: Diagnosis) -> str:
+    text = (d.unexplained or "").partition("depends on ")[2]
+    return text.partition(":")[0] or "the residual below"
+
+
+def _places(d: Diagnosis, source: Source) -> str:
+    return ", ".join(place for _, place in _outlier_places(d.outliers, source.data))
+
+
+def _outlier_places(rows: Iterable[int], data: tuple[DataTable, ...]) -> list[tuple[int, str]]:
+    """Row and place of each outlier; rows of several measurements are counted on."""
+    out = []
+    for row in rows:
+        left, place = row, f"row {row} (counted from 0)"
+        for one in data:
+            if left < len(one):
+                place = places(one, [left])
+                break
+            left -= len(one)
+        out.append((row, place))
+    return out
+
+
+def _pictures(d: Diagnosis, source: Source) -> list[Picture]:
+    """One picture a cause, the strongest first; without a cause what is found, or what is left."""
+    shown = [cause_picture(d, c.id) for c in d.causes]
+    if not shown and d.verdict == "consistent" and d.errors_after:
+        shown = _of_errors(d)
+    if not shown or d.verdict == "unexplained":
+        shown = [residual_picture(d), *shown]
+    return [hovered(p, source.data) for p in shown]
+
+
+def _of_errors(d: Diagnosis) -> list[Picture]:
+    units: dict[str, list[str]] = {}
+    for name in d.errors_after:
+        if np.isfinite(d.errors_std.get(name, np.inf)):
+            units.setdefault(d.units.get(name) or unit_of(name), []).append(name)
+    return [
+        estimates_picture(names, d.errors_after, d.errors_std, unit)
+        for unit, names in units.items()
+    ]
+
+
+def _ladder(d: Diagnosis) -> list[Item]:
+    picture = ladder_picture(d)
+    tables = [t for t in d.tables() if t.title not in ("Estimates", "Sets of causes")]
+    kept = [t for t in tables if t.title != "Not identifiable"]
+    return [*([picture] if picture else []), *kept]
+
+
+def _alternatives(d: Diagnosis) -> list[Item]:
+    picture = alternatives_picture(d)
+    if picture is None:
+        return []
+    tables = [t for t in d.tables() if t.title == "Sets of causes"]
+    return [picture, *tables]
+
+
+def _outliers(d: Diagnosis, source: Source) -> list[Item]:
+    if not d.outliers:
+        return []
+    record = record_of(d)
+    rows = []
+    for row, place in _outlier_places(d.outliers[:MAX_OUTLIERS], source.data):
+        at = np.flatnonzero(record.rows == row)
+        size = float(np.max(np.abs(record.before[at]))) if len(at) else None
+        rows.append((place, None if size is None else significant(size)))
+    table = Table.of("Readings that belong to no model", ("", f"residual, {record.unit}"), rows)
+    more = len(d.outliers) - len(rows)
+    return [table, *([f"{more} more are not listed."] if more > 0 else [])]
+
+
+def _diagnostics(d: Diagnosis, source: Source) -> list[Item]:
+    if d.residuals is None:
+        return []
+    shown = [hovered(p, source.data) for p in diagnostics(d)]
+    left = hovered(residual_picture(d), source.data) if d.causes else None
+    return [*([left] if left else []), *shown]
+
+
+def _lost(d: Diagnosis) -> list[Item]:
+    if not d.not_identifiable:
+        return []
+    rows = [(labelled(k, d.labels.get(k, "")), why) for k, why in d.not_identifiable.items()]
+    return [Table.of("Not identifiable", ("", "why"), rows)]

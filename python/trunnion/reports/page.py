@@ -1,0 +1,217 @@
+"""A document as one HTML page that needs no network: style, script and pictures are in it.
+
+Everything that is not written here is escaped: titles, sentences and cells may come from files.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+from trunnion.base.conformity import Decision
+from trunnion.base.report import Cell, Table
+from trunnion.plot.picture import Kind, Picture
+from trunnion.reports.document import Document, Interactive, Item, Listing, Points, Section, Still
+
+MIN_SORTED = 3  # rows, from which a table can be sorted
+SHORT = 24  # characters of a first column that does not wrap
+POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+"""The page itself forbids every connection."""
+
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="$policy">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="trunnion">
+<meta name="color-scheme" content="light dark">
+<title>$title</title>
+<style>
+$style
+</style>
+</head>
+<body>
+<main>
+$body
+</main>
+$scripts
+</body>
+</html>
+""")
+
+
+class _Writer:
+    """Writes the items of a document and collects its interactive pictures."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.figures: list[dict[str, Any]] = []
+
+    def body(self) -> str:
+        """Return heading, verdict, results, sections."""
+        d = self.document
+        under = f'<p class="subtitle">{html.escape(d.subtitle)}</p>' if d.subtitle else ""
+        verdict = (
+            f'<p class="verdict {d.mark}"><strong>Result</strong> {html.escape(d.verdict)}</p>'
+        )
+        parts = [
+            f"<header><h1>{html.escape(d.title)}</h1>{under}{verdict}</header>",
+            *map(self.item, d.top),
+            self._highlight(),
+            *(self._section(s) for s in d.sections if s.items),
+        ]
+        return "\n".join(parts)
+
+    def _section(self, section: Section) -> str:
+        inner = "\n".join(map(self.item, section.items))
+        return f"<section><h2>{html.escape(section.title)}</h2>\n{inner}\n</section>"
+
+    def _highlight(self) -> str:
+        """Return the buttons that highlight the readings of each group."""
+        if not self.document.groups or not self.figures:
+            return ""
+        buttons = "".join(
+            f'<button type="button" data-group="{html.escape(key)}" aria-pressed="false">'
+            f"{html.escape(group.label)}</button>"
+            for key, group in self.document.groups.items()
+        )
+        return (
+            '<div class="highlight" role="group" aria-label="Highlight readings">'
+            f"<span>Highlight in all pictures the readings of</span> {buttons}</div>"
+        )
+
+    def item(self, item: Item) -> str:
+        """Return one item as HTML."""
+        match item:
+            case str():
+                return f"<p>{html.escape(item)}</p>"
+            case Table():
+                return table(item)
+            case Listing():
+                return f'<pre tabindex="0">{html.escape(item.text)}</pre>'
+            case Points():
+                rows = "".join(f"<li>{html.escape(one)}</li>" for one in item.sentences)
+                head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""
+                return f"{head}<ul>{rows}</ul>"
+            case Still():
+                alt = html.escape(item.alt, quote=True)
+                still = f'<div class="still" role="img" aria-label="{alt}">{item.svg}</div>'
+                return f"<figure>{still}</figure>"
+        return self._figure(item)
+
+    def _figure(self, picture: Interactive) -> str:
+        if isinstance(picture, Picture):
+            picture = picture.thinned()
+        number = len(self.figures)
+        self.figures.append(picture.to_plotly())
+        height = _height(picture)
+        note = f'<p class="note">{html.escape(picture.note)}</p>' if picture.note else ""
+        key = getattr(picture, "key", "")
+        mine = self.document.groups.get(key)
+        button = (
+            f'<button type="button" data-group="{html.escape(key)}" aria-pressed="false">'
+            "highlight its readings</button>"
+            if mine is not None
+            else ""
+        )
+        alt = html.escape(picture.description)
+        return (
+            f'<figure><figcaption id="caption{number}">{html.escape(picture.title)}{button}'
+            f'</figcaption><div class="plot" style="height:{height}px" data-figure="{number}">'
+            f'</div><p class="described">{alt}</p>{note}</figure>'
+        )
+
+    def scripts(self) -> str:
+        """Return the pictures, the library that draws them, and the script of the page."""
+        own = _asset("report.js")
+        groups = {k: [g.rows.tolist()] for k, g in self.document.groups.items()}
+        data = _json({"figures": self.figures, "groups": groups})
+        parts = [f'<script type="application/json" id="report-data">{data}</script>']
+        if self.figures:
+            from plotly.offline import get_plotlyjs
+
+            parts.append(f"<script>{get_plotlyjs()}</script>")
+        return "\n".join([*parts, f"<script>{own}</script>"])
+
+
+def _height(picture: Interactive) -> int:
+    """Height in pixels: of bars by their number, of maps and polar plots as wide as high."""
+    if not isinstance(picture, Picture):
+        return 520
+    if picture.kind is not Kind.CARTESIAN:
+        return 500
+    return 110 + 34 * len(picture.y.names) if picture.y.names else 340
+
+
+def page(document: Document) -> str:
+    """Return a document as the text of an HTML page."""
+    writer = _Writer(document)
+    body = writer.body()
+    return _PAGE.substitute(
+        policy=POLICY,
+        title=html.escape(document.title),
+        style=_asset("report.css"),
+        body=body,
+        scripts=writer.scripts(),
+    )
+
+
+def table(of: Table) -> str:
+    """Return a table: headings that sort it, numbers with the value that they are sorted by."""
+    if not of.rows:
+        return ""
+    sorts = len(of.rows) >= MIN_SORTED
+    texts = of.cells()
+    # A column of numbers is set flush right.
+    numeric = [
+        index > 0 and any(isinstance(row[index], float | int) for row in of.rows)
+        for index in range(len(of.columns))
+    ]
+    head = "".join(
+        _heading(name or "item", "num" if number else "", sorts=sorts)
+        for name, number in zip(of.columns, numeric, strict=True)
+    )
+    body = "".join(
+        f"<tr>{''.join(map(_cell, row, shown, numeric, range(len(row))))}</tr>"
+        for row, shown in zip(of.rows, texts, strict=True)
+    )
+    title = html.escape(of.title)
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{title}"><table>'
+        f"<caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+        "</table></div>"
+    )
+
+
+def _heading(name: str, kind: str, *, sorts: bool) -> str:
+    text = html.escape(name)
+    inner = f'<button type="button" class="sort">{text}</button>' if sorts else text
+    return f'<th scope="col" class="{kind}">{inner}</th>'
+
+
+def _cell(value: Cell, text: str, numeric: bool, place: int) -> str:
+    shown = html.escape(text)
+    if text in tuple(Decision):
+        shown = f'<span class="badge {text}">{shown}</span>'
+    if place == 0:
+        whole = ' class="whole"' if len(text) <= SHORT else ""
+        return f'<th scope="row"{whole}>{shown}</th>'
+    key = f' data-value="{float(value):.9g}"' if isinstance(value, float | int) else ""
+    return f"<td{' class=num' if numeric else ''}{key}>{shown}</td>"
+
+
+def _json(value: Any) -> str:
+    """Return JSON that cannot end the script that it stands in."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _asset(name: str) -> str:
+    return files("trunnion.reports").joinpath(name).read_text(encoding="utf-8")

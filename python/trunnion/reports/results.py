@@ -1,0 +1,126 @@
+"""The table that people came for: each result with U (k = 2), the value before, the tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.conformity import Decision, decide
+from trunnion.base.report import Cell, Shown, Table, number, significant
+from trunnion.base.units import unit_of
+from trunnion.setup.names import error_label
+
+COVERAGE = 2.0
+EXPANDED = "U (k = 2)"
+NO_DECISION = "–"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One result.
+
+    Attributes
+    ----------
+    name
+        As programs call it; the tolerance and the old value are found by it.
+    label
+        As people call it.
+    value, std
+        In `unit`; a standard uncertainty of inf: not identifiable, None: not stated.
+    old
+        What was taken for it before; None: nothing.
+    """
+
+    name: str
+    label: str
+    value: float
+    std: float | None
+    unit: str
+    old: float | None = None
+
+
+def figures_table(
+    title: str, figures: Iterable[Figure], tolerance: Mapping[str, float]
+) -> tuple[Table, list[Decision]]:
+    """Return results as a table, and what is decided of those that have a tolerance.
+
+    A value keeps its tolerance where its size does (ISO 14253-1).
+    """
+    listed = list(figures)
+    has_old = any(f.old is not None for f in listed)
+    judged = any(f.name in tolerance for f in listed)
+    decisions: list[Decision] = []
+    rows = []
+    for f in listed:
+        value, expanded = _shown(f)
+        row: list[Cell] = [f.label]
+        if has_old:
+            row.append(None if f.old is None else significant(f.old, 4))
+        row += [value, expanded, f.unit]
+        if judged:
+            limit = tolerance.get(f.name)
+            if limit is None:
+                row += [None, NO_DECISION]
+            else:
+                std = np.inf if f.std is None else f.std
+                decisions.append(decide(abs(f.value), std, upper=limit))
+                row += [Shown(limit, f"± {limit:g}"), str(decisions[-1])]
+        rows.append(row)
+    heads = ["", *(["old value"] if has_old else []), "new value" if has_old else "value", EXPANDED]
+    heads += ["unit", *(["tolerance", "ISO 14253-1"] if judged else [])]
+    return Table.of(title, heads, rows), decisions
+
+
+def _shown(f: Figure) -> tuple[Cell, Cell]:
+    if f.std is None or f.std <= 0:
+        return significant(f.value, 4), f.std and COVERAGE * f.std
+    if not np.isfinite(f.std):
+        return Shown(f.value, "–"), f.std
+    expanded = COVERAGE * f.std
+    digits = int(np.clip(1 - np.floor(np.log10(expanded)), 0, 9))
+    return Shown(f.value, number(f.value, digits)), Shown(expanded, number(expanded, digits))
+
+
+def called(name: str) -> str:
+    """Return a location error in words with its name: "offset of the C axis along X (EX0C)"."""
+    label = error_label(name)
+    return name if label == name else f"{label} ({name})"
+
+
+def location_errors(
+    errors: Mapping[str, float],
+    std: Mapping[str, float],
+    old: Mapping[str, float],
+    units: Mapping[str, str],
+) -> list[Figure]:
+    """Return location errors beside what the set-up states of them (0 where it is silent)."""
+    return [
+        Figure(
+            name,
+            called(name),
+            value,
+            std.get(name),
+            units.get(name) or unit_of(name),
+            old.get(name, 0.0),
+        )
+        for name, value in errors.items()
+    ]
+
+
+def of_interest(errors: Mapping[str, float], std: Mapping[str, float]) -> str:
+    """Say the largest error of each unit, and how many are not identifiable."""
+    known = {k: v for k, v in errors.items() if np.isfinite(std.get(k, 0.0))}
+    parts = []
+    for unit in dict.fromkeys(unit_of(name) for name in known):
+        mine = {k: v for k, v in known.items() if unit_of(k) == unit}
+        name = max(mine, key=lambda k: abs(mine[k]))
+        value, expanded = _shown(Figure(name, "", mine[name], std.get(name), unit))
+        shown = f"{value.text if isinstance(value, Shown) else value}"
+        half = f" ± {expanded.text}" if isinstance(expanded, Shown) else ""
+        parts.append(f"{called(name)} {shown}{half} {unit}")
+    lost = len(errors) - len(known)
+    largest = f"largest: {'; '.join(parts)} (k = 2)" if parts else "none identifiable"
+    more = f"; {lost} not identifiable" if lost and parts else ""
+    return f"{len(errors)} errors of the machine, {largest}{more}."

@@ -1,0 +1,187 @@
+"""Where a result comes from: machine, people, files, software, the call that made it."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from trunnion._core import __version__
+from trunnion.base.call import COMMAND
+from trunnion.base.report import Result, Table
+from trunnion.files.table import Table as DataTable
+from trunnion.reports.document import Item, Listing, Section
+from trunnion.setup import Setup
+
+CALLS = {
+    "Diagnosis": "trunnion.diagnose",
+    "IdentificationResult": "trunnion.identify",
+    "ClosedFormResult": "trunnion.closed_form",
+    "MachineComparison": "trunnion.compare",
+    "Comparison": "trunnion.compare_methods",
+    "Iso2302": "iso230_2",
+    "Iso2302Rotary": "iso230_2",
+    "Iso2304": "trunnion.iso230_4",
+    "CncParameters": "trunnion.cnc_parameters",
+    "VolumetricError": "trunnion.volumetric_error",
+    "ResidualInterval": "trunnion.residual_interval",
+}
+"""Class of a result → function that makes it."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a result was made of.
+
+    Attributes
+    ----------
+    data
+        The measured data, or several.
+    setup
+        The set-up, or None.
+    tolerance
+        Largest sizes allowed, by name.
+    made_by
+        The command or call; by default the command that runs, or the function of the class.
+    """
+
+    data: tuple[DataTable, ...] = ()
+    setup: Setup | None = None
+    tolerance: Mapping[str, float] = field(default_factory=dict)
+    made_by: str = ""
+
+    @classmethod
+    def of(
+        cls, result: Result, data: Any, setup: Any, tolerance: Mapping[str, float] | None, by: str
+    ) -> Source:
+        """Return what is known: as given, else what the result holds itself."""
+        data = getattr(result, "data", None) if data is None else data
+        several = tuple(data) if isinstance(data, list | tuple) else (data,)
+        tables = tuple(one for one in several if isinstance(one, DataTable))
+        setup = getattr(result, "setup", None) if setup is None else setup
+        setup = setup if isinstance(setup, Setup) else None
+        if tolerance is None:
+            own = getattr(result, "tolerances", None)
+            known = own if isinstance(own, Mapping) else {}
+            tolerance = {**known, **(setup.machine.tolerance if setup else {})}
+        return cls(
+            tables, setup, dict(tolerance), by or COMMAND.get() or _call(result, tables, setup)
+        )
+
+    @property
+    def machine(self) -> str:
+        """The machine, for the heading: maker, serial number, chain of axes."""
+        if self.setup is None:
+            return ""
+        said = self.setup.report
+        serial = f"no. {said.serial}" if said.serial else ""
+        return ", ".join(part for part in (said.machine, serial) if part)
+
+    def subtitle(self) -> str:
+        """Machine, date and data in one line."""
+        said = self.setup.report if self.setup else None
+        names = [name for _, name in self.files() if name]
+        machine = self.machine or "Machine not named (set-up: table [report])"
+        parts = (machine, said and said.date, said and said.operator, ", ".join(names))
+        return " · ".join(part for part in parts if part)
+
+    def files(self) -> Iterator[tuple[str, str]]:
+        """Path and name of each file of data."""
+        seen: set[str] = set()
+        for one in self.data:
+            if one.origin is None:
+                continue
+            for path, name in zip(one.origin.files, one.origin.names, strict=True):
+                if path not in seen:
+                    seen.add(path)
+                    yield path, name
+
+    def section(self) -> Section:
+        """Return what stands at the end of every report."""
+        said = self.setup.report if self.setup else None
+        rows = [
+            (declared.meaning.capitalize(), str(getattr(said, name)))
+            for name, declared in (said.own_keys() if said else {}).items()
+            if getattr(said, name)
+        ]
+        if self.setup is not None:
+            rows.append(("Chain of axes", self.setup.machine.name))
+        times = [t for one in self.data if (t := _span(one))]
+        rows += [("Time of the readings", text) for text in times]
+        rows += [
+            ("Report written", datetime.now(UTC).astimezone().isoformat(" ", "seconds")),
+            ("Software", f"trunnion {__version__}, Python {platform.python_version()}"),
+        ]
+        items: list[Item] = [
+            Table.of("Record", ("", "as stated or found"), rows),
+            *self._checksums(),
+            f"Made by {'the command' if COMMAND.get() else 'the call'}:",
+            Listing(self.made_by),
+        ]
+        if said is None or not said.to_dict():
+            items.append(
+                "Machine, serial number, operator and date are printed here where the set-up "
+                "states them in its table [report]."
+            )
+        if self.setup is not None:
+            items += ["Set-up:", Listing(self.setup.to_toml())]
+        return Section("Where this comes from", tuple(items))
+
+    def _paths(self) -> list[tuple[str, str]]:
+        found = [(path, "data") for path, _ in self.files()]
+        if self.setup is not None and self.setup.source:
+            found.append((self.setup.source, "set-up"))
+        return found
+
+    def _checksums(self) -> list[Item]:
+        """Files with size, date and checksum; lines that ``sha256sum -c`` takes."""
+        paths = self._paths()
+        if not paths:
+            return []
+        found = [(path, what, *_checked(Path(path))) for path, what in paths]
+        rows = [(path, what, size, changed) for path, what, size, changed, _ in found]
+        title = "Files, as they were when this report was written"
+        sums = "\n".join(f"{digest}  {path}" for path, _, _, _, digest in found if digest)
+        listed: list[Item] = (
+            ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []
+        )
+        return [Table.of(title, ("file", "what", "bytes", "changed"), rows), *listed]
+
+
+def _checked(path: Path) -> tuple[int | None, str, str]:
+    """Return size, date of change and checksum of a file."""
+    try:
+        with path.open("rb") as opened:
+            digest = hashlib.file_digest(opened, "sha256").hexdigest()
+        about = path.stat()
+    except OSError:
+        return None, "not there any more", ""
+    changed = datetime.fromtimestamp(about.st_mtime, UTC).astimezone()
+    return about.st_size, changed.isoformat(" ", "minutes"), digest
+
+
+def _span(data: DataTable) -> str:
+    """Say how long a measurement took, where it has times."""
+    time = data.columns.get("time_s")
+    if time is None or not len(time):
+        return ""
+    return f"{len(data)} rows over {(float(time.max()) - float(time.min())) / 60:.3g} min"
+
+
+def _call(result: Result, data: tuple[DataTable, ...], setup: Setup | None) -> str:
+    """Return the Python call that makes such a result of such data."""
+    name = type(result).__name__
+    called = next((CALLS[k.__name__] for k in type(result).__mro__ if k.__name__ in CALLS), name)
+    given = [
+        next((f'"{path}"' for path in (one.origin.files if one.origin else ())), type(one).__name__)
+        for one in data
+    ]
+    many = f"[{', '.join(given)}]" if len(given) > 1 else "".join(given)
+    parts = [part for part in (many, f'"{setup.source}"' if setup and setup.source else "") if part]
+    script = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "an interactive session"
+    return f"{called}({', '.join(parts)})  # Python, in {script}"
