@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -22,14 +23,12 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
-from trunnion.plot.picture import Picture
-from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
-from trunnion.reports.standard import drawn, figures_of, standard_results
+from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
 
 MARKS = {
     "consistent": Mark.GOOD,
@@ -223,25 +222,14 @@ def _outlier_places(rows: Iterable[int], data: tuple[DataTable, ...]) -> list[tu
     return out
 
 
-def _pictures(d: Diagnosis, source: Source) -> list[Picture]:
+def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     """One picture a cause, the strongest first; without a cause what is found, or what is left."""
-    shown = [cause_picture(d, c.id) for c in d.causes]
-    if not shown and d.verdict == "consistent" and d.errors_after:
-        shown = _of_errors(d)
+    shown: list[Any] = [cause_picture(d, c.id) for c in d.causes]
+    if not shown and d.verdict == "consistent":
+        shown = of_errors(d.errors_after, d.errors_std)
     if not shown or d.verdict == "unexplained":
         shown = [residual_picture(d), *shown]
     return [hovered(p, source.data) for p in shown]
-
-
-def _of_errors(d: Diagnosis) -> list[Picture]:
-    units: dict[str, list[str]] = {}
-    for name in d.errors_after:
-        if np.isfinite(d.errors_std.get(name, np.inf)):
-            units.setdefault(d.units.get(name) or unit_of(name), []).append(name)
-    return [
-        estimates_picture(names, d.errors_after, d.errors_std, unit)
-        for unit, names in units.items()
-    ]
 
 
 def _ladder(d: Diagnosis) -> list[Item]:
