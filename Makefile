@@ -93,6 +93,10 @@ power-turning: build  ## the same for diameters of turned passes, ten minutes, i
 linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, an hour, into docs/results/linuxcnc-runs.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/probing_bench.py 200 --out docs/results/linuxcnc-runs.md
 
+.PHONY: linuxcnc-corrected
+linuxcnc-corrected: build  ## 20 hidden machines corrected in a real LinuxCNC, twenty minutes, into docs/results/linuxcnc-corrected.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/corrected_bench.py 20 --out docs/results/linuxcnc-corrected.md
+
 # LinuxCNC's interpreter, which the tests of part programs run where it is there: the two packages it
 # needs beyond a usual Debian, unpacked and not installed (installing pulls in a desktop).
 RS274 := target/rs274/usr/bin/rs274
@@ -121,3 +125,8 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_measured_figures.py
+
+.PHONY: site
+site: build  ## the documentation site, into target/site, without a network; warnings are errors
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+	@echo "target/site/index.html; to search in it: $(BIN)/python -m http.server -d target/site"

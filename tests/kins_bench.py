@@ -31,6 +31,30 @@ struct __comp_state { int unused; };
 static struct __comp_state *__comp_first_inst = 0;
 """
 
+LOOP = """
+#include <time.h>
+double cycle_us(const double *joint, long count) {
+    struct timespec start, end;
+    double joints[9], change = 0, spent;
+    EmcPose pose;
+    long i;
+    clock_gettime(CLOCK_MONOTONIC, &start);
+    for (i = 0; i < count; i++) {
+        int j;
+        for (j = 0; j < 5; j++) joints[j] = joint[j] + 1e-6 * (double)(i % 1000);
+        kinematicsForward(joints, &pose, 0, 0);
+        kinematicsInverse(&pose, joints, 0, 0);
+        change += joints[0];
+    }
+    clock_gettime(CLOCK_MONOTONIC, &end);
+    if (change != change) return -1; /* kept: what is computed is used */
+    spent = 1e6 * (double)(end.tv_sec - start.tv_sec);
+    spent += 1e-3 * (double)(end.tv_nsec - start.tv_nsec);
+    return spent / (double)count;
+}
+"""
+"""What a servo cycle asks for: forward and inverse kinematics once each."""
+
 _PIN = re.compile(r"^pin in (?:float|bit) (\w+) = (\S+) ", re.MULTILINE)
 
 
@@ -41,13 +65,14 @@ class Kinematics:
         head, code = source.split("\n;;\n")
         code = re.sub(r"#include <\w+\.h>\n", "", code)
         pins = "".join(f"double {name} = {value};\n" for name, value in _PIN.findall(head))
-        (folder / "kins.c").write_text(STUBS + pins + code)
+        (folder / "kins.c").write_text(STUBS + pins + code + LOOP)
         library = folder / "kins.so"
         flags = ["-O2", "-Wall", "-Wextra", "-Werror", "-Wno-unused-parameter"]
         subprocess.run(
             ["gcc", *flags, "-shared", "-fPIC", "-o", library, folder / "kins.c", "-lm"], check=True
         )
         self.library = ctypes.CDLL(str(library))
+        self.library.cycle_us.restype = ctypes.c_double
         self.letters = re.findall(r"pos->([abc]) = joint", code)
 
     def set(self, pins: Mapping[str, float]) -> None:
@@ -68,6 +93,11 @@ class Kinematics:
             pose[i] = value
         assert self.library.kinematicsInverse(pose, joints, None, None) == 0
         return np.array(list(joints))
+
+    def cycle_us(self, joints: Floats, count: int = 200_000) -> float:
+        """Mean time of forward and inverse kinematics together, µs."""
+        values = (ctypes.c_double * 5)(*joints)
+        return float(self.library.cycle_us(values, ctypes.c_long(count)))
 
     def _places(self) -> list[int]:
         return [0, 1, 2, *(3 + "abc".index(letter) for letter in self.letters)]

@@ -11,7 +11,7 @@ import pytest
 import trunnion as tn
 from power.study import ground
 from promise import kept, needed_runs
-from result_examples import with_outliers
+from result_examples import diagnosis_of, with_outliers
 from trunnion.machine.budget import MODEL, READINGS, Source, measurand
 from twin.forward import Setup as TwinSetup
 from twin.forward import Truth
@@ -160,3 +160,12 @@ def test_what_is_not_identifiable_has_no_budget() -> None:
     assert lost
     assert all(np.isinf(fit.budget()[k].std) for k in lost)
     assert f"{lost[0]} is not identifiable." in fit.budget().sentences()
+
+
+def test_the_model_of_every_kind_of_data_has_a_budget_of_its_effects() -> None:
+    """What is always fitted (an offset, a placement) has a standard error, but is no estimate."""
+    d = diagnosis_of("positioning")
+    budget = d.model.budget()
+    assert {one.name for one in budget.measurands} == {
+        f"{c.id}.{p}" for c in d.causes for p in c.parameters
+    }

@@ -51,3 +51,21 @@ def test_samples_are_data_of_every_kind(tmp_path: Path) -> None:
     assert "Try: trunnion diagnose" in said
     hidden = tmp_path / "s" / "hidden"
     assert "Ambiguous" in run("diagnose", str(hidden / "touches.csv"), str(hidden / "setup.toml"))
+
+
+def test_a_simulated_log_is_read_like_that_of_the_control(tmp_path: Path) -> None:
+    setup, plan, log, out, made = (
+        str(tmp_path / name)
+        for name in ("setup.toml", "plan.csv", "touches.log", "out.csv", "made.csv")
+    )
+    run("init", str(tmp_path))
+    text = Path(setup).read_text().replace("slow_feed_mm_min = 0.0", "slow_feed_mm_min = 30.0")
+    Path(setup).write_text(text.replace("servo_period_ms = 0.0", "servo_period_ms = 1.0"))
+    run("simulate", plan, setup, "--error", "EX0C=15", "--probe-log", log, "-o", made)
+    run("touches", plan, log, setup, "-o", out)
+    read, simulated = tn.read_touches(out), tn.read_touches(made)
+    assert read.feed_mm_min is not None
+    assert set(read.feed_mm_min) == {30.0}
+    assert abs(read.position_mm - simulated.position_mm).max() < 1e-6
+    fit = tn.identify(read, tn.read_setup(setup))
+    assert abs(fit["EX0C"] - 15.0) < 3.0 * fit.std_errors["EX0C"]

@@ -1,13 +1,18 @@
 """Files for controls: tables as LinuxCNC applies them, old and new values, refusals."""
 
+import csv
+import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import trunnion as tn
-from reference_trt_ca import TABLE_2, displaced_um
-from trunnion.controls import comp_file, isg_files, iso_table, linuxcnc_files
+from reference_trt_ca import TABLE_2
+from trunnion.cli import app
+from trunnion.controls import comp_file, iso_table, linuxcnc_files
 from trunnion.setup.control import ControlSetup
 
 SETUP = tn.Setup(
@@ -82,8 +87,8 @@ def test_what_has_no_place_is_said() -> None:
     effects = EFFECTS | {"c_wobble_2": {"ax_arcsec": 5.0}, "backlash_y": {"b_um": 4.0}}
     made = linuxcnc_files(SETUP, estimate(effects))
     said = made.summary()
-    assert "Not compensated: c_wobble_2 (LinuxCNC has no table for it)." in said
-    assert "Not compensated: backlash_y (its table needs [axes.Y] range_mm)." in said
+    assert "Not compensated: c_wobble_2 (LinuxCNC with trunnionkins has no place for it)." in said
+    assert "Not compensated: backlash_y (its table needs [axes.Y] range_mm, or --range)." in said
     assert made.after_um > 1.0  # and stays in the forecast
     assert linuxcnc_files(SETUP, TABLE_2).after_um < 1e-6
 
@@ -117,6 +122,49 @@ def test_what_nobody_measured_or_believes_is_not_written() -> None:
         linuxcnc_files(SETUP, unknown)
 
 
+def test_the_table_for_people_says_what_a_centre_absorbs() -> None:
+    plain = tn.Setup(artefact=SETUP.artefact, control=SETUP.control)
+    stock = linuxcnc_files(plain, TABLE_2, kinematics="stock")
+    row = next(one for one in stock.settings if one.name.endswith("x-rot-point"))
+    said = re.fullmatch(r"EX0C ([+-][\d.]+) µm, tilts ([+-][\d.]+) µm", row.why)
+    assert said is not None, row.why
+    estimated, absorbed = map(float, said.groups())
+    assert estimated == TABLE_2["EX0C"]
+    assert row.new == pytest.approx(210.5 + 1e-3 * (estimated + absorbed), abs=1e-4)
+    rows = list(csv.DictReader(stock.files["settings.csv"].splitlines()))
+    assert [r["name"] for r in rows] == [one.name for one in stock.settings]
+    assert all(r["sign"] for r in rows)
+    assert "why not the estimate" in stock.summary()
+
+
+def test_the_command_writes_for_every_control(tmp_path: Path) -> None:
+    (tmp_path / "e.json").write_text(json.dumps({"EX0C": 15.0, "EA0A": 20.0}))
+    (tmp_path / "s.toml").write_text(
+        '[artefact]\nkind = "cross"\n[control]\ncentre_mm = [1, 2, 3]\n'
+    )
+    stated = {
+        "isg": ("angle_unit=rad", "sign=1", "chain=CAXYZ"),
+        "etalon": ("angle_unit=rad", "sign=1", "chain=CAXYZ"),
+        "siemens": ("vector_sign=1",),
+        "heidenhain": ("chain_sign=1",),
+        "twincat": (), "table": (), "linuxcnc": (),
+    }  # fmt: skip
+    for control, words in stated.items():
+        folder = tmp_path / control
+        arguments = ["compensate", str(tmp_path / "e.json"), str(tmp_path / "s.toml")]
+        arguments += ["--control", control, "-o", str(folder), "--range", "X=-300:300"]
+        bare = list(arguments)
+        for word in words:
+            arguments += ["--stated", word]
+        done = CliRunner(env={"COLUMNS": "200"}).invoke(app, arguments)
+        assert done.exit_code == 0, done.output
+        assert (folder / "settings.csv").exists()
+        if words:
+            missing = CliRunner().invoke(app, [*bare, "--force"])
+            assert missing.exit_code == 2
+            assert f"got no {words[0].partition('=')[0]}" in missing.output
+
+
 def test_nothing_is_overwritten(tmp_path: Path) -> None:
     made = linuxcnc_files(SETUP, TABLE_2)
     written = made.write(tmp_path / "out")
@@ -124,35 +172,6 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     with pytest.raises(tn.InputError, match="the file exists already"):
         made.write(tmp_path / "out")
     assert made.write(tmp_path / "out", overwrite=True) == written
-
-
-def read_isg(text: str) -> dict[str, float]:
-    """Read a block of location errors as the documentation of ISG_CSV shows it."""
-    rows = [line.split() for line in text.splitlines() if not line.startswith("//")]
-    return dict(zip(rows[0], map(float, rows[1]), strict=True))
-
-
-@pytest.mark.parametrize("angle_unit", ["rad", "deg"])
-@pytest.mark.parametrize("sign", [1, -1])
-def test_isg_files_read_back_are_the_machine(angle_unit: str, sign: int) -> None:
-    made = isg_files(SETUP, TABLE_2, angle_unit=angle_unit, sign=sign)  # type: ignore[arg-type]
-    read = read_isg(made.files["location.csv"])
-    arcsec = 3600.0 if angle_unit == "deg" else 180 * 3600 / np.pi
-    errors = {f"E{k}": sign * v * (1e3 if k[0] in "XYZ" else arcsec) for k, v in read.items()}
-    points = np.array([[150.0, -120.0, 0.0], [-150.0, 120.0, 150.0]])
-    for a, c in ((30, 40), (-90, 200)):
-        # What the control takes off by the errors that it read, on the machine of Table 2.
-        left = displaced_um(TABLE_2, points, a, c, assumed=errors)
-        assert np.abs(left).max() < 1e-4
-    assert made.after_um < 1e-6
-    assert "the user" in made.files["location.csv"]
-
-
-def test_isg_does_not_guess_units_and_signs() -> None:
-    with pytest.raises(tn.InputError, match=r"got no angle_unit \(rad, deg\), expected both"):
-        isg_files(SETUP, TABLE_2)
-    with pytest.raises(tn.InputError, match=r"got no sign \(1, -1\)"):
-        isg_files(SETUP, TABLE_2, angle_unit="rad")
 
 
 def test_the_table_names_every_error_with_its_unit() -> None:

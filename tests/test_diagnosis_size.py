@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 import trunnion as tn
 from power.measured_twin import make_sweep
+from trunnion.base.units import Floats
 from trunnion.diagnosis import candidates, case
 from trunnion.diagnosis.effect import Effect, Parameter
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
@@ -94,10 +95,10 @@ def test_a_pencil_of_columns_is_as_good_as_all_of_them() -> None:
     variants = base + at[:, None, None] * slope
     other = rng.standard_normal((1, 60, 1))
     basis = np.linalg.qr(rng.standard_normal((60, 3)))[0]
-    pencil = candidates.Pencil(base, slope, at)
+    firsts: list[Floats | candidates.Pencil] = [variants, candidates.Pencil(base, slope, at)]
     made = [
-        candidates.Candidates.of_pieces(pieces, 2, 60 * 19, basis)
-        for pieces in ([(0, variants), (1, other)], [(0, pencil), (1, other)])
+        candidates.Candidates.of_pieces([(0, first), (1, other)], 2, 60 * 19, basis)
+        for first in firsts
     ]
     r = rng.standard_normal((60, 4))
     np.testing.assert_allclose(made[1].gains(r), made[0].gains(r), rtol=1e-10)

@@ -46,12 +46,18 @@ def test_package_has_a_version() -> None:
     assert tn.__version__.count(".") == 2
 
 
-@pytest.mark.parametrize("use", ["", "; [getattr(tn, name) for name in dir(tn)]"])
+@pytest.mark.parametrize("use", ["", "; [getattr(tn, name) for name in tn.__all__]"])
 def test_importing_does_not_import_pyplot_or_statistics(use: str) -> None:
     heavy = "{'matplotlib.pyplot', 'scipy.stats', 'pandas', 'casadi', 'pinocchio'}"
     code = f"import sys, trunnion as tn{use}; print(sorted({heavy} & set(sys.modules)))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_what_one_begins_with_is_public_and_short() -> None:
+    assert set(dir(tn)) == set(tn.MAIN)
+    assert set(tn.MAIN) <= set(vars(tn)["__all__"])
+    assert len(tn.MAIN) <= 60
 
 
 def _layer(module: str) -> int | None:

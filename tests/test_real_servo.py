@@ -12,11 +12,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 import servo_rig_twin as rig
 import trunnion as tn
+from promise import kept
 from trunnion.base.errors import DataError
 from trunnion.diagnosis.case import Case, Explanation, rms
+from trunnion.diagnosis.dependence import growth
 from trunnion.diagnosis.explain import explain
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.kinds import model_of
@@ -144,6 +147,62 @@ def test_a_recorded_force_is_an_input_and_a_drive_voltage_is_none(gain: float, t
     assert d.model.servo.axes["X"].coulomb_um == pytest.approx(truth.coulomb_um, rel=0.05)
     assert "input_drive_v" not in d.named
     assert any("Column drive_v is not taken for an input" in note for note in d.notes)
+
+
+# --- standard errors
+
+
+def test_standard_errors_of_dependent_residuals_hold() -> None:
+    """Few changes of direction and noise with a memory: 95 % intervals, on a plain regression."""
+    random = np.random.default_rng(12)
+    time = np.arange(3000) * 1e-3
+    speed = np.sin(4.0 * time) * (1 + 0.5 * np.sin(1.3 * time))
+    x = np.stack([np.ones_like(time), np.sign(speed), speed], axis=1)
+    cofactor = np.linalg.inv(x.T @ x)
+    inside = 0
+    runs = 400
+    for _ in range(runs):
+        noise = signal.lfilter([1.0], [1.0, -0.97], random.standard_normal(3300))[300:]
+        estimate = cofactor @ (x.T @ noise)
+        left = noise - x @ estimate
+        variance = float(left @ left) / (len(left) - 3)
+        grown = growth(x, left, cofactor, variance, [np.arange(len(left))])
+        inside += int(abs(estimate[1]) < 1.96 * grown[1] * np.sqrt(cofactor[1, 1] * variance))
+    assert kept(inside, runs, 0.95)
+
+
+@pytest.mark.power
+def test_standard_errors_hold_beside_forces_that_no_model_knows() -> None:
+    """150 rigs, each with a random force of 5 N that comes and goes within 40 ms.
+
+    What is not named counts as outside.
+    """
+    random = np.random.default_rng(31)
+    runs = 150
+    side = random.choice([-1.0, 1.0], runs)
+    made = rig.Rig(
+        position_gain=120.0 * (1 + side * random.uniform(0.05, 0.2, runs)),
+        velocity_gain=9000.0 * random.uniform(0.8, 1.2, runs),
+        coulomb=25.0 * random.uniform(0.6, 1.6, runs),
+        viscous=(drag := 250.0 * random.uniform(0.6, 1.4, runs), drag),
+    )
+    made = replace(made, static=made.coulomb)
+    memory = np.exp(-rig.PERIOD / 0.04)
+    white = np.sqrt(1 - memory**2) * random.standard_normal((len(command()), runs))
+    forces = 5.0 * signal.lfilter([1.0], [1.0, -memory], white, axis=0)
+    position = rig.actual(made, command(), forces)
+    position += 1e-3 * made.noise_um * random.standard_normal(position.shape)
+    inside: dict[str, int] = {"gain": 0, "coulomb": 0}
+    for i in range(runs):
+        d = tn.diagnose(rig.as_log(command(), position[:, i]), setup(120.0, 11.0))
+        axis, errors = d.model.servo.axes["X"], {c.id: c.std_errors for c in d.causes}
+        if "friction_x" in errors:
+            off = abs(axis.coulomb_um - made.coulomb_um[i])
+            inside["coulomb"] += int(off < 2 * errors["friction_x"]["coulomb_um"])
+        if "gain_x" in errors:
+            std = 120.0 / 100 * errors["gain_x"]["gain_percent"]
+            inside["gain"] += int(abs(axis.gain_per_s - made.gain[i]) < 2 * std)
+    assert all(kept(count, runs, 0.92) for count in inside.values()), inside
 
 
 # --- logs that cannot tell

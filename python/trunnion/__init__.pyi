@@ -1,7 +1,6 @@
-# The public names in pipeline order; read at run time, too (lazy_loader), so each stands once.
+# The public names, by the module where each lives; read at run time, too (lazy_loader), so each
+# stands once.
 
-# --- errors
-# --- the other machines, part programs, pictures, samples
 from . import contouring as contouring
 from . import datasets as datasets
 from . import hybrid as hybrid
@@ -17,8 +16,6 @@ from .base.errors import KinematicsError as KinematicsError
 from .base.errors import ProgramError as ProgramError
 from .base.errors import TrunnionError as TrunnionError
 from .base.errors import UnknownNameError as UnknownNameError
-
-# --- compensation
 from .compensation import CncParameters as CncParameters
 from .compensation import ErrorMap as ErrorMap
 from .compensation import InverseCompensation as InverseCompensation
@@ -34,8 +31,6 @@ from .compensation import remeasure as remeasure
 from .compensation import residual_interval as residual_interval
 from .compensation import volumetric_budget as volumetric_budget
 from .compensation import volumetric_error as volumetric_error
-
-# --- measured data
 from .data.axis_log import AxisLog as AxisLog
 from .data.axis_log import read_axis_log as read_axis_log
 from .data.ballbar import Ballbar as Ballbar
@@ -71,8 +66,6 @@ from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
 from .machine.budget import Budget as Budget
 from .machine.effects import EffectInfo as EffectInfo
-
-# --- the machine: kinematics, effects, what a measurement says of it
 from .machine.effects import UserEffect as UserEffect
 from .machine.estimate import Estimate as Estimate
 from .machine.estimate import read_estimate as read_estimate
@@ -87,8 +80,6 @@ from .models.compare import compare as compare
 from .models.diameters import DiameterLaw as DiameterLaw
 from .models.instruments import InstrumentComparison as InstrumentComparison
 from .models.instruments import whose_error as whose_error
-
-# --- diagnosis of any kind of data
 from .models.kinds import catalogue as catalogue
 from .models.kinds import diagnose as diagnose
 from .models.many import DiagnosisBatch as DiagnosisBatch
@@ -108,8 +99,6 @@ from .models.rotary import ExtendedSweep as ExtendedSweep
 from .models.rotary import circles as circles
 from .models.rotary import fit_circles as fit_circles
 from .models.turned_passes import simulate_diameters as simulate_diameters
-
-# --- probing an artefact: plan, simulate, identify
 from .probing.closed_form import closed_form as closed_form
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many
@@ -123,15 +112,11 @@ from .probing.program import probing_program as probing_program
 from .probing.result import ClosedFormResult as ClosedFormResult
 from .probing.result import IdentificationResult as IdentificationResult
 from .probing.simulate import simulate as simulate
-
-# --- outside checks
 from .reference import casadi_baseline as casadi_baseline
 from .reference.comparison import Comparison as Comparison
 from .reference.comparison import compare_methods as compare_methods
 from .reference.pinocchio_model import pinocchio_model as pinocchio_model
 from .samples import sample_path as sample_path
-
-# --- the set-up: machine, artefact, probe
 from .setup import Artefact as Artefact
 from .setup import AxisSetup as AxisSetup
 from .setup import ControlSetup as ControlSetup
@@ -144,7 +129,7 @@ from .setup import Setup as Setup
 from .setup import TableSetup as TableSetup
 from .setup import read_setup as read_setup
 from .setup.names import canonical_error_name as canonical_error_name
-
-# --- parameter studies
 from .studies import open_sweep as open_sweep
 from .studies import sweep as sweep
+
+MAIN: tuple[str, ...]

@@ -22,6 +22,7 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    schemas,
     start,
     sweep,
     turning,
@@ -74,6 +75,7 @@ GROUPS = (
     sweep,
     view,
     demo,
+    schemas,
 )
 for part in GROUPS:
     part.register(app)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.base.checks import choose
-from trunnion.base.report import Table
 from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
+from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
+    from trunnion.base.report import Table
     from trunnion.compensation import (
         Compensation,
         ErrorMap,
@@ -34,7 +36,8 @@ _POINTS = (7, 7, 5)
 Control = Annotated[
     str | None,
     typer.Option(
-        help="write what this control loads: linuxcnc, isg (TF5280) or table (any control)",
+        help="write what this control loads: linuxcnc, isg or etalon (TF5280), twincat, siemens, "
+        "heidenhain, or table (any control)",
         show_default=False,
     ),
 ]
@@ -48,20 +51,37 @@ Present = Annotated[
     list[Path] | None,
     typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
 ]
-AngleUnit = Annotated[
-    str | None, typer.Option(help="of the files for isg: rad or deg", show_default=False)
-]
-Sign = Annotated[
-    int | None, typer.Option(help="for isg: 1 errors, -1 corrections of them", show_default=False)
+Stated = Annotated[
+    list[str] | None,
+    typer.Option(help="NAME=VALUE that the control's documentation does not say", metavar="TEXT"),
 ]
 AnySize = Annotated[
     bool, typer.Option("--any-size", help="write errors beyond 2 mm or 1 degree, too")
 ]
 
 
+class Compensated(TypedDict):
+    """What `compensate` prints as JSON without --control."""
+
+    parameters: Annotated[Any, Of(("trunnion.compensation.parameters:CncParameters",))]
+    at_zero: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+    over_range: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+
+
+class Predicted(Compensated, total=False):
+    """The same; the last only of an estimate with a covariance."""
+
+    predicted_interval_over_range: Annotated[
+        Any, Of(("trunnion.compensation.uncertainty:ResidualInterval",))
+    ]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(compensate)
+    command(
+        app,
+        values=(Printed(keys=Predicted), Printed("trunnion.controls.files:ControlFiles")),
+    )(compensate)
 
 
 def compensate(
@@ -82,8 +102,11 @@ def compensate(
     control: Control = None,
     kinematics: Kinematics = "component",
     present: Present = None,
-    angle_unit: AngleUnit = None,
-    sign: Sign = None,
+    stated: Stated = None,
+    range_: Annotated[
+        list[str] | None,
+        typer.Option("--range", help="travel of an axis for its table, as X=-200:300"),
+    ] = None,
     any_size: AnySize = False,
 ) -> Answer:
     """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others.
@@ -93,20 +116,12 @@ def compensate(
     from trunnion.compensation import MachineErrors
 
     estimates, file = one_set_up(files, (1, 1), "estimates")
-    setup = tn.read_setup(file)
+    setup = _with_ranges(tn.read_setup(file), range_ or ())
     estimate = tn.read_estimate(estimates[0])
     if control is not None:
-        made = _for_control(
-            control,
-            setup,
-            estimate,
-            angle_unit,
-            sign,
-            kinematics=kinematics,
-            present=present or (),
-            any_size=any_size,
-            seed=seed,
-        )
+        given = {"any_size": any_size, "seed": seed}
+        linuxcnc = {"kinematics": kinematics, "present": present or ()}
+        made = _for_control(control, setup, estimate, _pairs(stated or ()), linuxcnc, given)
         check_outputs(*(output / name for name in made.files))
         output.mkdir(parents=True, exist_ok=True)
         return Answer.of(made, *(save(output / name, _text(t)) for name, t in made.files.items()))
@@ -166,19 +181,55 @@ def _for_control(
     control: str,
     setup: Setup,
     estimate: Estimate,
-    angle_unit: str | None,
-    sign: int | None,
-    **linuxcnc: Any,
+    stated: dict[str, str],
+    linuxcnc: dict[str, Any],
+    given: dict[str, Any],
 ) -> ControlFiles:
     """Files for a control."""
-    from trunnion.controls import isg_files, iso_table, linuxcnc_files
+    from trunnion import controls
+    from trunnion.base.checks import choose
 
-    choose("--control", control, ("linuxcnc", "isg", "table"))
-    if control == "table":
-        return iso_table(setup, estimate)
-    if control == "isg":
-        return isg_files(setup, estimate, angle_unit=angle_unit, sign=sign)  # type: ignore[arg-type]
-    return linuxcnc_files(setup, estimate, **linuxcnc)
+    writers: dict[str, Callable[..., ControlFiles]] = {
+        "linuxcnc": functools.partial(controls.linuxcnc_files, **linuxcnc),
+        "isg": functools.partial(controls.isg_files, stated=stated),
+        "etalon": functools.partial(controls.isg_files, layout="etalon", stated=stated),
+        "siemens": functools.partial(controls.siemens_files, stated=stated),
+        "heidenhain": functools.partial(controls.heidenhain_files, stated=stated),
+        "twincat": controls.twincat_files,
+        "table": controls.iso_table,
+    }
+    return writers[choose("--control", control, writers)](setup, estimate, **given)
+
+
+def _pairs(texts: Iterable[str]) -> dict[str, str]:
+    """NAME=VALUE as a mapping."""
+    pairs = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not (name and equals and value):
+            raise tn.InputError(f"--stated: got {text!r}, expected NAME=VALUE")
+        pairs[name.strip()] = value.strip()
+    return pairs
+
+
+def _with_ranges(setup: Setup, texts: Iterable[str]) -> Setup:
+    """Return the set-up with the travel of axes from the command line."""
+    axes = dict(setup.axes)
+    for text in texts:
+        name, _, limits = text.partition("=")
+        low, _, high = limits.partition(":")
+        try:
+            span = (float(low), float(high))
+        except ValueError:
+            raise tn.InputError(f"--range: got {text!r}, expected one as X=-200:300") from None
+        letter = name.strip().upper()
+        axis = axes.get(letter, tn.AxisSetup())
+        axes[letter] = (
+            dataclasses.replace(axis, range_mm=span)
+            if letter in ("X", "Y", "Z")
+            else dataclasses.replace(axis, range_deg=span)
+        )
+    return dataclasses.replace(setup, axes=axes) if axes != dict(setup.axes) else setup
 
 
 def _text(text: str) -> Callable[[Path], object]:
@@ -211,6 +262,8 @@ def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval |
 
 
 def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]) -> Table:
+    from trunnion.base.report import Table
+
     rows = [
         (
             name,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,12 @@ from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import instance, numbers, positive, whole, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Columns, Gridded
 from trunnion.base.units import Flags, Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
 from trunnion.data.axis_log import AxisLog
 from trunnion.setup.names import canonical_error_name
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (
@@ -248,10 +246,14 @@ class ContourRun(Result):
         """The figures."""
         return {"figures": self.figures}
 
-    def to_dataframe(self) -> "pd.DataFrame":
-        """Return a pandas DataFrame with one row a control period."""
-        import pandas as pd
+    def gridded(self) -> Gridded:
+        """Return what `to_columns` holds, over time."""
+        columns = dict(self.to_columns())
+        arrays = {name: (("time_s",), np.asarray(v)) for name, v in columns.items()}
+        return Gridded({"time_s": arrays.pop("time_s")[1]}, arrays, {"controller": self.controller})
 
+    def to_columns(self) -> Columns:
+        """Return one row a control period."""
         columns: dict[str, Floats] = {"time_s": self.time_s, "u": self.u}
         for name in ("point", "tip"):
             columns |= {
@@ -262,7 +264,7 @@ class ContourRun(Result):
             columns |= {f"{name}_{axis}_{unit}": values for axis, unit, values in units}
         for name in ERRORS:
             columns[name] = vars(self)[name]
-        return pd.DataFrame(columns)
+        return columns
 
 
 def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
@@ -370,6 +372,11 @@ class ContourSweep(Result):
 
     feeds_mm_min: Floats
     controllers: tuple[str, ...]
+    GRID = dict.fromkeys(
+        ("steps", "diverged", *TOOL_FIGURES, *MODEL_FIGURES),
+        ("path", "feeds_mm_min", "controllers"),
+    )
+
     steps: NDArray[np.int64]
     diverged: Flags
     contour_max_um: Floats

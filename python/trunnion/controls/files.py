@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +11,9 @@ from pathlib import Path
 from trunnion.base.arguments import checked
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import Cell, Result, Shown, Table
+
+SETTINGS = "settings.csv"
+"""Name of the file with every setting, for people."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,6 +28,12 @@ class Setting(Result):
         Value before (None: not known) and after.
     meaning
         What it stands for.
+    sign
+        What a positive value means.
+    why
+        Why it differs from the estimate; empty where it is the estimate.
+    holds
+        The range it holds for; empty: any position.
     """
 
     name: str
@@ -31,6 +42,9 @@ class Setting(Result):
     old: float | None
     new: float
     meaning: str = ""
+    sign: str = ""
+    why: str = ""
+    holds: str = ""
 
     def sentences(self) -> Sequence[str]:
         """Name, old and new value."""
@@ -64,6 +78,9 @@ class ControlFiles(Result):
         What was found and cannot be held by this control, each with the reason.
     notes
         What to do, in order.
+    between_nodes
+        Table → largest error that its interpolation leaves between nodes, with rounding: µm for
+        lengths, arcsec for angles. It comes on top of `after_um`.
     """
 
     control: str
@@ -74,6 +91,7 @@ class ControlFiles(Result):
     interval_um: tuple[float, float] | None = None
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    between_nodes: Mapping[str, float] | None = None
 
     def sentences(self) -> Sequence[str]:
         """What it leaves, what it cannot hold, what to do."""
@@ -86,8 +104,11 @@ class ControlFiles(Result):
             lines.append(
                 f"With the uncertainty of the estimate: {low:.3g} to {high:.3g} µm (95 %)."
             )
+        for name, left in (self.between_nodes or {}).items():
+            unit = "µm" if name[0] in "xyz" else "arcsec"
+            lines.append(f"Between the nodes of table {name}: up to {left:.2g} {unit} more.")
         lines += [f"Not compensated: {text}." for text in self.left_out]
-        return [*lines, *self.notes]
+        return [*lines, *self.notes, f"{SETTINGS} says what each number means, and its sign."]
 
     def tables(self) -> tuple[Table, ...]:
         """Settings, old and new."""
@@ -113,16 +134,35 @@ class ControlFiles(Result):
         return paths
 
 
+def settings_text(settings: Sequence[Setting]) -> str:
+    """CSV of settings for people and spreadsheets."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    names = ("name", "where", "old", "new", "unit", "sign", "meaning", "why", "holds")
+    writer.writerow(names)
+    for one in settings:
+        numbers = ("" if one.old is None else f"{one.old:.6f}", f"{one.new:.6f}")
+        writer.writerow(
+            (one.name, one.where, *numbers, one.unit, one.sign, one.meaning, one.why, one.holds)
+        )
+    return out.getvalue()
+
+
 def _left(size_um: float) -> str:
     """Return what is left; rounding of the computer is no number for people."""
     return "less than 0.001" if size_um < 1e-3 else f"{size_um:.3g}"
 
 
 def _table(settings: Sequence[Setting]) -> Table:
+    # What each means and its sign are in the file for people: a terminal has no room for them.
+    texts = {
+        "why not the estimate": [one.why for one in settings],
+        "holds for": [one.holds for one in settings],
+    }
+    used = {name: cells for name, cells in texts.items() if any(cells)}
     rows: list[tuple[Cell, ...]] = []
-    for one in settings:
+    for i, one in enumerate(settings):
         old = "" if one.old is None else Shown(one.old, f"{one.old:+.4f}")
-        rows.append(
-            (one.name, one.where, old, Shown(one.new, f"{one.new:+.4f}"), one.unit, one.meaning)
-        )
-    return Table.of("What to set", ("", "in", "old", "new", "unit", "meaning"), rows)
+        new = Shown(one.new, f"{one.new:+.4f}")
+        rows.append((one.name, one.where, old, new, one.unit, *(c[i] for c in used.values())))
+    return Table.of("What to set", ("", "in", "old", "new", "unit", *used), rows)

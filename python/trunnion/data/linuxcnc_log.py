@@ -102,6 +102,23 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     return made if None in feeds else made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
 
 
+def probe_log_of(plan: Touches, measured: Touches, name: str) -> str:
+    """Return what the program of a plan would log: all its touches in one run.
+
+    plan, measured: As planned, and with the positions and feeds that were recorded, row by row.
+    name: Of the plan, in the first line.
+    """
+    head = f"{RUN} 1 plan={name} hash={plan_hash(plan)} touches={len(plan)} from=1"
+    joints = _planned_joints(plan)[:, :6]
+    joints[:, :3] = measured.position_mm
+    feeds = measured.columns["feed_mm_min"].tolist()
+    lines = [
+        f"{number} {feed:.6f} " + " ".join(f"{value + 0.0:.6f}" for value in values)
+        for number, (feed, values) in enumerate(zip(feeds, joints.tolist(), strict=True), 1)
+    ]
+    return "\n".join([head, *lines]) + "\n"
+
+
 @dataclass(frozen=True)
 class _Entry:
     """A touch: its line in the file, its row in the plan, X to W, and the feed where it is said."""

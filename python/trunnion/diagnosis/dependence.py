@@ -17,6 +17,9 @@ BLOCK = 24  # readings, in which the size of innovations is taken
 DISTURBED = 3  # blocks that have to be far larger than the middle one: a jump disturbs two
 LARGER = 3.0  # in variance; of normal noise the third of 200 blocks is 1.8 times as large
 MAX_SHARE = 0.1  # of a series, that the bandwidth is at most
+MANY_WINDOWS = 50  # a parameter; of as many each matters little to the fit
+WINDOW_STEPS = 8  # overlapping windows in the length of one
+MAX_LEVERAGE = 0.9  # of a window: what one window alone determines has no error by the others
 
 
 def changes(innovations: Floats) -> bool:
@@ -73,10 +76,42 @@ def growth(
     ``jacobian`` (n, p) and residuals ``white`` (n,), whitened; ``covariance``: of the parameters
     per unit of noise; ``variance``: of a reading; ``segments``: readings in a row.
     """
+    root = _root(covariance)
+    unit = jacobian @ root
     series = [white[s] for s in segments]
-    scores = [jacobian[s] * white[s][:, None] for s in segments]
-    meat = long_run(scores, bandwidth(series))
+    scores = [unit[s] * white[s][:, None] for s in segments]
+    width = bandwidth(series)
     n, p = jacobian.shape
-    sandwich = np.einsum("ij,jk,ik->i", covariance, meat, covariance) * n / max(n - p, 1)
+    if n < MANY_WINDOWS * p * width:
+        meat = _left_out([unit[s] for s in segments], scores, width)
+    else:
+        meat = long_run(scores, width)
+    sandwich = np.einsum("ij,jk,ik->i", root, meat, root) * n / max(n - p, 1)
     usual = np.diag(covariance) * variance
     return np.asarray(np.sqrt(np.where(usual > 0, sandwich / np.where(usual > 0, usual, 1.0), 1.0)))
+
+
+def _root(covariance: Floats) -> Floats:
+    """Symmetric square root."""
+    w, u = np.linalg.eigh(covariance)
+    return np.asarray((u * np.sqrt(np.maximum(w, 0.0))) @ u.T)
+
+
+def _left_out(jacobian: Sequence[Floats], scores: Sequence[Floats], width: int) -> Floats:
+    """As `long_run` of the scores, for few windows: of the fits that leave a window out.
+
+    A fit follows the readings of a window that is a good part of all; what it leaves there is too
+    small (CR3 of Bell and McCaffrey 2002, a jackknife over windows). ``jacobian``: with columns
+    of which the inner products are 1, (n, k) of each series.
+    """
+    step = max(1, width // WINDOW_STEPS)
+    k = scores[0].shape[1]
+    out = np.zeros((k, k))
+    for x, own in zip(scores, jacobian, strict=True):
+        for first in range(step - width, len(x), step):
+            some = slice(max(first, 0), first + width)
+            share = own[some].T @ own[some]
+            w, u = np.linalg.eigh(share)
+            left = (u / (1.0 - np.minimum(w, MAX_LEVERAGE))) @ (u.T @ x[some].sum(axis=0))
+            out += np.outer(left, left) * step / width
+    return out

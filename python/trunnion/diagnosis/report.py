@@ -97,6 +97,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         residuals=Residuals.of(
             model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
         ),
+        reservation=model.reservation,
         notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
         contributions=contributions,
         ladder=ladder,

@@ -19,11 +19,9 @@ from trunnion.base.report import (
     class_named,
     measured,
     number,
-    plain,
     significant,
-    structured,
 )
-from trunnion.base.stored import fitting
+from trunnion.base.stored import fitting, plain, structured
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.contributions import (
     Contribution,
@@ -99,6 +97,8 @@ class Diagnosis(Result):
         The readings with what the models leave of them.
     notes:
         What else a reader should know, in sentences.
+    reservation:
+        Why the data may say nothing of the machine, in a sentence; first in the summary.
     contributions:
         What each named cause explains, and what it had biased, in descending order.
     ladder:
@@ -136,6 +136,7 @@ class Diagnosis(Result):
     model: Any
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
+    reservation: str | None = None
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0

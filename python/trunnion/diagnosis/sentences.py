@@ -59,6 +59,7 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
     weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)
     return (
+        *(() if d.reservation is None else (d.reservation,)),
         *lines,
         *_left_out(d),
         *((f"Not excluded: {small}.",) if small else ()),

@@ -13,8 +13,8 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
-from trunnion.base.report import Result, Table, plain
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.budget import (
     COVERAGE_FACTOR,
@@ -226,10 +226,11 @@ class Estimate(Result):
         InputError
             Fewer than 100 draws.
         """
-        listed = [n for n in (self.errors or self.std_errors) if n in self.std_errors]
+        known = [n for n in self.std_errors if n in self.values]  # what is always fitted has none
+        listed = [n for n in (self.errors or known) if n in known]
         wanted = listed if names is None else list(names)
         for name in wanted:
-            choose("parameter", name, self.std_errors)
+            choose("parameter", name, known)
         order, sources = self._order(), self.uncertainty_sources()
         made = [
             measurand(

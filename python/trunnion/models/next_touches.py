@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import instance, whole
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Columns
 from trunnion.base.stored import fitting
 from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.data.touches import Touches
@@ -23,9 +24,6 @@ from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 from trunnion.probing.steps import cycle_of, in_ranges
 from trunnion.setup import Setup
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MAX_SETS = 8
 COUNTS = (16, 32, 64, 128)
@@ -90,9 +88,9 @@ class ExpectedDiscrimination(Result):
         columns = ("parameter", "std. error now", "with the touches", "unit")
         return (Table.of("Expected standard errors", columns, rows),) if rows else ()
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return the touches as a pandas DataFrame."""
-        return self.plan.to_dataframe()
+    def to_columns(self) -> Columns:
+        """Return the touches."""
+        return self.plan.columns
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain values."""

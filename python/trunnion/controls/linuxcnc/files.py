@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
-
-import numpy as np
+from typing import Literal, TypeAlias
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
-from trunnion.base.errors import InputError
-from trunnion.base.units import unit_of
-from trunnion.compensation.control import ModelCompensation
 from trunnion.compensation.machine import Known, MachineErrors
-from trunnion.compensation.uncertainty import residual_interval
-from trunnion.compensation.volumetric import volumetric_error
+from trunnion.controls.axis_tables import AxisTable, AxisTables, axis_tables
 from trunnion.controls.files import ControlFiles, Setting
-from trunnion.controls.linuxcnc.axis_tables import axis_tables
+from trunnion.controls.forecast import (
+    SIGNS,
+    control_files,
+    known_errors,
+    left_between,
+    table_settings,
+)
+from trunnion.controls.linuxcnc.comp_file import MAX_ROWS, comp_file
 from trunnion.controls.linuxcnc.kinematics import (
-    check_machine,
     component,
     held,
     is_conventional,
@@ -29,14 +29,10 @@ from trunnion.controls.linuxcnc.made import HAL, INI, Made
 from trunnion.controls.linuxcnc.present import Present, read_present
 from trunnion.controls.linuxcnc.sign_test import sign_test
 from trunnion.controls.linuxcnc.stock import STOCK, stock
-from trunnion.machine.chain import Chain
-from trunnion.machine.estimate import Estimate
+from trunnion.controls.screws import table_letters
 from trunnion.setup import Setup
 
 NAME = "trunnionkins"
-PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
-"""Location errors beyond 2 mm or 1° are rather a mistake in the set-up than a machine."""
-
 Kinematics: TypeAlias = Literal["component", "stock"]
 
 
@@ -76,69 +72,39 @@ def linuxcnc_files(
     DataError
         An error that the measurement does not identify.
     """
-    check_machine(setup)
+    table_letters(setup, "LinuxCNC kinematics")
     choose("kinematics", kinematics, ("component", "stock"))
-    known = MachineErrors.of(setup, estimate)
-    if not any_size:
-        _check_size(known.errors)
+    known = known_errors(setup, estimate, any_size=any_size)
     now = read_present(present)
     own = kinematics == "component"
     made = _component(setup, known, now) if own else stock(setup, known, now)
-    rotary = _range(setup)
-    before = volumetric_error(setup, known, **rotary, points=(3, 3, 2)).max_um
-    after = volumetric_error(
-        setup, known, compensation=made.compensation, **rotary, points=(3, 3, 2)
-    ).max_um
-    interval = None
-    if own and isinstance(estimate, Estimate) and estimate.names:
-        interval = residual_interval(setup, estimate, **rotary, draws=1000, seed=seed).max_um
-    return ControlFiles(
+    return control_files(
+        setup, estimate, known,
         f"LinuxCNC with {NAME if own else STOCK[setup.machine.preset]}",
         {**made.files, "sign_test.ngc": sign_test(setup)},
-        made.settings,
-        before,
-        after,
-        interval,
-        made.left_out,
-        made.notes,
-    )
-
-
-def _check_size(errors: Mapping[str, float]) -> None:
-    for name, value in errors.items():
-        limit = PLAUSIBLE[unit_of(name)]
-        if abs(value) > limit:
-            raise InputError(
-                f"{name}: got {value:g} {unit_of(name)}, expected at most {limit:g}: is the "
-                "set-up that of this machine (point_mm of the axes, length of the probe)? "
-                "--any-size writes it"
-            )
-
-
-def _range(setup: Setup) -> dict[str, Any]:
-    """Rotary positions for the forecast: the stated ranges, else ±90° of A or B and a turn of C."""
-    ranges = setup.axis_ranges()
-    out: dict[str, Any] = {"a_deg": 0, "b_deg": None}
-    for letter in Chain(setup).letters:
-        low, high = ranges.get(letter, (0.0, 360.0) if letter == "C" else (-90.0, 90.0))
-        count = min(int((high - low) / 15) + 2, 36)
-        out[f"{letter.lower()}_deg"] = tuple(np.linspace(low, high, count).tolist())
-    return out
+        made.settings, made.held, left_out=made.left_out, reasons=made.reasons, notes=made.notes,
+        between=made.between, seed=seed,
+    )  # fmt: skip
 
 
 def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
-    letters = check_machine(setup)
+    letters = table_letters(setup, "LinuxCNC kinematics")
     mine = held(known)
-    tables = axis_tables(setup, known.effects, letters, scales=False)
+    tables = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=False, squareness=False)
     pins = pin_values(setup, mine)
     settings = [
-        Setting(f"{NAME}.{pin}", HAL, _unit(pin), now.pins.get(f"{NAME}.{pin}"), value, "total")
+        Setting(
+            f"{NAME}.{pin}", HAL, _unit(pin), now.pins.get(f"{NAME}.{pin}"), value, "total",
+            SIGNS.get(pin[1:2].upper(), "") if pin[2:3] == "0" else "",
+        )
         for pin, value in pins.items()
         if value or now.pins.get(f"{NAME}.{pin}")
-    ]
+    ]  # fmt: skip
     for axis, place in zip("xyz", setup.control.centre_mm or (), strict=True):
         pin = f"{NAME}.{axis}-rot-point"
         settings.append(Setting(pin, HAL, "mm", now.pins.get(pin), place, "nominal table centre"))
+    names = {table.name: f"comp_{table.name}.txt" for table in tables.tables}
+    comp = {names[table.name]: _comp(table) for table in tables.tables}
     hal = [
         "# Pins of the kinematics component: after the line that loads it.",
         *(f"setp {one.name} {one.new:.6f}" for one in settings),
@@ -150,9 +116,9 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
     files = {
         f"{NAME}.comp": component(setup, mine),
         HAL: "\n".join(hal) + "\n",
-        INI: _ini(NAME, letters, tables.files),
+        INI: _ini(NAME, letters, tables),
         **{f"{code}remap.ngc": _remap(code, kind) for code, kind in _CODES},
-        **{f"comp_{axis.lower()}.txt": text for axis, text in tables.files.items()},
+        **comp,
     }
     notes = (
         f"1. sudo halcompile --install {NAME}.comp",
@@ -161,17 +127,23 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
         "M428: tool centre point. M429: identity, for probing and homing. M430: programs for the "
         "machine without errors. The work offset stays as it is.",
     )
-    names = {*mine.effects, *tables.held}
-    together = {name: values for name, values in known.effects.items() if name in names}
-    every = [*known.effects, *(effect.id for effect in known.own)]
-    why = "LinuxCNC has no table for it"
+    ids = {*mine.effects, *tables.held}
+    together = {name: values for name, values in known.effects.items() if name in ids}
     return Made(
         files,
-        tuple(settings),
-        ModelCompensation(MachineErrors(errors=mine.errors, effects=together)),
-        tuple(f"{name} ({tables.left.get(name, why)})" for name in every if name not in names),
-        notes,
+        (
+            *settings,
+            *table_settings(tables.tables, {t.name: f"comp_{t.name}.txt" for t in tables.tables}),
+        ),
+        MachineErrors(errors=mine.errors, effects=together),
+        notes=notes,
+        reasons=tables.left,
+        between=left_between(tables.tables, 1e-6),
     )
+
+
+def _comp(table: AxisTable) -> str:
+    return comp_file(table.nodes, table.nodes + table.forward, table.nodes + table.reverse)
 
 
 def _unit(pin: str) -> str:
@@ -187,10 +159,10 @@ def _remap(code: str, kind: int) -> str:
     return f"o<{code}remap> sub\nM66 L0 E0\nM68 E3 Q{kind}\nM66 L0 E0\no<{code}remap> endsub\nM2\n"
 
 
-def _ini(kins: str, letters: str, tables: Mapping[str, str]) -> str:
+def _ini(kins: str, letters: str, tables: AxisTables) -> str:
     lines = ["[KINS]", f"KINEMATICS = {kins}", f"JOINTS = {3 + len(letters)}", "[RS274NGC]"]
     lines += [f"REMAP = M{code} modalgroup=10 ngc={code}remap" for code, _ in _CODES]
-    for i, axis in enumerate("XYZ" + letters):
-        if axis in tables:
-            lines += [f"[JOINT_{i}]", f"COMP_FILE = comp_{axis.lower()}.txt", "COMP_FILE_TYPE = 0"]
+    for table in tables.tables:
+        joint = ("XYZ" + letters).index(table.over)
+        lines += [f"[JOINT_{joint}]", f"COMP_FILE = comp_{table.name}.txt", "COMP_FILE_TYPE = 0"]
     return "\n".join(lines) + "\n"

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 import trunnion._core as _core
-from trunnion.base.errors import InputError
 from trunnion.compensation.machine import MachineErrors
+from trunnion.controls.screws import table_letters
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -25,25 +25,6 @@ LINEAR_ERRORS = (
 
 PLACES = 6
 """Decimals of numbers in the source: a nanometre."""
-
-
-def check_machine(setup: Setup) -> str:
-    """Return the letters of the rotary axes of a machine that the component can hold.
-
-    Raises InputError: a rotary axis in the head; a set-up that does not say where the table is.
-    """
-    preset = setup.machine.preset
-    letters, sides, _ = _core.presets()[preset]
-    if set(sides) != {"table"}:
-        raise InputError(
-            f"LinuxCNC kinematics: got machine {preset}, expected rotary axes under the table only"
-        )
-    if setup.control.centre_mm is None:
-        raise InputError(
-            "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
-            "the table top) in machine coordinates, as X, Y, Z of the work offset"
-        )
-    return letters
 
 
 def held(known: MachineErrors) -> MachineErrors:
@@ -77,7 +58,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     InputError
         A machine that it cannot hold, or no ``[control] centre_mm``.
     """
-    letters = check_machine(setup)
+    letters = table_letters(setup, "LinuxCNC kinematics")
     senses = Chain(setup).senses.tolist()
     conventional = is_conventional(setup)
     words = {

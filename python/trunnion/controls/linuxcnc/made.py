@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from trunnion.compensation.control import Compensation
+from trunnion.compensation.machine import MachineErrors
 from trunnion.controls.files import Setting
 
 HAL = "trunnion.hal"
@@ -14,10 +15,17 @@ INI = "trunnion.ini"
 
 @dataclass(frozen=True)
 class Made:
-    """Files, what they set, what they are as a compensation, what is left, what to do."""
+    """Files, what they set, the errors that they hold or the compensation that they are.
+
+    notes: What to do, in order.
+    left_out: What cannot be held, with the reason; by effect in `reasons`.
+    between: Errors that tables leave between their nodes.
+    """
 
     files: Mapping[str, str]
     settings: tuple[Setting, ...]
-    compensation: Compensation
-    left_out: tuple[str, ...]
+    held: MachineErrors | Compensation
     notes: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+    reasons: Mapping[str, str] = field(default_factory=dict)
+    between: Mapping[str, float] = field(default_factory=dict)

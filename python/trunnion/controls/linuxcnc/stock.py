@@ -10,9 +10,9 @@ from trunnion.base.errors import InputError
 from trunnion.compensation.machine import MachineErrors
 from trunnion.compensation.parameters import cnc_parameters
 from trunnion.controls.files import Setting
-from trunnion.controls.linuxcnc.kinematics import check_machine
 from trunnion.controls.linuxcnc.made import HAL, INI, Made
 from trunnion.controls.linuxcnc.present import Present
+from trunnion.controls.screws import table_letters
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
@@ -27,7 +27,7 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
 
     Raises InputError: rotary axes that count in different senses.
     """
-    letters = check_machine(setup)
+    letters = table_letters(setup, "LinuxCNC kinematics")
     kins = STOCK[setup.machine.preset]
     found = cnc_parameters(setup, known)
     shift = found.centres_um
@@ -49,7 +49,8 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     settings = [
         Setting(
             f"{kins}.{pin}", HAL, "mm", now.pins.get(f"{kins}.{pin}"), float(value),
-            "a centre absorbs part of the tilts" if "rot" in pin else "",
+            "rotation point" if "rot" in pin else "tilting axis less rotation point",
+            f"towards +{pin[0].upper()} of the machine", _absorbed(known, shift, pin[0].upper()),
         )
         for pin, value in pins.items()
     ]  # fmt: skip
@@ -81,7 +82,18 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     if senses == {-1}:
         directions += " Without it the kinematics count the other way, and no number here is right."
     notes = (directions, "Home the rotary axes after a change of HOME_OFFSET; run sign_test.ngc.")
-    return Made(files, tuple(settings + homes), found, left, notes)
+    return Made(files, tuple(settings + homes), found, notes, left)
+
+
+def _absorbed(known: MachineErrors, shift: Mapping[str, float], axis: str) -> str:
+    """Return what of a centre is the estimate, and what absorbs part of the tilts."""
+    parts = [
+        f"{name} {known.errors.get(name, 0.0):+.1f} µm, tilts "
+        f"{value - known.errors.get(name, 0.0):+.1f} µm"
+        for name, value in shift.items()
+        if name[1] == axis and abs(value - known.errors.get(name, 0.0)) > 0.05
+    ]
+    return "; ".join(parts)
 
 
 def _homes(letters: str, zeros_arcsec: Mapping[str, float], now: Present) -> list[Setting]:
@@ -92,8 +104,9 @@ def _homes(letters: str, zeros_arcsec: Mapping[str, float], now: Present) -> lis
         for key in ("HOME_OFFSET", "HOME"):
             old = now.keys.get((section, key))
             new = (old or 0.0) - zeros_arcsec[letter] / 3600.0
-            said = f"zero of {letter}; minus: a larger offset turns the axis back"
-            homes.append(Setting(f"[{section}] {key}", INI, "deg", old, new, said))
+            said = f"zero of {letter}, subtracted"
+            sign = "a larger offset turns the axis back"
+            homes.append(Setting(f"[{section}] {key}", INI, "deg", old, new, said, sign))
     return homes
 
 

@@ -1,0 +1,138 @@
+"""What is common to all writers: errors that may be written, and what their files leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import InputError
+from trunnion.base.units import unit_of
+from trunnion.compensation.control import Compensation, ModelCompensation
+from trunnion.compensation.machine import Known, MachineErrors
+from trunnion.compensation.uncertainty import residual_interval
+from trunnion.compensation.volumetric import volumetric_error
+from trunnion.controls.axis_tables import AxisTable
+from trunnion.controls.files import SETTINGS, ControlFiles, Setting, settings_text
+from trunnion.machine.chain import Chain
+from trunnion.machine.estimate import Estimate
+from trunnion.setup import Setup
+
+PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
+"""Location errors beyond 2 mm or 1° are rather a mistake in the set-up than a machine."""
+SIGNS = {
+    "X": "the axis lies towards +X of the machine frame",
+    "Y": "the axis lies towards +Y of the machine frame",
+    "Z": "the axis lies towards +Z of the machine frame",
+    "A": "tilted right-handed about X",
+    "B": "tilted right-handed about Y",
+    "C": "tilted right-handed about Z",
+}
+"""What a positive location error means, by its second letter."""
+
+
+def known_errors(setup: Setup, estimate: Known, *, any_size: bool) -> MachineErrors:
+    """Errors that may go into a control.
+
+    Raises DataError: an error that the measurement does not identify.
+    Raises InputError: one that is not plausible, unless `any_size`.
+    """
+    known = MachineErrors.of(setup, estimate)
+    for name, value in known.errors.items():
+        limit = PLAUSIBLE[unit_of(name)]
+        if not any_size and abs(value) > limit:
+            raise InputError(
+                f"{name}: got {value:g} {unit_of(name)}, expected at most {limit:g}: is the "
+                "set-up that of this machine (point_mm of the axes, length of the probe)? "
+                "--any-size writes it"
+            )
+    return known
+
+
+def control_files(
+    setup: Setup,
+    estimate: Known,
+    known: MachineErrors,
+    control: str,
+    files: Mapping[str, str],
+    settings: Sequence[Setting],
+    held: MachineErrors | Compensation,
+    *,
+    reasons: Mapping[str, str] | None = None,
+    left_out: Sequence[str] = (),
+    notes: Sequence[str] = (),
+    between: Mapping[str, float] | None = None,
+    seed: int = 0,
+) -> ControlFiles:
+    """Judge files by what they leave on the machine as estimated.
+
+    held: Errors that the files hold exactly but for `between`, or the compensation that they are.
+    reasons: Effect → why it is not held; for the others the control has no place.
+    """
+    compensation = ModelCompensation(held) if isinstance(held, MachineErrors) else held
+    rotary = rotary_range(setup)
+    before = volumetric_error(setup, known, **rotary, points=(3, 3, 2)).max_um
+    after = volumetric_error(
+        setup, known, compensation=compensation, **rotary, points=(3, 3, 2)
+    ).max_um
+    interval = None
+    exact = isinstance(compensation, ModelCompensation)
+    if exact and isinstance(estimate, Estimate) and estimate.names:
+        interval = residual_interval(setup, estimate, **rotary, draws=1000, seed=seed).max_um
+    left = list(left_out)
+    if isinstance(held, MachineErrors):
+        why = f"{control.partition(' (')[0]} has no place for it"
+        every = [*known.effects, *(effect.id for effect in known.own)]
+        left += [f"{x} ({(reasons or {}).get(x, why)})" for x in every if x not in held.effects]
+    made = {**files, SETTINGS: settings_text(settings)}
+    return ControlFiles(
+        control, made, tuple(settings), before, after, interval, tuple(left), tuple(notes),
+        {name: size for name, size in (between or {}).items() if size > 0} or None,
+    )  # fmt: skip
+
+
+def rotary_range(setup: Setup) -> dict[str, Any]:
+    """Rotary positions for the forecast: the stated ranges, else ±90° of A or B and a turn of C."""
+    ranges = setup.axis_ranges()
+    out: dict[str, Any] = {"a_deg": 0, "b_deg": None}
+    for letter in Chain(setup).letters:
+        low, high = ranges.get(letter, (0.0, 360.0) if letter == "C" else (-90.0, 90.0))
+        count = min(int((high - low) / 15) + 2, 36)
+        out[f"{letter.lower()}_deg"] = tuple(np.linspace(low, high, count).tolist())
+    return out
+
+
+def location_settings(known: MachineErrors, where: str) -> list[Setting]:
+    """Location errors as they are, µm and arcsec."""
+    return [
+        Setting(
+            name, where, unit_of(name), 0.0, value,
+            f"{'offset' if name[1] in 'XYZ' else 'tilt'} of the {name[3]} axis", SIGNS[name[1]],
+        )
+        for name, value in known.errors.items()
+    ]  # fmt: skip
+
+
+def table_settings(tables: Sequence[AxisTable], names: Mapping[str, str]) -> list[Setting]:
+    """Each table as its largest value: people see where it goes and over which range it holds."""
+    made = []
+    for table in tables:
+        per = 1e3 if table.of in "XYZ" else 3600.0
+        both = np.concatenate([table.forward, table.reverse])
+        largest = float(both[np.argmax(np.abs(both))])
+        made.append(
+            Setting(
+                table.name, names[table.name], "µm" if table.of in "XYZ" else "arcsec", None,
+                per * largest, f"largest of {len(table.nodes)} values every {table.step:g} "
+                f"{table.unit}: {', '.join(table.effects)}",
+                "the axis comes further in + than it is sent", "", table.holds,
+            )
+        )  # fmt: skip
+    return made
+
+
+def left_between(tables: Sequence[AxisTable], rounding: float) -> dict[str, float]:
+    """What tables leave between their nodes, µm and arcsec; `rounding` in mm and degrees."""
+    per = {table.name: 1e3 if table.of in "XYZ" else 3600.0 for table in tables}
+    return {table.name: per[table.name] * (table.left + rounding) for table in tables}

@@ -1,0 +1,125 @@
+"""Rotary axes under the table as lines in space and as elementary steps, in machine coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+import trunnion._core as _core
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, unit_of
+from trunnion.compensation.machine import MachineErrors
+from trunnion.machine.chain import Chain
+from trunnion.setup import Setup
+
+_COMPONENTS = ("X", "Y", "Z", "A", "B", "C")
+
+
+def table_letters(setup: Setup, control: str) -> str:
+    """Return the letters of the rotary axes, all of which are under the table.
+
+    Raises InputError: a rotary axis in the head; a set-up that does not say where the table is.
+    """
+    preset = setup.machine.preset
+    letters, sides, _ = _core.presets()[preset]
+    if set(sides) != {"table"}:
+        raise InputError(
+            f"{control}: got machine {preset}, expected rotary axes under the table only"
+        )
+    if setup.control.centre_mm is None:
+        raise InputError(
+            "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
+            "the table top) in machine coordinates, as X, Y, Z of the work offset"
+        )
+    return letters
+
+
+@dataclass(frozen=True)
+class Screw:
+    """Two axes of a table, the first carrying the second, and the table at zero of both.
+
+    A point p of the work, in machine coordinates at zero of a machine without errors, is at
+    turn(first) turn(second) zero p, each turn right-handed about its line for a positive position.
+
+    Attributes
+    ----------
+    points
+        Points of the lines nearest to those of the nominal axes, mm, (2, 3).
+    directions
+        Unit vectors, (2, 3).
+    zero
+        Displacement of the table at zero, (4, 4).
+    """
+
+    points: Floats
+    directions: Floats
+    zero: Floats
+
+
+def screws(setup: Setup, known: MachineErrors, control: str) -> Screw:
+    """Lines of the axes of a machine with errors, in machine coordinates of the control."""
+    letters = table_letters(setup, control)
+    chain = Chain(setup)
+    machine = chain.machine(known.errors)
+    mirror = np.diag(chain.linear_senses())
+    centre = np.array(setup.control.centre_mm)
+    into = np.eye(4)
+    into[:3, :3], into[:3, 3] = mirror, centre
+
+    def pose(rotary: Floats) -> Floats:
+        rows = machine.table_pose(np.ascontiguousarray(rotary[None])).reshape(3, 4)
+        whole = np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])
+        return np.asarray(into @ whole @ np.linalg.inv(into))
+
+    zero = pose(np.zeros(2))
+    nominal = setup.axis_points()
+    points, directions = [], []
+    for i, letter in enumerate(letters):
+        turned = np.zeros(2)
+        turned[i] = 90.0 * chain.senses[i]
+        move = pose(turned) @ np.linalg.inv(zero)
+        turn, shift = move[:3, :3], move[:3, 3]
+        near = centre + mirror @ np.array(nominal.get(letter, (0.0, 0.0, 0.0)))
+        fixed = np.eye(3) - turn
+        points.append(near + np.linalg.pinv(fixed, rcond=1e-6) @ (shift - fixed @ near))
+        skew = 0.5 * (turn - turn.T)
+        axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+        directions.append(axis / np.linalg.norm(axis))
+    return Screw(np.array(points), np.array(directions), zero)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step along or about an axis of the frame so far.
+
+    `key` is X Y Z A B C, or the letter of an axis of the machine; `value` is in mm or degrees, for
+    an axis of the machine its sense, 1 or -1.
+    """
+
+    key: str
+    value: float
+    is_axis: bool = False
+
+
+def steps(setup: Setup, known: MachineErrors) -> Iterator[Step]:
+    """From the machine frame to the table: shift, turns about X, Y, Z and axis of each link.
+
+    Location errors are absolute: what an axis carries has the difference to those of its carrier.
+    """
+    chain = Chain(setup)
+    points = setup.axis_points()
+    carrier, before = "", np.zeros(3)
+    for letter, sense in zip(chain.letters, chain.senses, strict=True):
+        point = np.array(points.get(letter, (0.0, 0.0, 0.0)))
+        point["ABC".index(letter)] = 0.0
+        for i, key in enumerate(_COMPONENTS):
+            name, carried = f"E{key}0{letter}", f"E{key}0{carrier}"
+            value = 0.0
+            if name in chain.location_errors:
+                value = known.errors.get(name, 0.0) - known.errors.get(carried, 0.0)
+                value *= 1e-3 if unit_of(name) == "µm" else 1 / 3600
+            yield Step(key, value + (point[i] - before[i] if i < 3 else 0.0))
+        yield Step(letter, float(sense), is_axis=True)
+        carrier, before = letter, point
