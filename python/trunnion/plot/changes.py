@@ -38,10 +38,10 @@ def changes_picture(comparison: MachineComparison) -> Picture:
             series.append(bars(np.where(mask, size, np.nan), label, colour=colour))
     return Picture(
         f"{comparison.names[0]} to {comparison.names[-1]}",
-        Axis("change in half widths of its 95 % interval", limits=(-REACH - 1, REACH + 1)),
+        Axis("Change over half its interval", limits=(-REACH - 1, REACH + 1)),
         Axis(names=names),
         tuple(series),
-        note="A bar within ±1 may be no change at all.",
+        note="Each change over the half width of its 95 % interval: within ±1 it may be none.",
     )
 
 

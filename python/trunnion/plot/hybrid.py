@@ -93,7 +93,7 @@ def cube_study_picture(study: CubeStudy) -> Picture:
     changes = sorted(study.changes, key=lambda c: -max(c.shift_um, c.largest_edge_um))
     return Picture(
         f"What each error does to a cube of {study.side_mm:g} mm",
-        PictureAxis("change", "µm"),
+        PictureAxis("Change", "µm"),
         PictureAxis(names=tuple(_label(c) for c in changes)),
         (
             bars([c.shift_um for c in changes], "the centre moves", colour=BLUE),
@@ -157,7 +157,7 @@ def identifiability_picture(result: Identifiability) -> Picture:
     title = f"{result.rank} of {len(shown)} combinations are identifiable"
     return Picture(
         title if lost else "Standard errors of combinations of errors",
-        PictureAxis("standard error", "µm or arcsec", log=True),
+        PictureAxis("Standard error", "µm or arcsec", log=True),
         PictureAxis(names=tuple(names)),
         (bars(shown),),
     )
@@ -185,7 +185,7 @@ def sensitivity_picture(result: Sensitivity, *, pose: int = 0) -> Picture:
     order = np.argsort(-size, kind="stable")
     return Picture(
         "Displacement of the tool point by each error",
-        PictureAxis("tool point", "µm per µm or arcsec"),
+        PictureAxis("Tool point", "µm per µm or arcsec"),
         PictureAxis(names=tuple(result.parameters[k] for k in order)),
         (bars(size[order]),),
     )

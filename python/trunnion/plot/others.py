@@ -74,7 +74,7 @@ def estimate_pictures(result: Estimate) -> list[Picture]:
         names = [n for n in values if unit_of(n) == unit and np.isfinite(std.get(n, 0.0))]
         two = np.array([2 * std.get(name, 0.0) for name in names])
         shown = bars([values[name] for name in names[:MAX_NAMES]], error=two[:MAX_NAMES])
-        x = Axis("value with U (k = 2)", unit)
+        x = Axis("Value with U (k = 2)", unit)
         y = Axis(names=tuple(names[:MAX_NAMES]))
         if names:
             found.append(Picture(f"Estimates, {unit}" if unit else "Estimates", x, y, (shown,)))
@@ -120,7 +120,7 @@ def conformity_picture(result: Conformity) -> Picture:
             label = decision.value
             series.append(bars(np.where(mine, size, np.nan), label, colour=colour, error=error))
     series.append(line([100.0, 100.0], [-0.5, len(names) - 0.5], "tolerance", colour=MUTED))
-    x = Axis("share of the tolerance, with U (k = 2)", "%")
+    x = Axis("Share with U (k = 2)", "%")
     return Picture("Quantities against their tolerances", x, Axis(names=names), tuple(series))
 
 
@@ -175,7 +175,7 @@ def instruments_picture(result: InstrumentComparison) -> Picture:
         values = np.where(mine, size, np.nan)
         colour = PALETTE[k % len(PALETTE)]
         series.append(bars(values, name, colour=colour, error=np.where(mine, two, np.nan)))
-    x = Axis("rms of what the cause does, with U (k = 2)", result.unit)
+    x = Axis("rms with U (k = 2)", result.unit)
     return Picture("Causes by instrument", x, Axis(names=names), tuple(series))
 
 

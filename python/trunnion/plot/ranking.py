@@ -38,7 +38,7 @@ def contributions_picture(d: Diagnosis) -> Picture | None:
     hover = (*(f"{c.rms_um:.3g} {unit} rms" for c in ranked), "")
     return Picture(
         "Causes ranked by what they explain",
-        Axis("share of the residual mean square", "%", limits=(0.0, 100.0)),
+        Axis("Share of mean square", "%", limits=(0.0, 100.0)),
         Axis(names=names),
         (
             bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),
@@ -82,7 +82,7 @@ def rates_picture(
         stacked.append(bars(total, outcome, colour=RATES.get(outcome, BLUE)))
     return Picture(
         title,
-        Axis("share of the runs", "%", limits=(0.0, 100.0)),
+        Axis("Share of the runs", "%", limits=(0.0, 100.0)),
         Axis(names=tuple(names)),
         tuple(reversed(stacked)),
     )

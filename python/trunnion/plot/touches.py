@@ -269,8 +269,8 @@ def observability_picture(seen: Observability) -> Picture:
             shown = np.where(mine, np.maximum(values, 0.4), np.nan)
             series.append(bars(shown, label, colour=colour))
     return Picture(
-        f"What these touches show of {len(shares)} effects",
-        Axis("share left once errors and placement are fitted", "%", limits=(0.0, 100.0)),
+        f"What these touches show of {len(shares)} effects beside errors and placement",
+        Axis("Share left", "%", limits=(0.0, 100.0)),
         Axis(names=names),
         tuple(series),
     )
