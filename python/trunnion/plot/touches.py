@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
@@ -31,6 +30,7 @@ from trunnion.plot.style import (
 from trunnion.probing.observability import Observability
 from trunnion.probing.result import IdentificationResult
 from trunnion.setup import Artefact, Machine, Setup
+from trunnion.setup.machines import presets
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -237,7 +237,7 @@ def _estimates(
 def effect_labels() -> Mapping[str, str]:
     """Id of every effect on touches → what people call it."""
     found: dict[str, str] = {}
-    for preset in _core.presets():
+    for preset in presets():
         setup = Setup(artefact=Artefact("cross"), machine=Machine(preset))
         found |= {id_: effect.label for id_, effect in Chain(setup).effects.items()}
     return found
