@@ -68,12 +68,12 @@ def setup_of(machine: str | int) -> tn.Setup:
     axes = {}
     if isinstance(machine, int):
         names = {"chain": layout.code, "table_normal": layout.normal}
-        axes = {
-            letter: tn.AxisSetup(
-                point_mm=layout.points[letter], direction=layout.directions[letter]
-            )  # type: ignore[arg-type]
-            for letter in layout.letters
-        }
+        for letter in layout.letters:
+            line: dict[str, Any] = {
+                "point_mm": layout.points[letter],
+                "direction": layout.directions[letter],
+            }
+            axes[letter] = tn.AxisSetup(**line)
     artefact = tn.Artefact(
         "cuboid", *SIZES, place_mm=PLACE, turn_deg=TURN_DEG, tolerance_mm=0.5, tolerance_deg=0.2
     )
@@ -97,7 +97,7 @@ def random_axes(machine: str | int, seed: int) -> Floats:
     """Positions in mm and rad."""
     random = np.random.default_rng(seed)
     count = len(layout_of(machine).letters)
-    return np.r_[random.uniform(-200, 200, 3), random.uniform(-np.pi, np.pi, count)]
+    return np.asarray(np.r_[random.uniform(-200, 200, 3), random.uniform(-np.pi, np.pi, count)])
 
 
 @pytest.mark.parametrize("machine", MACHINES)
@@ -161,20 +161,15 @@ def plan_of(machine: str | int) -> tn.Touches:
         return tn.plan(setup, dither=False)
     level = chain.level_deg
     if chain.tilting is None or chain.turning is None:
-        angles = {f"{chain.letters[0].lower()}_deg": tuple(range(-80, 81, 20))}
-        made = tn.plan(setup, **angles, dither=False, all_faces=True)  # type: ignore[arg-type]
+        one: dict[str, Any] = {f"{chain.letters[0].lower()}_deg": tuple(range(-80, 81, 20))}
+        made = tn.plan(setup, **one, dither=False, all_faces=True)
     else:
         pairs = [(level + t, c) for t in (-50, -25, 25, 50) for c in (0, 70, 130, 250, 310)]
-        turn = {f"{chain.turning.lower()}_deg": (0, 90, 180, 270)}
-        tilt = {f"{chain.tilting.lower()}_deg": (level - 70, level + 70)}
-        made = tn.plan(
-            setup,
-            **turn,
-            **tilt,
-            positions_deg=pairs,
-            dither=False,
-            all_faces=True,  # type: ignore[arg-type]
-        )
+        angles: dict[str, Any] = {
+            f"{chain.turning.lower()}_deg": (0, 90, 180, 270),
+            f"{chain.tilting.lower()}_deg": (level - 70, level + 70),
+        }
+        made = tn.plan(setup, **angles, positions_deg=pairs, dither=False, all_faces=True)
     if len(made) > 150:
         made = made[np.sort(np.random.default_rng(1).permutation(len(made))[:150])]
     return made

@@ -26,7 +26,7 @@ def turn(direction: Any, angle: Any) -> Array:
     """Rotation about a unit vector by Rodrigues' formula."""
     x, y, z = direction
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * (skew @ skew)
+    return np.asarray(np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * (skew @ skew))
 
 
 def tilts(a: Any, b: Any, c: Any) -> Array:
