@@ -38,7 +38,8 @@ def abscissa(effect: Effect, change: np.ndarray, recorded: dict[str, np.ndarray]
     A quantity that it needs, the position of its axis, or the recorded quantity whose groups or
     bins explain most of the change.
     """
-    for name in (*effect.info().needs, f"{effect.id.partition('_')[0]}_deg"):
+    timed = ("time_s",) if effect.id.startswith(("drift", "warmup", "setup_shift")) else ()
+    for name in (*timed, *effect.info().needs, f"{effect.id.partition('_')[0]}_deg"):
         if name in recorded and not name.endswith("_dir"):
             return name
 
@@ -49,17 +50,19 @@ def abscissa(effect: Effect, change: np.ndarray, recorded: dict[str, np.ndarray]
         means = np.bincount(group, change) / np.maximum(np.bincount(group), 1)
         return float(np.var(means[group]))
 
-    candidates = [name for name in recorded if name not in ("point", "cycle", "time_s")]
+    candidates = [
+        name for name in recorded if name not in ("point", "cycle", "time_s", "length_mm")
+    ]
     return max(candidates or recorded, key=lambda name: explained(recorded[name]))
 
 
-def recorded_by(data: Any, readings: int) -> dict[str, np.ndarray]:
+def recorded_by(model: Any) -> dict[str, np.ndarray]:
     """Numeric columns of a measurement, one value for each reading."""
-    every = {n: v for n, v in data.columns.items() if v.dtype.kind in "fi" and np.ptp(v) > 0}
-    shares, rest = divmod(readings, len(data))
-    if rest:
-        return {"reading": np.arange(readings)}
-    return {name: np.repeat(values, shares) for name, values in every.items()}
+    columns = model.data.columns
+    if "run" in columns:  # a log: everything is seen over time
+        columns = {"time_s": columns["time_s"]}
+    every = {n: v for n, v in columns.items() if v.dtype.kind in "fi" and np.ptp(v) > 0}
+    return {name: values[model.readings.rows] for name, values in every.items()}
 
 
 def different(models: list[Any]) -> list[tuple[Any, Effect]]:
@@ -84,7 +87,7 @@ def sheet(kind: Kind) -> None:
         ax.axis("off")
     for ax, (model, effect) in zip(axes.flat, shown, strict=False):
         change = shape_of(effect)
-        recorded = recorded_by(model.data, len(change))
+        recorded = recorded_by(model)
         name = abscissa(effect, change[:, 0], recorded)
         for column, colour in zip(change.T, COLOURS, strict=False):
             ax.plot(recorded[name], column, ".", ms=3, color=colour, alpha=0.7)
