@@ -24,7 +24,7 @@ def run(*arguments: str, code: int = 0) -> str:
 
 def test_simulate_with_the_sample_set_up_is_the_papers_machine() -> None:
     figures = [
-        json.loads(run("contour", "simulate", "--feed", "3000", "--json", *extra))
+        json.loads(run("contour", "simulate", "--feed", "3000", "--json", *extra))["runs"]
         for extra in ((), (SETUP,))
     ]
     assert [f["controller"] for f in figures[0]] == ["independent", "existing", "proposed"]

@@ -46,7 +46,7 @@ def test_an_offset_of_the_instrument_is_no_other_unit() -> None:
 
 def test_exchanged_columns_are_named() -> None:
     swapped = AXIS.with_columns(measured_mm=AXIS.target, target_mm=AXIS.measured)
-    with pytest.raises(tn.DataError, match="are target_mm and measured_mm exchanged"):
+    with pytest.raises(tn.DataError, match="are the two columns exchanged"):
         swapped.iso230_2()
 
 

@@ -7,6 +7,7 @@ with ``--force`` only.
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from collections.abc import Iterator
@@ -14,6 +15,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from trunnion.base.errors import InputError
+
+LOG = logging.getLogger("trunnion.files")
 
 
 def check_new(path: Path, *, overwrite: bool) -> None:
@@ -59,6 +62,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         with draft.open("rb+") as written:
             os.fsync(written.fileno())
         draft.replace(target)
+        LOG.info("wrote %s, %d bytes", target, target.stat().st_size)
     finally:
         draft.unlink(missing_ok=True)
 

@@ -14,22 +14,19 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache
-from numbers import Real
 from os import PathLike
 from pathlib import Path
-from types import UnionType
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, TypeVar
 
 import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.output import write_text
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.saved import Columns, Saved
+from trunnion.base.stored import fitting, plain, read_json, structured
 
 if TYPE_CHECKING:
     import pandas as pd
-    from cattrs import Converter
     from rich.table import Table as RichTable
 
 C = TypeVar("C")
@@ -169,94 +166,23 @@ class Table:
             f"<thead><tr>{cells('th', self.columns)}</tr></thead><tbody>{body}</tbody></table>"
         )
 
+    def to_columns(self) -> Columns:
+        """Return cells by heading, numbers as numbers; a heading that comes again is numbered."""
+        found: dict[str, list[Cell]] = {}
+        for j, column in enumerate(self.columns):
+            name = column or "name"
+            again = sum(each == column for each in self.columns[:j])
+            cells = (row[j] for row in self.rows)
+            found[f"{name} ({again + 1})" if again else name] = [
+                float(cell) if isinstance(cell, Shown) else cell for cell in cells
+            ]
+        return found
+
     def to_dataframe(self) -> pd.DataFrame:
         """Return it as a pandas DataFrame, numbers as numbers; pandas is imported here."""
         import pandas as pd
 
-        names = [column or "name" for column in self.columns]
-        rows = [[float(c) if isinstance(c, Shown) else c for c in row] for row in self.rows]
-        return pd.DataFrame.from_records(rows, columns=names)
-
-
-@cache
-def _converter() -> Converter:
-    """Return what turns results into plain values and back, "inf" and "nan" as text."""
-    from cattrs import Converter
-
-    converter = Converter()
-    converter.register_unstructure_hook(float, plain)
-    converter.register_unstructure_hook_func(
-        lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
-    )
-    converter.register_structure_hook(float, lambda value, _: _stored_number(value))
-    converter.register_structure_hook_func(
-        lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
-    )
-    converter.register_structure_hook_func(
-        lambda kind: sum(map(is_dataclass, _options(kind))) > 1,
-        lambda value, kind: converter.structure(value, _fitting(value, kind)),
-    )
-    return converter
-
-
-def _options(kind: Any) -> tuple[Any, ...]:
-    """Return the types of a union; none for any other type."""
-    return get_args(kind) if get_origin(kind) in (Union, UnionType) else ()
-
-
-def _fitting(value: Any, kind: Any) -> Any:
-    """Return the dataclass of a union that the values name, or whose fields they have."""
-    for option in _options(kind) if isinstance(value, Mapping) else ():
-        if not (isinstance(option, type) and is_dataclass(option)):
-            continue
-        names = {field.name for field in fields(option)}
-        if value.get("result") == option.__name__ or set(value) == names:
-            return option
-    raise InputError(f"got {value!r:.60}, expected the fields of one of {kind}")
-
-
-def _array(value: Any, kind: Any) -> Any:
-    """Return nested lists as an array of the annotated type of number."""
-    scalar = next(iter(get_args(get_args(kind)[-1])), None) if get_args(kind) else None
-    dtype = scalar if isinstance(scalar, type) and issubclass(scalar, np.generic) else None
-    found = np.asarray(value, dtype=None if dtype is np.generic else dtype)
-    if found.dtype.kind == "f" and np.isnan(found).any():
-        raise InputError("got nan, expected numbers")
-    return found
-
-
-def _stored_number(value: Any) -> float:
-    """Return a number as `plain` stores it."""
-    infinite = isinstance(value, str) and value in ("inf", "-inf")
-    if not infinite and (isinstance(value, bool) or not isinstance(value, Real)):
-        raise InputError(f"got {value!r:.60}, expected a number")
-    number = float(value)
-    if number != number:
-        raise InputError("got nan, expected a number")
-    return number
-
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, numbers not finite as text."""
-    if value is None or isinstance(value, str | bool):
-        return value
-    if isinstance(value, np.generic | np.ndarray):
-        return plain(value.tolist())
-    if isinstance(value, int):
-        return value
-    if isinstance(value, Real):
-        return float(value) if np.isfinite(float(value)) else str(float(value))
-    if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    if isinstance(value, set | frozenset):
-        return sorted(plain(entry) for entry in value)
-    if isinstance(value, Result):
-        return value.to_dict()
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    return str(value)
+        return pd.DataFrame(self.to_columns())
 
 
 def same(first: Any, second: Any) -> bool:
@@ -306,24 +232,8 @@ def class_named(name: str, base: type[C]) -> type[C]:
     raise InputError(f"{base.__name__}: got {name!r}, expected the name of one")
 
 
-def structured(values: Any, kind: type[C]) -> C:
-    """Return plain values, as `plain` gives them, as a dataclass.
-
-    Raises
-    ------
-    InputError
-        The values are not those of this class.
-    """
-    try:
-        return _converter().structure(values, kind)
-    except Exception as error:  # cattrs raises groups of errors, one a field
-        raise InputError(
-            f"{kind.__name__}: got values that do not fit its fields: {error}"
-        ) from error
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class Result:
+class Result(Saved):
     """Base of every public result.
 
     A subclass is a frozen dataclass (``@dataclass(frozen=True, eq=False, repr=False)``) of data.
@@ -403,9 +313,20 @@ class Result:
         except TrunnionError as error:
             raise FileFormatError(f"{where}: {error}") from error
 
+    def to_columns(self) -> Columns:
+        """Return the main table by column: what `to_dataframe`, CSV and Parquet hold."""
+        return self.table().to_columns()
+
+    def sheets(self) -> Mapping[str, Columns]:
+        """Return the main table, then the others, by title: what a workbook holds."""
+        others = {table.title: table.to_columns() for table in self.tables()[1:]}
+        return {self.table().title: self.to_columns(), **others}
+
     def to_dataframe(self) -> pd.DataFrame:
-        """Return the first table as a pandas DataFrame, numbers as numbers."""
-        return self.table().to_dataframe()
+        """Return the main table as a pandas DataFrame, numbers as numbers."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self.to_columns()))
 
     def plot(self, **options: Any) -> Any:
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""

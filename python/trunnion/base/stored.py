@@ -1,15 +1,27 @@
-"""Reading what was stored as JSON: a fault is an error of the package that names its place."""
+"""Values as JSON holds them, and back: a fault is an error of the package that names its place."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
+from functools import cache
+from numbers import Real
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin
+
+import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
+from trunnion.base.saved import Saved
+
+if TYPE_CHECKING:
+    from cattrs import Converter
+
+C = TypeVar("C")
 
 
 def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
@@ -70,3 +82,100 @@ def fitting(what: str) -> Iterator[None]:
         ValueError,
     ) as error:
         raise InputError(f"{what}: got values that do not fit its fields: {error}") from error
+
+
+@cache
+def _converter() -> Converter:
+    """Return what turns results into plain values and back, "inf" and "nan" as text."""
+    from cattrs import Converter
+
+    converter = Converter()
+    converter.register_unstructure_hook(float, plain)
+    converter.register_unstructure_hook_func(
+        lambda kind: isinstance(kind, type) and issubclass(kind, np.ndarray | np.generic), plain
+    )
+    converter.register_structure_hook(float, lambda value, _: _stored_number(value))
+    converter.register_structure_hook_func(
+        lambda kind: getattr(kind, "__origin__", kind) is np.ndarray, _array
+    )
+    converter.register_structure_hook_func(
+        lambda kind: sum(map(is_dataclass, _options(kind))) > 1,
+        lambda value, kind: converter.structure(value, _fitting(value, kind)),
+    )
+    return converter
+
+
+def _options(kind: Any) -> tuple[Any, ...]:
+    """Return the types of a union; none for any other type."""
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else ()
+
+
+def _fitting(value: Any, kind: Any) -> Any:
+    """Return the dataclass of a union that the values name, or whose fields they have."""
+    for option in _options(kind) if isinstance(value, Mapping) else ():
+        if not (isinstance(option, type) and is_dataclass(option)):
+            continue
+        names = {field.name for field in fields(option)}
+        if value.get("result") == option.__name__ or set(value) == names:
+            return option
+    raise InputError(f"got {value!r:.60}, expected the fields of one of {kind}")
+
+
+def _array(value: Any, kind: Any) -> Any:
+    """Return nested lists as an array of the annotated type of number."""
+    scalar = next(iter(get_args(get_args(kind)[-1])), None) if get_args(kind) else None
+    dtype = scalar if isinstance(scalar, type) and issubclass(scalar, np.generic) else None
+    found = np.asarray(value, dtype=None if dtype is np.generic else dtype)
+    if found.dtype.kind == "f" and np.isnan(found).any():
+        raise InputError("got nan, expected numbers")
+    return found
+
+
+def _stored_number(value: Any) -> float:
+    """Return a number as `plain` stores it."""
+    infinite = isinstance(value, str) and value in ("inf", "-inf")
+    if not infinite and (isinstance(value, bool) or not isinstance(value, Real)):
+        raise InputError(f"got {value!r:.60}, expected a number")
+    number = float(value)
+    if number != number:
+        raise InputError("got nan, expected a number")
+    return number
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, numbers not finite as text."""
+    if value is None or isinstance(value, str | bool):
+        return value
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, int):
+        return value
+    if isinstance(value, Real):
+        return float(value) if np.isfinite(float(value)) else str(float(value))
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, set | frozenset):
+        return sorted(plain(entry) for entry in value)
+    if isinstance(value, Saved) and is_dataclass(value):  # a result
+        return value.to_dict()
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    return str(value)
+
+
+def structured(values: Any, kind: type[C]) -> C:
+    """Return plain values, as `plain` gives them, as a dataclass.
+
+    Raises
+    ------
+    InputError
+        The values are not those of this class.
+    """
+    try:
+        return _converter().structure(values, kind)
+    except Exception as error:  # cattrs raises groups of errors, one a field
+        raise InputError(
+            f"{kind.__name__}: got values that do not fit its fields: {error}"
+        ) from error

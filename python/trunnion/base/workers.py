@@ -33,7 +33,7 @@ def map_processes(
     """
     if min(workers, len(items)) <= 1:
         return [_counted(work(item), done) for item in items]
-    with _pool(min(workers, len(items))) as pool:
+    with processes(min(workers, len(items))) as pool:
         try:
             futures: list[Future[R]] = [pool.submit(work, item) for item in items]
             for future in as_completed(futures):
@@ -58,7 +58,7 @@ def _counted(result: R, done: Callable[[int], None]) -> R:
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """Processes that are killed when the block is left by an error or by Ctrl-C."""
     before = set(multiprocessing.active_children())
     # Not forked: the core's threads would not survive it.

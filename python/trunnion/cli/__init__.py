@@ -15,6 +15,7 @@ from trunnion.cli import (
     compare,
     compensate,
     contour,
+    correct,
     demo,
     diagnose,
     hybrid,
@@ -22,6 +23,7 @@ from trunnion.cli import (
     positioning,
     program,
     read,
+    schemas,
     start,
     sweep,
     turning,
@@ -67,6 +69,7 @@ GROUPS = (
     compensate,
     turning,
     contour,
+    correct,
     ballbar,
     positioning,
     levels,
@@ -74,6 +77,7 @@ GROUPS = (
     sweep,
     view,
     demo,
+    schemas,
 )
 for part in GROUPS:
     part.register(app)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command, save, sort_files
-from trunnion.cli.diagnose import diagnose_as
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.hybrid import mechanism_of
+from trunnion.cli.schema import Of, Printed
 
 Lengths = Annotated[
     list[Path],
@@ -21,16 +23,27 @@ Lengths = Annotated[
 ]
 
 
+class Circles(TypedDict):
+    """What `results` prints as JSON."""
+
+    circles: list[Annotated[Any, Of(("trunnion.data.iso230_4:Iso2304",))]]
+
+
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        help="Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.", no_args_is_help=True
+        name="ballbar",
+        help="Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.",
+        no_args_is_help=True,
     )
-    command(group, "diagnose")(diagnose_as("ballbar"))
-    command(group)(results)
-    command(group)(identify)
-    command(group)(plan)
-    app.add_typer(group, name="ballbar")
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("ballbar"))
+    command(group, values=Printed(keys=Circles), reads=True)(results)
+    command(group, values=Printed("trunnion.hybrid.identify:BallbarIdentification"), reads=True)(
+        identify
+    )
+    seen = Printed("trunnion.hybrid.identifiability:Identifiability")
+    command(group, values=seen, reads=True)(plan)
+    app.add_typer(group)
 
 
 def results(
@@ -40,14 +53,16 @@ def results(
     ] = None,
 ) -> Answer:
     """Evaluate circles by ISO 230-4: circular deviation G, hysteresis H, radial deviation F."""
-    data, _ = sort_files(files, (1, 1), (0, 1), "lengths")
-    circles = tn.iso230_4(tn.read_ballbar(data[0]))
+    data, set_ups = sort_files(files, (1, 1), (0, 1), "lengths")
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    lengths = tn.read_ballbar(data[0])
+    circles = tn.iso230_4(lengths)
     shown: list[Any] = [*circles]
     if html is not None:
         for circle in circles:
             name = html if len(circles) == 1 else html.with_stem(f"{html.stem}-{circle.setup}")
-            shown.append(save(name, circle.to_html))
-    return Answer([circle.to_dict() for circle in circles], tuple(shown))
+            shown.append(save(name, partial(circle.to_html, data=lengths, setup=setup)))
+    return Answer({"circles": [circle.to_dict() for circle in circles]}, tuple(shown))
 
 
 def identify(

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import warnings
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypedDict, cast
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, one_set_up, save
+from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
+from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values, names, numbers
 from trunnion.data.linuxcnc_log import probe_log_of
 
@@ -29,10 +31,36 @@ SetupFile = Annotated[Path, typer.Argument(help="set-up (TOML)", metavar="SETUP"
 Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
 
+class Planned(TypedDict):
+    """What `plan` prints as JSON."""
+
+    touches: int
+    minutes: float
+    columns: list[str]
+    notes: list[str]
+
+
+class Simulated(TypedDict):
+    """What `simulate` prints as JSON."""
+
+    touches: int
+    columns: list[str]
+
+
+_FORMS = Annotated[Any, Of(("trunnion.probing.result:ClosedFormResult",))]
+_FIT = Annotated[Any, Of(("trunnion.probing.result:IdentificationResult",))]
+Estimates = TypedDict(
+    "Estimates", {"separating": _FORMS, "printed": _FORMS, "least-squares": _FIT}, total=False
+)
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    for function in (plan, simulate, estimate, observe):
-        command(app)(function)
+    command(app, values=Printed(keys=Planned))(plan)
+    command(app, values=Printed(keys=Simulated), reads=True)(simulate)
+    command(app, values=Printed(keys=Estimates), reads=True)(estimate)
+    seen = Printed("trunnion.probing.observability:Observability")
+    command(app, values=seen, reads=True)(observe)
 
 
 def plan(
@@ -61,7 +89,8 @@ def plan(
     from trunnion.machine.chain import Chain
 
     made = tn.read_setup(setup)
-    letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
+    chain = Chain(made)
+    angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
     if for_:
         feed = numbers("--feeds", feeds)[0]
         planned = tn.plan_for(
@@ -78,8 +107,7 @@ def plan(
             feeds_mm_min=numbers("--feeds", feeds),
             both_senses=both_senses,
             repeats=repeats,
-            c_deg=numbers("--c", c),
-            **{letter: numbers("--tilt", tilt)},  # type: ignore[arg-type]
+            **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]
         )
     return _planned(planned, made, output, program, log, (output or setup).name)
 
@@ -94,7 +122,7 @@ def _planned(
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
-        shown.append(save(output, planned.to_csv))
+        shown.append(save(output, planned.save))
     if program is not None:
         cycle = tn.probing_program(planned, made, log, name=name)
         shown.append(save_program(program, cycle))
@@ -172,7 +200,7 @@ def simulate(
         return Answer(values, (f"{len(measured)} touches", said, *more))
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
-    return Answer(values, (f"{len(measured)} touches", save(output, measured.to_csv)))
+    return Answer(values, (f"{len(measured)} touches", save(output, measured.save)))
 
 
 def _plan_and_set_up(files: list[Path]) -> tuple[Setup, Touches]:
@@ -201,9 +229,12 @@ def estimate(
     per_position: Annotated[
         bool, typer.Option(help="also the paper's estimates at every A and C")
     ] = False,
-    output: Output = None,
+    html: Html = None,
 ) -> Answer:
-    """Estimate the location errors from touches; --output keeps the estimate as JSON."""
+    """Estimate the location errors from touches; --output keeps the estimate as JSON.
+
+    --html writes the report of the most general estimate: one page with the evidence.
+    """
     measured, file = one_set_up(files, (1, 1), "touches")
     setup = tn.read_setup(file)
     data = tn.read_touches(measured[0])
@@ -213,12 +244,10 @@ def estimate(
     shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
     if per_position:
         shown += tn.closed_form(data, setup).per_position.tables()
-    answer = Answer({name: result.to_dict() for name, result in results.items()}, tuple(shown))
-    if output is None:
-        return answer
-    text = answer.json() + "\n"
-    said = save(output, lambda path: path.write_text(text, encoding="utf-8"))
-    return Answer(answer.values, (*answer.shown, said))
+    if html is not None:
+        best = results.get("least-squares") or next(iter(results.values()))
+        shown.append(save(html, partial(best.to_html, data=data, setup=setup)))
+    return Answer(results, tuple(shown))
 
 
 def _estimates(

@@ -11,28 +11,79 @@ from __future__ import annotations
 import functools
 import inspect
 import json
+import logging
+import os
+import shlex
+import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec
+from typing import Annotated, Any, NoReturn, ParamSpec
 
 import typer
 
+from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.output import check_new, whole_file
-from trunnion.base.report import Table, plain
+from trunnion.base.progress import shown_progress
 
 P = ParamSpec("P")
 
+SCHEMA_VERSION = 1
+"""Of what --json prints; raised when a key goes or gets another meaning, not when one is added."""
+FAULT, REFUSED, INTERRUPTED = 1, 2, 130
+"""Exit codes: a fault of trunnion; arguments or files that are not usable; Ctrl-C."""
+LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
+_LOG = logging.getLogger("trunnion")
+
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", help="write the result here", show_default=False)
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        help="write the result here; its ending says as what: .csv .json .xlsx .parquet",
+        show_default=False,
+    ),
+]
+Html = Annotated[
+    Path | None, typer.Option(help="write the measurement report here: one page (HTML)")
 ]
 _JSON = Annotated[bool, typer.Option("--json", help="print JSON instead of text")]
 _QUIET = Annotated[bool, typer.Option("--quiet", "-q", help="print nothing but errors")]
 _FORCE = Annotated[bool, typer.Option("--force", help="overwrite files that exist already")]
+_VERBOSE = Annotated[
+    int,
+    typer.Option(
+        "--verbose", "-v", count=True, show_default=False, help="say what is done; -vv: in detail"
+    ),
+]
+_UNIT = Annotated[
+    str, typer.Option("--unit", "--units", help="unit of the files' lengths: mm or inch")
+]
+_DECIMAL = Annotated[
+    str, typer.Option(help="decimal mark, where it cannot be found: . or ,", show_default=False)
+]
+_SEPARATOR = Annotated[
+    str, typer.Option(help="mark between columns, where it cannot be found", show_default=False)
+]
+_SHEET = Annotated[str, typer.Option(help="sheet of a workbook (xlsx)", show_default=False)]
+READING: tuple[tuple[str, Any, Any], ...] = (
+    ("unit", _UNIT, "mm"),
+    ("decimal", _DECIMAL, ""),
+    ("separator", _SEPARATOR, ""),
+    ("sheet", _SHEET, ""),
+)
+"""Options of every command that reads measured data: as `SHARED`."""
+SHARED: tuple[tuple[str, Any, Any], ...] = (
+    ("json_", _JSON, False),
+    ("quiet", _QUIET, False),
+    ("force", _FORCE, False),
+    ("verbose", _VERBOSE, 0),
+)
+"""Options of every command: name, annotation, default."""
 _FORCED: ContextVar[bool] = ContextVar("force", default=False)
 
 
@@ -40,21 +91,38 @@ _FORCED: ContextVar[bool] = ContextVar("force", default=False)
 class Answer:
     """What a command answers.
 
-    values: Printed with --json: a result, or plain values.
+    values: Printed with --json: a result, or plain values by name.
     shown: Printed otherwise, one after the other: results (their summaries), tables, or text.
+    failed: Whether to end with `REFUSED` after printing: one of several files was not usable.
     """
 
     values: Any
     shown: tuple[Any, ...] = ()
+    failed: bool = False
 
     @classmethod
     def of(cls, result: Any, *more: Any) -> Answer:
         """Return a result as answer, with further blocks below its summary."""
         return cls(result, (result, *more))
 
-    def json(self) -> str:
-        """Return `values` as JSON text."""
+    def save(self, path: Path) -> str:
+        """Write the result: JSON holds all that --json prints, the other formats its tables."""
+        if path.suffix.lower() == ".json":
+            text = self.json()
+            return save(path, lambda draft: draft.write_text(text + "\n", encoding="utf-8"))
+        by_name = [*self.values.values()][::-1] if isinstance(self.values, Mapping) else []
+        results = [e for e in (self.values, *by_name, *self.shown) if hasattr(e, "save")]
+        if not results:
+            raise InputError(f"--output: got {path}, expected a name that ends in .json")
+        return save(path, results[0].save)
+
+    def json(self, command: str = "") -> str:
+        """Return `values` as JSON text; with the name of a command, which schema they follow."""
+        from trunnion.base.stored import plain
+
         values = self.values.to_dict() if hasattr(self.values, "to_dict") else self.values
+        if command:
+            values = {"schema": {"command": command, "version": SCHEMA_VERSION}, **values}
         return json.dumps(plain(values), indent=2, ensure_ascii=False, allow_nan=False)
 
     def text(self) -> str:
@@ -63,49 +131,170 @@ class Answer:
 
 
 def _text(block: Any) -> str:
-    if isinstance(block, Table):
-        return block.text()
+    if hasattr(block, "to_rich"):  # a table
+        return str(block.text())
     return str(block.summary()) if hasattr(block, "summary") else str(block)
 
 
+@dataclass(frozen=True)
+class Command:
+    """A command as it was added.
+
+    name: With its group, as typed.
+    values: What --json prints: a class, or "module:Class", imported when it is asked for.
+    """
+
+    name: str
+    values: Any
+
+
+COMMANDS: dict[str, Command] = {}
+"""Every command by name."""
+
+
 def command(
-    group: typer.Typer, name: str | None = None
+    group: typer.Typer, name: str | None = None, *, values: Any, reads: bool = False
 ) -> Callable[[Callable[P, Answer]], Callable[P, Answer]]:
-    """Add a function that returns an `Answer` to a group as a command."""
+    """Add a function that returns an `Answer` to a group as a command.
+
+    values: The class that `Answer.values` are of, for the schema of --json: a result ("module:
+        Class"), or a TypedDict.
+    reads: Whether it reads measured data, and takes the options that say how.
+    """
 
     def decorate(function: Callable[P, Answer]) -> Callable[P, Answer]:
         given = inspect.signature(function, eval_str=True)
         keyword = inspect.Parameter.KEYWORD_ONLY
+        own = () if "output" in given.parameters else (("output", Output, None),)
         shared = [
-            inspect.Parameter(key, keyword, default=False, annotation=annotation)
-            for key, annotation in (("json_", _JSON), ("quiet", _QUIET), ("force", _FORCE))
+            inspect.Parameter(key, keyword, default=default, annotation=annotation)
+            for key, annotation, default in (*own, *(READING if reads else ()), *SHARED)
         ]
+        place = inspect.Parameter("context", keyword, annotation=typer.Context)
+        owner = "" if group.info.name == "trunnion" else f"{group.info.name} "
+        known = Command(f"{owner}{name or function.__name__}", values)
+        COMMANDS[known.name] = known
 
         @functools.wraps(function)
-        def run(*arguments: Any, json_: bool, quiet: bool, force: bool, **options: Any) -> None:
-            reset = _FORCED.set(force)
+        def run(
+            *arguments: Any,
+            context: typer.Context,
+            json_: bool,
+            quiet: bool,
+            force: bool,
+            verbose: int,
+            **options: Any,
+        ) -> None:
+            reset, line = _FORCED.set(force), COMMAND.set(_command_line(context))
+            output = options.pop("output") if own else None
+            how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
-                with _warnings_as_notes():
+                with _logged(verbose), _warnings_as_notes(), shown_progress(), _reading(how):
+                    if output is not None:
+                        check_outputs(output)
                     answer = function(*arguments, **options)
+                    if output is not None:
+                        answer = replace(answer, shown=(*answer.shown, answer.save(output)))
                 if not quiet:
-                    typer.echo(answer.json() if json_ else answer.text())
-            except BrokenPipeError:  # the reader has seen enough (| head)
-                raise typer.Exit(0) from None
-            except (TrunnionError, OSError) as error:
-                typer.echo(
-                    typer.style("error:", fg="red", bold=True) + f" {_message(error)}", err=True
-                )
-                raise typer.Exit(2) from None
+                    typer.echo(answer.json(known.name) if json_ else answer.text())
+                if answer.failed:
+                    raise typer.Exit(REFUSED)
+            except (Exception, KeyboardInterrupt) as error:
+                _end(error)
             finally:
                 _FORCED.reset(reset)
+                COMMAND.reset(line)
 
         run.__signature__ = given.replace(  # type: ignore[attr-defined]
-            parameters=[*given.parameters.values(), *shared], return_annotation=None
+            parameters=[*given.parameters.values(), place, *shared], return_annotation=None
         )
         group.command(name)(run)
         return function
 
     return decorate
+
+
+def _end(error: BaseException) -> NoReturn:
+    """Say what ended a command in one line, never a traceback, and end with its exit code."""
+    if isinstance(error, typer.Exit | typer.Abort | typer.BadParameter):
+        raise error
+    if isinstance(error, KeyboardInterrupt):
+        typer.echo("interrupted", err=True)
+        raise typer.Exit(INTERRUPTED) from None
+    if isinstance(error, BrokenPipeError):  # the reader has seen enough (| head)
+        _drop_output()
+        raise typer.Exit(0) from None
+    if isinstance(error, TrunnionError | OSError | ImportError | MemoryError):
+        say("error:", _message(error))
+        raise typer.Exit(REFUSED) from None
+    kind = type(error).__name__
+    say("fault of trunnion:", f"{kind}: {error} (the same command with -vv says where)")
+    raise typer.Exit(FAULT) from None
+
+
+def say(head: str, message: str) -> None:
+    """Write a line with a red beginning to the error stream; NO_COLOR takes the colour."""
+    red = head if os.environ.get("NO_COLOR") else typer.style(head, fg="red", bold=True)
+    typer.echo(f"{red} {message}", err=True)
+
+
+def _drop_output() -> None:
+    """Let Python write what it still holds for a closed pipe to nowhere at its end."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError):  # no file: captured by a test, or closed
+        return
+
+
+@contextmanager
+def _reading(how: dict[str, str]) -> Iterator[None]:
+    """Read all files as the options say."""
+    if not any(value for key, value in how.items() if (key, value) != ("unit", "mm")):
+        yield
+        return
+    from trunnion.files.csv_file import Options, reading
+
+    marks = {key: how[key] or None for key in ("separator", "decimal", "sheet")}
+    with reading(Options(units=how["unit"], **marks)):
+        yield
+
+
+@contextmanager
+def _logged(verbose: int) -> Iterator[None]:
+    """Write the package's log to the error stream, with --verbose."""
+    if not verbose:
+        yield
+        return
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s", "%H:%M:%S"))
+    before = _LOG.level
+    _LOG.addHandler(handler)
+    _LOG.setLevel(LEVELS[min(verbose, len(LEVELS) - 1)])
+    try:
+        yield
+    except BaseException as error:
+        _LOG.debug("where it ended", exc_info=error)
+        raise
+    finally:
+        _LOG.setLevel(before)
+        _LOG.removeHandler(handler)
+
+
+def _command_line(context: typer.Context) -> str:
+    """Return the command that runs, with the options that were given, as a shell takes it."""
+    parts = context.command_path.split()
+    for option in context.command.params:
+        value = context.params.get(option.name or "")
+        if value is None or value == option.default or value is False:
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        if option.param_type_name == "argument":
+            parts += map(str, values)
+        elif value is True:
+            parts.append(option.opts[0])
+        else:
+            parts += [text for one in values for text in (option.opts[0], str(one))]
+    return shlex.join(parts)
 
 
 @contextmanager
@@ -119,9 +308,11 @@ def _warnings_as_notes() -> Iterator[None]:
             typer.echo(f"note: {warning.message}", err=True)
 
 
-def _message(error: Exception) -> str:
+def _message(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {(error.strerror or str(error)).lower()}"
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error}" if str(error) else "not enough memory"
     return str(error)
 
 
@@ -143,13 +334,19 @@ def save(path: Path, write: Callable[[Path], object]) -> str:
 
 
 def sort_files(
-    files: Iterable[Path], data: tuple[int, int], set_ups: tuple[int, int], what: str = "data"
+    files: Iterable[Path],
+    data: tuple[int, int],
+    set_ups: tuple[int, int],
+    what: str = "data",
+    *,
+    exist: bool = True,
 ) -> tuple[list[Path], list[Path]]:
     """Return data and set-ups (.toml) in the order given.
 
     files: As given on the command line.
     data, set_ups: Smallest and largest number of each.
     what: What the data are called in the message.
+    exist: Whether data that do not exist are refused; a set-up always is.
 
     Raises InputError: other numbers of files, or a file that does not exist.
     """
@@ -161,7 +358,7 @@ def sort_files(
             f"files: got {_named(found)} as {what} and {_named(toml)} as set-up (.toml), expected "
             f"{_count(data)} of {what} and {_count(set_ups)} set-up"
         )
-    for file in files:
+    for file in files if exist else toml:
         if not file.exists():
             raise InputError(f"{file}: no such file or directory")
     return found, toml

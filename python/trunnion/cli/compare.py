@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, save, sort_files
+from trunnion.cli.command import Answer, Html, command, save, sort_files
+from trunnion.cli.schema import Printed
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(compare)
+    command(
+        app,
+        values=(
+            Printed("trunnion.models.changes:MachineComparison"),
+            Printed("trunnion.reference.comparison:Comparison"),
+        ),
+        reads=True,
+    )(compare)
 
 
 def compare(
@@ -31,7 +40,7 @@ def compare(
     level: Annotated[
         float, typer.Option(help="chance that anything is said to have changed wrongly")
     ] = 0.05,
-    html: Annotated[Path | None, typer.Option(help="write a page with a picture here")] = None,
+    html: Html = None,
 ) -> Answer:
     """Say what changed between measurements of one machine, and what did not.
 
@@ -45,10 +54,11 @@ def compare(
     names = None if when else [path.stem for path in data]
     if names is not None and len(set(names)) < len(names):
         names = [str(path) for path in data]
-    found = tn.compare(*map(_read, data), setup=setup, dates=when, names=names, level=level)
+    read = [_read(path) for path in data]
+    found = tn.compare(*read, setup=setup, dates=when, names=names, level=level)
     shown: list[Any] = [found]
     if html is not None:
-        shown.append(save(html, found.to_html))
+        shown.append(save(html, partial(found.to_html, data=read, setup=setup)))
     return Answer(found, tuple(shown))
 
 

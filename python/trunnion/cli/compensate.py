@@ -7,16 +7,16 @@ import functools
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.base.checks import choose
-from trunnion.base.report import Table
 from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
+from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
+    from trunnion.base.report import Table
     from trunnion.compensation import (
         Compensation,
         ErrorMap,
@@ -60,9 +60,28 @@ AnySize = Annotated[
 ]
 
 
+class Compensated(TypedDict):
+    """What `compensate` prints as JSON without --control."""
+
+    parameters: Annotated[Any, Of(("trunnion.compensation.parameters:CncParameters",))]
+    at_zero: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+    over_range: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
+
+
+class Predicted(Compensated, total=False):
+    """The same; the last only of an estimate with a covariance."""
+
+    predicted_interval_over_range: Annotated[
+        Any, Of(("trunnion.compensation.uncertainty:ResidualInterval",))
+    ]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(compensate)
+    command(
+        app,
+        values=(Printed(keys=Predicted), Printed("trunnion.controls.files:ControlFiles")),
+    )(compensate)
 
 
 def compensate(
@@ -168,6 +187,7 @@ def _for_control(
 ) -> ControlFiles:
     """Files for a control."""
     from trunnion import controls
+    from trunnion.base.checks import choose
 
     writers: dict[str, Callable[..., ControlFiles]] = {
         "linuxcnc": functools.partial(controls.linuxcnc_files, **linuxcnc),
@@ -242,6 +262,8 @@ def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval |
 
 
 def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]) -> Table:
+    from trunnion.base.report import Table
+
     rows = [
         (
             name,

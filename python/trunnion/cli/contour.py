@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.base.report import Table
 from trunnion.cli.command import Answer, Output, command, save, sort_files
-from trunnion.cli.diagnose import diagnose_as
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.schema import Printed
 from trunnion.cli.values import named_values
 
 if TYPE_CHECKING:
+    from trunnion.base.report import Table
     from trunnion.contouring import ContourRun
     from trunnion.contouring import Path as ContourPath
 
@@ -27,14 +28,33 @@ FIGURES = {
 }
 
 
+class Run(TypedDict):
+    """Figures of one run; None where the loop diverged."""
+
+    feed_mm_min: float
+    controller: str
+    diverged: bool
+    contour_max_um: float | None
+    contour_rms_um: float | None
+    orientation_max_arcsec: float | None
+
+
+class Runs(TypedDict):
+    """What `simulate` prints as JSON."""
+
+    runs: list[Run]
+
+
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        no_args_is_help=True, help="Five-axis contouring: simulate the loop, diagnose an axis log."
+        name="contour",
+        no_args_is_help=True,
+        help="Five-axis contouring: simulate the loop, diagnose an axis log.",
     )
-    command(group)(simulate)
-    command(group, "diagnose")(diagnose_as("axislog"))
-    app.add_typer(group, name="contour")
+    command(group, values=Printed(keys=Runs))(simulate)
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("axislog"))
+    app.add_typer(group)
 
 
 def simulate(
@@ -94,7 +114,7 @@ def simulate(
     shown: list[Any] = [_table(runs)]
     if output is not None:
         shown.append(_save_log(output, runs, noise_um, noise_arcsec, seed))
-    return Answer([_plain(*run) for run in runs], tuple(shown))
+    return Answer({"runs": [_plain(*run) for run in runs]}, tuple(shown))
 
 
 def _path(programs: list[Path], offset_mm: tuple[float, float, float]) -> ContourPath:
@@ -106,6 +126,8 @@ def _path(programs: list[Path], offset_mm: tuple[float, float, float]) -> Contou
 
 
 def _table(runs: list[tuple[float, str, ContourRun]]) -> Table:
+    from trunnion.base.report import Table
+
     rows = [
         (
             f"{feed:g} mm/min, {name}",
@@ -141,4 +163,4 @@ def _save_log(
         )
         for i, (feed, name, run) in enumerate(runs)
     ]
-    return save(file, tn.AxisLog.concatenate(logs).to_csv)
+    return save(file, tn.AxisLog.concatenate(logs).save)

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TypedDict
+
 import typer
 
 from trunnion.cli.command import Answer, command
+from trunnion.cli.schema import Printed
+
+
+class Sections(TypedDict):
+    """What `demo` prints as JSON."""
+
+    sections: list[str]
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(demo)
+    command(app, values=Printed(keys=Sections))(demo)
 
 
 def demo() -> Answer:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.base.progress import tracked
+from trunnion.cli.command import Answer, Html, Output, check_outputs, command, save, sort_files
 from trunnion.cli.program import ProbeLog, read_log
-from trunnion.cli.read import Decimal, Units, said_of
+from trunnion.cli.read import said_of
+from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis
+    from trunnion.models.many import DiagnosisBatch
 
 DataAndSetup = Annotated[
     list[Path],
@@ -22,13 +26,47 @@ DataAndSetup = Annotated[
         help="measured data (CSV), and the set-up (TOML) where the kind of data needs one",
     ),
 ]
-MAX_FILES = 50  # of a joint diagnosis
-Html = Annotated[Path | None, typer.Option(help="write a page with pictures here")]
+MAX_FILES, MAX_BATCH = 50, 100_000  # of a joint diagnosis; each by itself
+
+
+class Further(TypedDict, total=False):
+    """What `diagnose` prints as JSON beside the diagnosis."""
+
+    recognised: Annotated[Any, Of(("trunnion.files.recognised:Recognised",))]
+    next_passes: list[Annotated[Any, Of(("trunnion.models.next_passes:NextPass",))]]
+
+
+NOT_PRINTED = ("residuals", "data")
+"""Readings and data are in files already; `Diagnosis.to_json` has them, too."""
+_ONE = ("trunnion.diagnosis.result:Diagnosis", "trunnion.models.many:FailedDiagnosis")
+
+
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="further candidates: a file of effects (TOML), or the name of a catalogue that an "
+        "installed package brings"
+    ),
+]
+
+
+class Batch(TypedDict):
+    """What `diagnose` prints as JSON of several files; `reports`: the page of each."""
+
+    names: list[str]
+    results: list[Annotated[Any, Of(_ONE, NOT_PRINTED)]]
+    reports: dict[str, str]
+
+
+DIAGNOSED = (
+    Printed("trunnion.diagnosis.result:Diagnosis", Further, NOT_PRINTED),
+    Printed(keys=Batch),
+)
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(diagnose)
+    command(app, values=DIAGNOSED, reads=True)(diagnose)
 
 
 def diagnose(
@@ -38,8 +76,6 @@ def diagnose(
     ] = "",
     html: Html = None,
     probe_log: ProbeLog = None,
-    units: Units = "mm",
-    decimal: Decimal = "",
     next_: Annotated[
         int,
         typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
@@ -47,20 +83,34 @@ def diagnose(
     joint: Annotated[
         bool, typer.Option("--joint", help="several measurements of one machine, together")
     ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for a page with pictures of each file, and a table")
+    ] = None,
+    effects: Effects = None,
     output: Output = None,
 ) -> Answer:
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
 
-    With --next, --output is where the plan of further touches goes (next.csv if absent).
+    Several files are diagnosed each by itself on all cores, with a table over all; what cannot be
+    read is named there and the exit code is 2. With --next, --output is where the plan of further
+    touches goes (next.csv if absent); --html, or --output with a name that ends in .html, writes
+    the report: one page with the evidence.
     """
+    several = sum(file.suffix.lower() != ".toml" for file in files) > 1
+    if (several or out is not None) and not joint:
+        if html is not None or probe_log is not None or next_ or effects:
+            raise tn.InputError(
+                "files: got several, or --out, and an option for one file (--html, --probe-log, "
+                "--next, --effects); expected one file, or --out with a folder for the pages"
+            )
+        return _batch(files, kind, out, output)
     if joint:
-        d = _together(files, kind, units, decimal)
+        d = _together(files, kind, effects or [])
         shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
     else:
-        d = _diagnosis(files, kind, probe_log, units, decimal)
+        d = _diagnosis(files, kind, probe_log, effects or [])
         shown = [*said_of(d.data), d]
-    # Readings and data are in files already; `Diagnosis.to_json` has them, too.
-    values = {k: v for k, v in d.to_dict().items() if k not in ("residuals", "data")}
+    values = {k: v for k, v in d.to_dict().items() if k not in NOT_PRINTED}
     if said := said_of(d.data):
         values["recognised"] = said[0].to_dict()
     if html is not None:
@@ -78,31 +128,82 @@ def diagnose(
                 if best.distinguished
                 else "To discriminate between them: none of the passes that were tried would do."
             )
-    return Answer(values, tuple(shown))
+    answer = Answer(values, tuple(shown))
+    if output is None or next_:
+        return answer
+    return Answer(values, (*shown, answer.save(output)))
+
+
+def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) -> Answer:
+    """Diagnose files each by itself; a page each, and a table over all."""
+    data, set_ups = sort_files(files, (1, MAX_BATCH), (0, 1), exist=False)
+    found = tn.diagnose_many(data, set_ups[0] if set_ups else None, kind=kind or None)
+    values = found.to_dict()
+    for one in values["results"]:
+        for name in NOT_PRINTED:
+            one.pop(name, None)
+    reports = {} if out is None else _reports(out, found)
+    answer = Answer({**values, "reports": reports}, (found,), failed=bool(found.failed))
+    said = []
+    if out is not None:
+        said = [save(out / "diagnoses.csv", found.save), f"wrote {len(reports)} pages to {out}"]
+    if output is not None:
+        said.append(answer.save(output))
+    return replace(answer, shown=(found, *said))
+
+
+def _reports(folder: Path, found: DiagnosisBatch) -> dict[str, str]:
+    """Write a page of each diagnosis; return file → page."""
+    stems = ["-".join(Path(name).with_suffix("").parts) for name in found.short_names()]
+    if len({stem.lower() for stem in stems}) < len(stems):  # a.csv and a.xlsx
+        stems = [f"{stem}-{place}" for place, stem in enumerate(stems, start=1)]
+    pages = {
+        name: folder / f"{stem}.html"
+        for name, stem, one in zip(found.names, stems, found, strict=True)
+        if isinstance(one, tn.Diagnosis)
+    }
+    check_outputs(*pages.values(), folder / "diagnoses.csv")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, one in tracked(zip(found.names, found, strict=True), "pages", len(found)):
+        if isinstance(one, tn.Diagnosis):
+            save(pages[name], one.to_html)
+    return {name: str(page) for name, page in pages.items()}
 
 
 def diagnose_as(kind: str) -> Any:
     """Return a command that diagnoses data of one kind."""
 
-    def run(files: DataAndSetup, html: Html = None) -> Answer:
-        return diagnose(files, kind=kind, html=html)
+    def run(files: DataAndSetup, html: Html = None, output: Output = None) -> Answer:
+        return diagnose(files, kind=kind, html=html, output=output)
 
     run.__doc__ = f"Diagnose data of the kind {kind}: the same as `trunnion diagnose`."
     return run
 
 
-def _together(files: list[Path], kind: str, units: str, decimal: str) -> Diagnosis:
+def _further(effects: list[str], data: Any) -> list[Any]:
+    """Candidates from files, and from installed packages."""
+    found: list[Any] = []
+    for one in effects:
+        if Path(one).suffix == ".toml" or Path(one).exists():
+            found += tn.read_effects(one, data)
+        else:
+            found += tn.installed_effects(one)
+    return found
+
+
+def _together(files: list[Path], kind: str, effects: list[str]) -> Diagnosis:
     """Diagnose several measurements of one machine together."""
     data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
-    read = [tn.read(path, kind=kind or None, units=units, decimal=decimal or None) for path in data]
-    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+    read = [tn.read(path, kind=kind or None) for path in data]
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    return tn.diagnose(read, setup, effects=_further(effects, read))
 
 
 def _diagnosis(
-    files: list[Path], kind: str, probe_log: Path | None, units: str, decimal: str
+    files: list[Path], kind: str, probe_log: Path | None, effects: list[str]
 ) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
-    read = tn.read(data[0], kind=kind or None, units=units, decimal=decimal or None)
+    read = tn.read(data[0], kind=kind or None)
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if probe_log is not None:
         if not isinstance(read, tn.Touches):
@@ -115,4 +216,4 @@ def _diagnosis(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"
         )
-    return tn.diagnose(read, setup)
+    return tn.diagnose(read, setup, effects=_further(effects, read))

@@ -10,6 +10,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command
+from trunnion.cli.schema import Printed
 from trunnion.cli.values import exactly, names
 
 if TYPE_CHECKING:
@@ -26,11 +27,13 @@ SetupFile = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        help="The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.", no_args_is_help=True
+        name="hybrid",
+        help="The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.",
+        no_args_is_help=True,
     )
-    command(group)(sensitivity)
-    command(group)(cube)
-    app.add_typer(group, name="hybrid")
+    command(group, values=Printed("trunnion.hybrid.results:Sensitivity"))(sensitivity)
+    command(group, values=Printed("trunnion.hybrid.cube:CubeStudy"))(cube)
+    app.add_typer(group)
 
 
 def mechanism_of(set_ups: Sequence[Path]) -> Mechanism:

@@ -2,26 +2,44 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command
-from trunnion.cli.diagnose import diagnose_as
-from trunnion.files.columns import parse_number
+from trunnion.cli.command import Answer, Html, command, save
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.schema import Of, Printed
+
+
+class Further(TypedDict, total=False):
+    """What `results` prints as JSON beside the results."""
+
+    conformity: Annotated[Any, Of(("trunnion.base.conformity:Conformity",))]
+    compensationtable: Annotated[Any, Of(("trunnion.data.iso230_2:CompensationTable",))]
 
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
-        help="Positioning by ISO 230-2: results, instruments, diagnose.", no_args_is_help=True
+        name="positioning",
+        help="Positioning by ISO 230-2: results, instruments, diagnose.",
+        no_args_is_help=True,
     )
-    command(group)(results)
-    command(group)(instruments)
-    command(group, "diagnose")(diagnose_as("positioning"))
-    app.add_typer(group, name="positioning")
+    command(
+        group,
+        values=(
+            Printed("trunnion.data.iso230_2:Iso2302", Further),
+            Printed("trunnion.data.iso230_2:Iso2302Rotary", Further),
+        ),
+        reads=True,
+    )(results)
+    compared = Printed("trunnion.models.instruments:InstrumentComparison")
+    command(group, values=compared, reads=True)(instruments)
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("positioning"))
+    app.add_typer(group)
 
 
 def results(
@@ -37,6 +55,7 @@ def results(
         float, typer.Option(help="of instrument, alignment and temperature, µm or arcsec")
     ] = 0.0,
     table: Annotated[bool, typer.Option(help="print the corrections of each target")] = False,
+    html: Html = None,
 ) -> Answer:
     """Print reversal, repeatability, systematic deviation and accuracy of an axis."""
     data = tn.read_positioning(stops)
@@ -49,7 +68,12 @@ def results(
         more.append(found.compensation_table())
     values = found.to_dict()
     values |= {type(one).__name__.lower(): one.to_dict() for one in more}
-    return Answer(values, (*more[:1], found, *more[1:]) if tolerance else (found, *more))
+    said = (*more[:1], found, *more[1:]) if tolerance else (found, *more)
+    if html is not None:
+        limits = {j.name: j.tolerance for j in more[0].judged} if tolerance else {}
+        report = partial(found.to_html, data=data, tolerance=limits)
+        said = (*said, save(html, report))
+    return Answer(values, said)
 
 
 def instruments(
@@ -60,6 +84,8 @@ def instruments(
 
 
 def _limit(text: str) -> tuple[str, float]:
+    from trunnion.files.columns import parse_number
+
     name, _, value = text.partition("=")
     number = parse_number(value)
     if number is None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.base.output import write_text
 from trunnion.cli.command import Answer, Output, command, one_set_up, save, sort_files
+from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -24,10 +25,27 @@ ProbeLog = Annotated[
 ]
 
 
+class Programmed(TypedDict):
+    """What `program` prints as JSON; `ranges`: lowest and highest position of each axis."""
+
+    touches: int
+    minutes: float
+    plan_hash: str
+    ranges: dict[str, list[float]]
+
+
+class Measured(TypedDict):
+    """What `touches` prints as JSON."""
+
+    touches: int
+    planned: int
+    columns: list[str]
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    for function in (program, touches):
-        command(app)(function)
+    command(app, values=Printed(keys=Programmed))(program)
+    command(app, values=Printed(keys=Measured))(touches)
 
 
 def program(
@@ -115,4 +133,4 @@ def touches(
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
     said = f"{len(measured)} of {len(planned)} planned touches"
-    return Answer(values, (said, save(output, measured.to_csv)))
+    return Answer(values, (said, save(output, measured.save)))

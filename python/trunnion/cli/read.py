@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.base.errors import InputError
 from trunnion.cli.command import Answer, Output, command, save
+from trunnion.cli.schema import Printed
 
-Units = Annotated[str, typer.Option(help="unit of the file's lengths: mm or inch")]
-Decimal = Annotated[
-    str, typer.Option(help="decimal mark, where it cannot be found: . or ,", show_default=False)
-]
+
+class Rows(TypedDict):
+    """What `read` prints as JSON beside what it recognised."""
+
+    rows: int
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(read)
+    command(app, values=Printed("trunnion.files.recognised:Recognised", Rows), reads=True)(read)
 
 
 def said_of(data: Any) -> tuple[Any, ...]:
@@ -38,31 +40,21 @@ def read(
         ),
     ] = None,
     kind: Annotated[str, typer.Option(help="kind of data; by default found from the columns")] = "",
-    units: Units = "mm",
-    decimal: Decimal = "",
-    separator: Annotated[
-        str, typer.Option(help="mark between columns, where it cannot be found", show_default=False)
-    ] = "",
-    sheet: Annotated[str, typer.Option(help="sheet of a workbook (xlsx)", show_default=False)] = "",
     period_s: Annotated[
         float | None, typer.Option(help="time between two samples, where the file does not say")
     ] = None,
     output: Output = None,
 ) -> Answer:
-    """Say what a file is taken for; with --output, write its data as CSV of this package."""
+    """Say what a file is taken for; with --output, write its data as a file of this package."""
     data = tn.read(
         file,
         columns=_mapping(column),
         kind=kind or None,
-        units=units,
-        decimal=decimal or None,
-        separator=separator or None,
-        sheet=sheet or None,
         period_s=period_s,
     )
     shown: list[Any] = [repr(data), data.recognised]
     if output is not None:
-        shown.append(save(output, data.to_csv))
+        shown.append(save(output, data.save))
     return Answer({"rows": len(data), **data.recognised.to_dict()}, tuple(shown))
 
 

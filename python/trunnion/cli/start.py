@@ -5,20 +5,33 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, check_outputs, command, save
+from trunnion.cli.schema import Printed
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder, made if it is not there")]
 
 
+class Copied(TypedDict):
+    """What `samples` prints as JSON."""
+
+    files: list[str]
+
+
+class Started(Copied):
+    """What `init` prints as JSON."""
+
+    touches: int
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
-    for function in (init, samples):
-        command(app)(function)
+    command(app, values=Printed(keys=Started))(init)
+    command(app, values=Printed(keys=Copied))(samples)
 
 
 def init(

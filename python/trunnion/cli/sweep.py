@@ -8,18 +8,43 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
-from trunnion.base.report import Table
 from trunnion.cli.command import Answer, Output, command
+from trunnion.cli.schema import Printed
+
+
+class Swept(TypedDict):
+    """What `sweep` prints as JSON."""
+
+    file: str
+    sizes: dict[str, int]
+
+
+class Parameter(TypedDict):
+    """What a study can vary."""
+
+    name: str
+    default: str
+    unit: str
+    values: str
+
+
+class Parameters(TypedDict):
+    """What `sweep --parameters` prints as JSON."""
+
+    parameters: list[Parameter]
+
+
+KEYS = tuple(Parameter.__annotations__)
 
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(sweep)
+    command(app, values=(Printed(keys=Swept), Printed(keys=Parameters)))(sweep)
 
 
 def sweep(
@@ -81,6 +106,7 @@ def _described(target: Path, found: Any) -> list[str]:
 
 
 def _parameters(name: str) -> Answer:
+    from trunnion.base.report import Table
     from trunnion.studies.study import study_of
 
     rows = []
@@ -93,7 +119,7 @@ def _parameters(name: str) -> Answer:
             bounds = "in fixed only"
         rows.append((parameter, str(entry.default), entry.unit, bounds.strip()))
     table = Table.of(f"Parameters of {name}", ("", "default", "unit", "values"), rows)
-    return Answer([dict(zip(table.columns, row, strict=True)) for row in rows], (table,))
+    return Answer({"parameters": [dict(zip(KEYS, row, strict=True)) for row in rows]}, (table,))
 
 
 @contextmanager

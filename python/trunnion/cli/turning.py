@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Output, command, save, sort_files
-from trunnion.cli.diagnose import diagnose_as
+from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
@@ -32,16 +33,23 @@ Codes = Annotated[
 Picture = Annotated[Path | None, typer.Option(help="write a picture here")]
 
 
+class Text(TypedDict):
+    """What `path` prints as JSON beside the path."""
+
+    program: str
+
+
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        name="turning",
         help="Probe a turned part, correct its finishing program, explain its diameter error.",
         no_args_is_help=True,
     )
-    command(group)(path)
-    command(group)(correct)
-    command(group, "diagnose")(diagnose_as("diameters"))
-    app.add_typer(group, name="turning")
+    command(group, values=Printed("trunnion.turning.probing:ProbePath", Text))(path)
+    command(group, values=Printed("trunnion.turning.correction:Correction"), reads=True)(correct)
+    command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("diameters"))
+    app.add_typer(group)
 
 
 def _codes(codes: list[str] | None) -> list[tuple[str, float]]:

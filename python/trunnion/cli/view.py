@@ -5,12 +5,13 @@ from __future__ import annotations
 import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, command, save
+from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -18,9 +19,16 @@ if TYPE_CHECKING:
 PROGRAMS = (".ngc", ".nc", ".tap", ".gcode")
 
 
+class Views(TypedDict):
+    """What `view` prints as JSON."""
+
+    page: str
+    views: list[str]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
-    command(app)(view)
+    command(app, values=Printed(keys=Views), reads=True)(view)
 
 
 def view(

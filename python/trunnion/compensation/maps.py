@@ -30,6 +30,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import array, count_of, floats, positive, within
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.output import write_text
+from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats, Integers
 from trunnion.compensation.control import ModelCompensation, nominal_commands
 from trunnion.compensation.machine import (
@@ -142,7 +143,7 @@ class ErrorMap(report.Result):
         if set(chain.letters) != set(self.rotary_deg):
             raise InputError(
                 f"error map: got one for axes {', '.join(self.rotary_deg)}, expected "
-                f"{', '.join(chain.letters)} (machine {setup.machine.preset})"
+                f"{', '.join(chain.letters)} (machine {setup.machine.name})"
             )
         commands = nominal_commands(setup, points_mm, rotary_deg)
         correction = self.correction_um(commands[:, :3], chain.to_control(rotary_deg))
@@ -152,6 +153,11 @@ class ErrorMap(report.Result):
         return commands
 
     # --- files
+
+    def gridded(self) -> Gridded:
+        """Return the corrections over the positions of all axes."""
+        axes = {**self._axes(), "direction": list("xyz")}
+        return Gridded(axes, {"correction_um": (tuple(axes), self.corrections_um)}, {})
 
     def to_csv(self, path: str | PathLike[str] | None = None) -> str | None:
         """Write the map, or return it as text; `read_error_map` gives back an equal map."""

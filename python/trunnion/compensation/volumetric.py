@@ -19,6 +19,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import array
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table
+from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats
 from trunnion.compensation.control import (
     Compensation,
@@ -164,6 +165,20 @@ class VolumetricError(Result):
         grid = [self.x_mm.tolist(), self.y_mm.tolist(), self.z_mm.tolist()]
         parts = [_core.field_on_grid(field, grid, None) for field in self._fields]
         return np.stack(parts).reshape(shape)
+
+    def gridded(self) -> Gridded:
+        """Return the field over rotary positions and the box, and the largest error by pose."""
+        letters = tuple(f"{letter.lower()}_deg" for letter in self.rotary_deg)
+        nodes = {
+            n: np.atleast_1d(v) for n, v in zip(letters, self.rotary_deg.values(), strict=True)
+        }
+        shape = tuple(map(len, nodes.values()))
+        nodes |= {"x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
+        by_pose = ("max_by_pose_um", "rms_by_pose_um", "direction_by_pose_arcsec")
+        arrays = {name: (letters, getattr(self, name).reshape(shape)) for name in by_pose}
+        box = (*shape, *self.grid_shape, 3)
+        arrays["field_um"] = ((*nodes, "direction"), self.field_um.reshape(box))
+        return Gridded({**nodes, "direction": list("xyz")}, arrays, {"frame": "workpiece"})
 
     @property
     def magnitude_um(self) -> Floats:

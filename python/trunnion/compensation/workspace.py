@@ -76,7 +76,7 @@ class Workspace:
             if letter not in chain.letters and value is not None and np.any(np.asarray(value) != 0):
                 raise InputError(
                     f"{letter.lower()}_deg: got {value!r}, expected none: machine "
-                    f"{setup.machine.preset} has the rotary axes {', '.join(chain.letters)}"
+                    f"{setup.machine.name} has the rotary axes {', '.join(chain.letters)}"
                 )
         nodes: dict[str, Floats] = {}
         shape: list[int] = []
@@ -95,6 +95,8 @@ class Workspace:
 def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
     """Every combination of positions, contract's sign, shape (m, axes), last axis fastest."""
     chain = Chain(setup)
+    if not chain.letters:
+        return np.zeros((1, 0))
     axes = np.meshgrid(*(nodes[letter] for letter in chain.letters), indexing="ij")
     return np.stack(axes, axis=-1).reshape(-1, chain.count) * chain.senses
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,13 @@ from trunnion.base.arguments import check_fields, checked
 from trunnion.base.checks import instance, numbers, positive, whole, within
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Columns, Gridded
 from trunnion.base.units import Flags, Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
 from trunnion.data.axis_log import AxisLog
-from trunnion.setup.names import canonical_error_name
-
-if TYPE_CHECKING:
-    import pandas as pd
+from trunnion.machine.chain import Chain
+from trunnion.setup import Artefact, Setup
 
 AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (
@@ -248,10 +247,14 @@ class ContourRun(Result):
         """The figures."""
         return {"figures": self.figures}
 
-    def to_dataframe(self) -> "pd.DataFrame":
-        """Return a pandas DataFrame with one row a control period."""
-        import pandas as pd
+    def gridded(self) -> Gridded:
+        """Return what `to_columns` holds, over time."""
+        columns = dict(self.to_columns())
+        arrays = {name: (("time_s",), np.asarray(v)) for name, v in columns.items()}
+        return Gridded({"time_s": arrays.pop("time_s")[1]}, arrays, {"controller": self.controller})
 
+    def to_columns(self) -> Columns:
+        """Return one row a control period."""
         columns: dict[str, Floats] = {"time_s": self.time_s, "u": self.u}
         for name in ("point", "tip"):
             columns |= {
@@ -262,7 +265,7 @@ class ContourRun(Result):
             columns |= {f"{name}_{axis}_{unit}": values for axis, unit, values in units}
         for name in ERRORS:
             columns[name] = vars(self)[name]
-        return pd.DataFrame(columns)
+        return columns
 
 
 def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
@@ -273,10 +276,15 @@ def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
     return np.asarray(spline(np.clip(time_s - delay_s, time_s[0], time_s[-1])))
 
 
-def location_errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
-    """Return names and sizes (µm, arcsec) as the core takes them."""
-    sizes = numbers("location errors", errors)
-    return [(canonical_error_name(name), size) for name, size in sizes.items()]
+def five_axis_machine(setup: Setup | None, errors: Mapping[str, float] | None) -> _core.Machine:
+    """Return the machine of a set-up (by default a ``trt-ca``) with exactly these errors.
+
+    Raises InputError: another number of rotary axes than two.
+    """
+    chain = Chain(Setup(artefact=Artefact("none")) if setup is None else setup)
+    if chain.count != 2:
+        raise InputError(f"setup: got {chain.name}, expected one with two rotary axes")
+    return chain.machine(numbers("location errors", errors))
 
 
 def _path(path: Path) -> Path:
@@ -307,6 +315,7 @@ def simulate(
     servo: Servo | None = None,
     errors: Mapping[str, float] | None = None,
     assumed: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
 ) -> ContourRun:
     """Simulate one run of the five-axis loop along a path.
 
@@ -327,6 +336,8 @@ def simulate(
     assumed:
         Location errors that the control knows: its reference axis positions and its error models
         use the machine with them. Identified ones take out what ``errors`` do.
+    setup:
+        The machine: any with two rotary axes; by default a ``trt-ca``.
 
     Raises
     ------
@@ -343,8 +354,8 @@ def simulate(
         axes=servo.rows(),
         feedback=servo.feedback,
         coupling=None if coupling is None else coupling.core,
-        assumed=location_errors(assumed),
-        real=location_errors(errors),
+        assumed=five_axis_machine(setup, assumed),
+        real=five_axis_machine(setup, errors),
     )
     arrays: dict[str, Any] = dict(columns)
     return ContourRun(controller=_name(controller), period_ms=period, **arrays)
@@ -370,6 +381,11 @@ class ContourSweep(Result):
 
     feeds_mm_min: Floats
     controllers: tuple[str, ...]
+    GRID = dict.fromkeys(
+        ("steps", "diverged", *TOOL_FIGURES, *MODEL_FIGURES),
+        ("path", "feeds_mm_min", "controllers"),
+    )
+
     steps: NDArray[np.int64]
     diverged: Flags
     contour_max_um: Floats
@@ -425,6 +441,7 @@ def sweep(
     feed: Feed | None = None,
     errors: Mapping[str, float] | None = None,
     assumed: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
 ) -> ContourSweep:
     """Simulate every combination of path, feed and controller, on all cores.
 
@@ -450,8 +467,8 @@ def sweep(
         feedback=servo.feedback,
         couplings=[None if c is None else c.core for c in couplings],
         coupling_index=[k for _, _, k in index],
-        assumed=location_errors(assumed),
-        real=location_errors(errors),
+        assumed=five_axis_machine(setup, assumed),
+        real=five_axis_machine(setup, errors),
     )
     kinds: dict[str, type] = {"steps": np.int64, "diverged": bool}
     columns: dict[str, Any] = {

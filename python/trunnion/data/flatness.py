@@ -30,22 +30,18 @@ class SlopesLike(Protocol):
     @property
     def places(self) -> Floats:
         """(m, d)."""
-        ...
 
     @property
     def values(self) -> Floats:
         """(m,)."""
-        ...
 
     @property
     def cofactor(self) -> Floats:
         """(m, m)."""
-        ...
 
     @property
     def zero(self) -> float | None:
         """None: not known."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -216,6 +212,8 @@ class Straightness(Result):
         What a reader should know.
     """
 
+    GRID = dict.fromkeys(("heights_um", "heights_std_um"), ("positions_mm",))
+
     positions_mm: Floats
     heights_um: Floats
     heights_std_um: Floats
@@ -309,6 +307,8 @@ class Flatness(Result):
     notes
         What a reader should know.
     """
+
+    GRID = dict.fromkeys(("x_mm", "y_mm", "heights_um", "heights_std_um"), ("place",))
 
     x_mm: Floats
     y_mm: Floats

@@ -20,6 +20,7 @@ from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
 OWN = ("target", "measured")
+MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop differ
 UNITS = {
     1e3: "are these µm?",
     25.4: "are the targets inches?",
@@ -118,7 +119,6 @@ class Positioning(Table):
                 raise DataError(
                     f"target {targets[few[0]]:g} {self._suffix} from direction {sense:+d}: got "
                     f"{len(found[sense][few[0]])} stops, expected at least 2 (ISO 230-2: 5)"
-                    + self._likely_cause()
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
         return kind.of(targets, found[1], found[-1])
@@ -129,14 +129,22 @@ class Positioning(Table):
         Raises
         ------
         DataError
-            They move by less than half as much, more than twice as much, or the other way.
+            They move by less than half as much, more than twice as much, or the other way; or
+            they are the targets, and the columns exchanged.
         """
-        if len(self.stops[0]) < 2:
+        count = len(self.stops[0])
+        if count < 2:
             return
+        suffix, distinct = self._suffix, len(np.unique(self.measured))
+        if distinct <= MAX_EXCHANGED * count and len(self) >= 2 * distinct:
+            raise DataError(
+                f"target_{suffix}: got {count} different targets, and {distinct} different values "
+                f"of measured_{suffix} in {len(self)} rows, expected targets that repeat; are the "
+                "two columns exchanged?"
+            )
         slope = float(np.polyfit(self.target, self.measured, 1)[0])
         if 0.5 < slope < 2.0:
             return
-        suffix = self._suffix
         near = [text for factor, text in UNITS.items() if abs(slope / factor - 1) < 0.05]
         plain = near and (suffix == "mm" or slope < 0)
         likely = f"; {near[0] if plain else 'another unit, or other columns?'}"
@@ -144,13 +152,6 @@ class Positioning(Table):
             f"measured_{suffix}: got {slope:.3g} {suffix} of travel for each {suffix} of "
             f"target_{suffix}, expected about 1{likely}"
         )
-
-    def _likely_cause(self) -> str:
-        """Say what makes targets with few stops: columns that were exchanged."""
-        suffix, measured = self._suffix, self.columns[f"measured_{self._suffix}"]
-        if len(np.unique(measured)) < len(self.stops[0]):
-            return f"; are target_{suffix} and measured_{suffix} exchanged?"
-        return ""
 
     @property
     def stations(self) -> tuple[Floats, Integers]:

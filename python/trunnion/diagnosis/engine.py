@@ -23,6 +23,7 @@ that the readings themselves show.
 Time and memory are linear in readings. Numbers do not depend on the count of threads.
 """
 
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,8 @@ from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, search
+
+LOG = logging.getLogger("trunnion.diagnosis")
 
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
@@ -68,6 +71,12 @@ def diagnose(model: Model) -> Diagnosis:
     DataError
         Fewer readings than unknowns, or readings that are not finite.
     """
+    LOG.info(
+        "%d readings, %d parameters that are always fitted, %d candidates",
+        len(model.readings),
+        len(model.nuisance),
+        len(model.effects),
+    )
     with one_blas_thread():
         case, choice = _ordinary(model)
         if choice is None:
@@ -323,6 +332,7 @@ def _explained_without(case: Case, bad: Integers) -> Choice:
     """Explain without these readings, or those of them that stay bad."""
     n = len(case.rows)
     without = explain(case.without(bad))
+    LOG.debug("%d set aside: %s", len(bad), ", ".join(without.fit.effects) or "no cause")
     for _ in range(MAX_REVISIONS if len(bad) else 0):
         late = case.rows[kept_rows(n, bad)][_far_out(case, without.fit)]
         revised = np.union1d(_still_out(case, without, bad), late)

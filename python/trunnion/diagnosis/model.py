@@ -225,6 +225,11 @@ class Model:
         return frozenset()
 
     @property
+    def reservation(self) -> str | None:
+        """Why the data may say nothing of the machine, in a sentence; None: no reason."""
+        return None
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader of any diagnosis of these data should know, in sentences."""
         return ()

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, measured, number, significant
+from trunnion.base.saved import Columns
 from trunnion.base.units import Flags, Floats, Integers, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
 
@@ -328,9 +325,9 @@ class Residuals(Result):
         ]
         return Table.of("Residuals", columns, rows)
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """Return one row a reading, as a pandas DataFrame."""
-        return self._table(slice(None)).to_dataframe()
+    def to_columns(self) -> Columns:
+        """Return one row a reading."""
+        return self._table(slice(None)).to_columns()
 
 
 def units_of(readings: Readings) -> tuple[tuple[str, ...], Integers]:

@@ -45,7 +45,9 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
                 lines.append(f"Named beside it: {'; '.join(said)}.")
     if d.unexplained and d.verdict in ("explained", "ambiguous"):
         lines.append(f"Left unexplained: {d.unexplained}.")
-    if said:
+    if d.structure is not None:
+        lines += d.structure.sentences()
+    if said or d.structure is not None:
         falls = all(
             g.heldout_rms_after_um < g.heldout_rms_before_um for g in (d.gain, *d.gain.others)
         )
@@ -59,6 +61,7 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
     weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)
     return (
+        *(() if d.reservation is None else (d.reservation,)),
         *lines,
         *_left_out(d),
         *((f"Not excluded: {small}.",) if small else ()),

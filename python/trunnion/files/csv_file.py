@@ -5,7 +5,10 @@ from 1. Fields are split and converted all at once; what stands where
 is worked out only for a line that has an error.
 """
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, ClassVar, Protocol, Self, TextIO, TypeVar
@@ -18,6 +21,8 @@ from trunnion.files.columns import Column, ColumnError, is_numeric, scaled, show
 from trunnion.files.delimited import Delimited, Dialect
 from trunnion.files.recognised import PLAIN, Recognised
 from trunnion.files.text import Source
+
+LOG = logging.getLogger("trunnion.files")
 
 MM_OF = {"mm": 1.0, "inch": 25.4}
 """Unit of lengths that a file may be in → mm."""
@@ -58,6 +63,8 @@ class Options(Dialect):
     separator, decimal: As in `Dialect`.
     units: Of columns in mm: ``mm`` or ``inch``.
     sheet: Name of a workbook's sheet.
+
+    What nobody says is what `reading` says for all files read inside it.
     """
 
     units: str = "mm"
@@ -71,6 +78,26 @@ class Options(Dialect):
         ):
             if value is not None:
                 choose(what, value, known)
+
+
+_READING: ContextVar[Options | None] = ContextVar("reading", default=None)
+
+
+@contextmanager
+def reading(options: Options) -> Iterator[None]:
+    """Read all files inside with these options, unless their own are given."""
+    reset = _READING.set(options)
+    try:
+        yield
+    finally:
+        _READING.reset(reset)
+
+
+def options_in_force(given: Options | None = None) -> Options:
+    """Return the options given, or those of `reading`."""
+    if given is None or given == Options():
+        return _READING.get() or Options()
+    return given
 
 
 def write_columns(columns: Mapping[str, NDArray[Any]], file: TextIO) -> None:
@@ -91,7 +118,7 @@ def _quoted(text: str) -> str:
 def read_table(
     path: str | PathLike[str] | Source,
     kind: type[T],
-    options: Options = Options(),
+    options: Options | None = None,
 ) -> T:
     """Read a CSV file as a kind of data.
 
@@ -106,6 +133,7 @@ def read_table(
         what it must not; the message has file, line and column (from 1), what stood there and what
         is expected.
     """
+    options = options_in_force(options)
     source = path if isinstance(path, Source) else Source.of(path, options.sheet)
     spelt = {name.lower(): name for name in kind.kinds}
     file = Delimited(source, options, lambda name: spelt.get(name.lower(), name))
@@ -134,7 +162,9 @@ def read_table(
         units={n: "inch → mm" for n in columns if options.units != "mm" and _is_length(n)},
         notes=tuple(file.notes),
     )
-    return table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
+    found = table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
+    LOG.info("%s: %d rows, %s", source.name, len(file.data_lines), recognised.headline())
+    return found
 
 
 def _is_length(name: str) -> bool:

@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
-from trunnion.base.report import plain
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.saved import Columns, Saved
+from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
 from trunnion.files.origin import Origin
@@ -50,7 +50,7 @@ class ColumnMapping(Protocol):
         ...
 
 
-class Table:
+class Table(Saved):
     """Rows of a kind of data, frozen: one read-only array a column, of equal length.
 
     Made from a mapping (a dict, a pandas DataFrame), from keywords, or from both. Columns that the
@@ -301,6 +301,10 @@ class Table:
         return cls._of(joined, Origin.joined(parts))
 
     # --- out
+
+    def sheets(self) -> Mapping[str, Columns]:
+        """Return the columns as one table: what a workbook or Parquet holds."""
+        return {type(self).__name__: self._columns}
 
     @overload
     def to_csv(self) -> str: ...

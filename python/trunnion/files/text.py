@@ -37,12 +37,16 @@ class Source:
 
     @classmethod
     def of(cls, path: str | PathLike[str], sheet: str | None = None) -> Source:
-        """Return the lines of a text file, or of one sheet of a workbook (xlsx)."""
+        """Return the lines of a text file, of one sheet of a workbook (xlsx), or of Parquet."""
         raw = Path(path).read_bytes()
         if raw.startswith(b"PK\x03\x04"):
             from trunnion.files.workbook import sheet_lines
 
             return cls(str(path), *sheet_lines(str(path), raw, sheet))
+        if raw.startswith(b"PAR1"):
+            from trunnion.files.workbook import parquet_lines
+
+            return cls(str(path), parquet_lines(str(path), raw), "Parquet")
         return cls(str(path), decode(str(path), raw).split("\n"), _encoding(raw)[2])
 
     def error(self, line: int, column: int, what: str) -> FileFormatError:

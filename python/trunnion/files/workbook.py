@@ -1,4 +1,7 @@
-"""Sheets of a workbook (xlsx) as lines of CSV; the line of a row is its number in the sheet."""
+"""Sheets of a workbook (xlsx) and Parquet files as lines of CSV.
+
+The line of a row is its number in the sheet; of a Parquet file it is that of a CSV file of it.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +41,28 @@ def sheet_lines(name: str, raw: bytes, sheet: str | None) -> tuple[list[str], st
             f"{name}:1:1: got {got}, expected one sheet, or sheet= with the name of one of them"
         )
     return [",".join(map(_field, row)) for row in sheets[sheet]], f"xlsx, sheet {sheet!r}"
+
+
+def parquet_lines(name: str, raw: bytes) -> list[str]:
+    """Return the columns of a Parquet file as lines of CSV; the numbers are the same.
+
+    Raises
+    ------
+    FileFormatError
+        No Parquet file, or pyarrow is not installed (``pip install 'trunnion[parquet]'``).
+    """
+    try:
+        parquet = optional_module("pyarrow.parquet", "Parquet files", "parquet")
+        table = parquet.read_table(io.BytesIO(raw))
+    except ImportError as error:
+        raise FileFormatError(f"{name}:1:1: got a Parquet file: {error}") from None
+    except Exception as error:  # whatever the parser raises of a broken file
+        raise FileFormatError(
+            f"{name}:1:1: got a file that cannot be read as Parquet ({type(error).__name__})"
+        ) from None
+    columns = [column.to_pylist() for column in table.columns]
+    rows = [table.column_names, *zip(*columns, strict=True)]
+    return [",".join(map(_field, row)) for row in rows]
 
 
 def _filled(row: list[Any]) -> bool:

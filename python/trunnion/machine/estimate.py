@@ -13,8 +13,8 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
-from trunnion.base.report import Result, Table, plain
-from trunnion.base.stored import fitting, read_json
+from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.budget import (
     COVERAGE_FACTOR,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
@@ -103,6 +104,22 @@ _KINDS = [
 def kinds() -> tuple[Kind, ...]:
     """Return every kind of data, those added by :func:`add_kind` last."""
     return tuple(_KINDS)
+
+
+def described(data: Any) -> Any:
+    """Return what describes data without a set-up: their covariates and components.
+
+    Raises
+    ------
+    InputError
+        Data of no kind, or of one whose model needs a set-up.
+    """
+    for base in type(data).__mro__:
+        for kind in _KINDS:
+            if kind.data == f"{base.__module__}:{base.__qualname__}":
+                made = getattr(import_module(kind.build.split(":")[0]), "described", None)
+                return model_of(data) if made is None else made(data)
+    return model_of(data)
 
 
 def add_kind(kind: Kind) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,9 +20,12 @@ from trunnion.base.workers import map_processes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.records import percent
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.files.csv_file import Options, options_in_force, reading
 from trunnion.models.kinds import diagnose
 from trunnion.models.read import read
 from trunnion.setup import read_setup
+
+LOG = logging.getLogger("trunnion.diagnosis")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,6 +100,14 @@ class DiagnosisBatch(Result):
             made = tuple(known[one["result"]].from_dict(one) for one in values["results"])
             return cls(tuple(map(str, values["names"])), made)
 
+    def short_names(self) -> list[str]:
+        """Return names without folders, or without those that all share."""
+        short = [Path(name).name for name in self.names]
+        if len(set(short)) == len(set(self.names)):
+            return short
+        whole = [os.path.abspath(name) for name in self.names]
+        return [os.path.relpath(name, os.path.commonpath(whole)) for name in whole]
+
     def sentences(self) -> tuple[str, ...]:
         """Count the verdicts, and say what failed."""
         verdicts = [one.verdict for one in self.results]
@@ -109,9 +121,7 @@ class DiagnosisBatch(Result):
     def tables(self) -> tuple[Table, ...]:
         """Return one line a measurement."""
         columns = ("", "verdict", "causes", "rms before", "rms after", "unit", "outliers")
-        short = [Path(name).name for name in self.names]
-        names = short if len(set(short)) == len(set(self.names)) else self.names
-        rows = [self._row(*pair) for pair in zip(names, self.results, strict=True)]
+        rows = [self._row(*pair) for pair in zip(self.short_names(), self.results, strict=True)]
         return (Table.of("Diagnoses", columns, rows),)
 
     @staticmethod
@@ -132,15 +142,15 @@ class _Task:
     setup: Any
     effects: tuple[EffectLike | str, ...]
     kind: str | None
-    units: str
-    decimal: str | None
+    options: Options
 
     def run(self) -> Diagnosis | FailedDiagnosis:
         """Diagnose it; what is wrong with it is a result, too."""
         data, setup = self.data, self.setup
         try:
             if isinstance(data, str | PathLike):
-                data = read(data, kind=self.kind, units=self.units, decimal=self.decimal)
+                with reading(self.options):
+                    data = read(data, kind=self.kind)
             if isinstance(setup, str | PathLike):
                 setup = read_setup(setup)
             return diagnose(data, setup, effects=self.effects)
@@ -182,7 +192,7 @@ def diagnose_many(
         Processes; by default one a core, at most one a measurement.
     progress
         True: a bar with the time left; False: none; by default one in a terminal or a notebook
-        once it takes longer than half a second.
+        once it takes longer than two seconds.
     kind, units, decimal
         How files are read, as of :func:`read`.
 
@@ -208,9 +218,10 @@ def diagnose_many(
     {'no-such-file.csv': 'no-such-file.csv: no such file or directory'}
     """
     cores = whole("workers", _cores() if workers is None else workers, 1)
-    given = (tuple(effects), kind, units, decimal)
+    given = (tuple(effects), kind, options_in_force(Options(units=units, decimal=decimal)))
     pairs = zip(data, _setups(setup, len(data)), strict=True)
     tasks = [_Task(one, its, *given) for one, its in pairs]
+    LOG.info("diagnosing %d measurements on %d processes", len(tasks), min(cores, len(tasks)))
     with progress_bar("diagnose", len(tasks), 0, progress) as advance:
         results = map_processes(_Task.run, tasks, cores, advance)
     names = tuple(_name_of(one, place) for place, one in enumerate(data))

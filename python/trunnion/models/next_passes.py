@@ -11,8 +11,8 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
-from trunnion.base.report import Result, Table, plain
-from trunnion.base.stored import fitting
+from trunnion.base.report import Result, Table
+from trunnion.base.stored import fitting, plain
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import Effect, Values

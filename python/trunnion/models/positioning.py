@@ -129,19 +129,25 @@ class PositioningModel(LinearModel):
         )
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def reservation(self) -> str | None:
         """Say it where the instrument looks like the axis' own counter."""
         largest = float(np.ptp(self.readings.values))
-        if self.data.rotary and not self.data.instruments and largest > 0:
-            return (
-                "One instrument on a turning axis: whether the axis or the instrument has the "
-                "error, the data do not say. Another instrument on the same stops would.",
-            )
         if self.data.rotary or largest > SAME_COUNTER_UM:
+            return None
+        return (
+            f"Too good: the deviations stay within {largest:.2g} µm over "
+            f"{np.ptp(self.data.target):.4g} mm; reference and axis look like the same counter. "
+            "Then the data say nothing of the machine, nor does what follows."
+        )
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Say what one instrument on a turning axis does not tell."""
+        if not self.data.rotary or self.data.instruments or not np.ptp(self.readings.values):
             return ()
         return (
-            f"The deviations stay within {largest:.2g} µm over {np.ptp(self.data.target):.4g} mm: "
-            "reference and axis look like the same counter, and say nothing of the machine.",
+            "One instrument on a turning axis: whether the axis or the instrument has the "
+            "error, the data do not say. Another instrument on the same stops would.",
         )
 
 

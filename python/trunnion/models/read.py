@@ -17,7 +17,7 @@ from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.units import conversion, unit_of
 from trunnion.files.columns import ColumnError, is_numeric, scaled
-from trunnion.files.csv_file import Options, read_table
+from trunnion.files.csv_file import Options, options_in_force, read_table
 from trunnion.files.delimited import Delimited
 from trunnion.files.foreign import FORMATS, Channels
 from trunnion.files.recognised import Recognised
@@ -90,12 +90,12 @@ def read(
     >>> log
     AxisLog(2 rows: time_s, x_cmd_mm, x_act_mm)
     """
-    options = Options(separator, decimal, units, sheet)
+    options = options_in_force(Options(separator, decimal, units, sheet))
     if not isinstance(data, str | PathLike):
         return _of_arrays(data, columns, kind, options)
     if Path(data).suffix.lower() == ".toml":
         raise InputError(f"{data}: got a set-up (.toml), expected measured data (tn.read_setup)")
-    source = Source.of(data, sheet)
+    source = Source.of(data, options.sheet)
     found = next((each for each in FORMATS if each.matches(source)), None)
     if found is None and columns is None:
         return _plain(data, source, kind, options)
@@ -240,6 +240,9 @@ class _Mapped:
         unit = given[1] if isinstance(given, tuple) else None
         if isinstance(given, str) and given != name:
             unit = given.removeprefix(name).strip(" []")
+        elif isinstance(given, str) and name.endswith("]"):  # a header that states its unit
+            stated = name[name.rfind("[") + 1 : -1]
+            unit = stated if conversion(stated, wanted) is not None else None
         if isinstance(unit, int | float):
             self.units[target] = f"{name} × {unit:g}"
             return float(unit)

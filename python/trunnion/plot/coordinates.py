@@ -11,7 +11,8 @@ the direction, and readings with either sign fall on one curve.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -19,9 +20,10 @@ from scipy.linalg import solveh_banded
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
 
+ALONG = "deviation along "
 ENOUGH = 0.95
 """Share of a change that a coordinate explains, at least."""
-AS_GOOD = 0.01
+AS_GOOD = 0.002
 """Share by which a simpler coordinate may explain less."""
 MAX_LEVELS = 48
 """Distinct values, up to which each has a place of its own."""
@@ -33,17 +35,21 @@ MAX_READINGS = 4000
 MAX_HARMONIC = 12
 EXACT = 1e-3
 DENSE = 241
+AS_PARAMETER = 12.0
+"""What it costs a reader that an amount is given as one of a parameter."""
 MIN_WEIGHT = 0.25
 """Of the largest: readings that feel less say too little of the amount."""
 
 
 @dataclass(frozen=True, eq=False)
 class Weight:
-    """How an amount enters each reading, (n,), what the amount is called, and its unit."""
+    """How an amount enters each reading, (n,); its name, unit and cost, what it acts like."""
 
     name: str
     unit: str
     enters: Floats
+    cost: float = 0.0
+    like: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +76,7 @@ class Coordinate:
     names: tuple[str, ...]
     share: float
 
-    @property
+    @cached_property
     def positions(self) -> Floats:
         """Place of each reading on the x axis, (n,)."""
         return positions(self.x)[0]
@@ -94,38 +100,66 @@ class Coordinate:
 
 
 def coordinate_of(
-    change: Floats, covariates: Sequence[Covariate], weights: Sequence[Weight], rows: Flags
+    change: Floats,
+    covariates: Sequence[Covariate],
+    weights: Sequence[Weight],
+    rows: Flags,
+    *,
+    timed: bool = False,
 ) -> Coordinate | None:
     """Return the coordinate that explains a change (n,) of readings; None where none does.
 
-    rows: Readings that count, (n,).
+    Parameters
+    ----------
+    rows
+        Readings that count, (n,).
+    timed
+        Whether the cause acts by time: where something else explains it as well, time is taken.
     """
     at = np.flatnonzero(rows)
     if not len(at) or not np.any(change[at]):
         return None
     if len(at) > MAX_READINGS:
         at = at[:: -(-len(at) // MAX_READINGS)]
-    listed = [*covariates, *_directions(weights)]
-    splits = [(None, (), 1), *(s for v in listed if (s := _split(v)) is not None)]
+    pairs = _pairs([*covariates, *_directions(weights)], weights)
     for nodes in NODES:
         found = []
-        for i, weight in enumerate(weights):
-            for v in listed:
-                for split, names, count in splits:
-                    if names and v.classes:
-                        continue
-                    share, used = _explained(change, weight.enters, v, split, count, at, nodes)
-                    cost = used + 10 * (count - 1) + 0.1 * i + _clumsiness(v)
-                    found.append((share, cost, v, weight, split, names))
-        best = max(entry[0] for entry in found)
-        if best >= ENOUGH:
-            break
-    if best < ENOUGH:
-        return None
-    share, _, v, weight, split, names = min(
-        (entry for entry in found if entry[0] >= best - AS_GOOD), key=lambda entry: entry[1]
-    )
-    return Coordinate(v, weight, split, names, share)
+        for made, cost in pairs:
+            share, used = _explained(change, made, at, nodes)
+            cost += used + 20 * (timed and not _is_time(made.x))
+            if made.weight.cost >= AS_PARAMETER:  # of these the one that most readings feel
+                cost += 10 * float(1 - made.clear()[at].mean())
+            found.append((share, cost, made))
+        enough = [entry for entry in found if entry[0] >= ENOUGH]
+        # The order of things explains much by chance: it stands back where it needs classes.
+        plain = [e for e in enough if e[2].split is None or not e[2].x.sequence]
+        if chosen := plain or enough:
+            best = max(share for share, _, _ in chosen)
+            good = [entry for entry in chosen if entry[0] >= best - AS_GOOD]
+            share, _, made = min(good, key=lambda entry: entry[1])
+            return replace(made, share=share)
+    return None
+
+
+def _pairs(
+    covariates: Sequence[Covariate], weights: Sequence[Weight]
+) -> list[tuple[Coordinate, float]]:
+    """Every pair of a weight and a quantity, whole and by classes, with what it costs a reader."""
+    splits = [s for v in covariates if (s := _split(v)) is not None]
+    out = []
+    for weight in weights:
+        for v in covariates:
+            cost = weight.cost + _clumsiness(v)
+            out.append((Coordinate(v, weight, None, (), 0.0), cost))
+            for of, index, names in splits:
+                if not v.classes and of is not v:
+                    by = Coordinate(v, weight, index, names, 0.0)
+                    out.append((by, cost + 10 * (len(names) - 1)))
+    return out
+
+
+def _is_time(v: Covariate) -> bool:
+    return v.unit in ("s", "min", "h")
 
 
 def weights_of(
@@ -135,16 +169,18 @@ def weights_of(
 
     unit: Of the readings. labels: What a parameter that is always fitted is called, by name.
     """
-    n = len(model.readings)
-    out = [Weight("deviation of the reading", unit, np.ones(n))]
+    out = []
     for name, enters in model.components.items():
         if name:
-            along = f"deviation along {name}" if len(name) == 1 else f"deviation, {name}"
+            along = f"{ALONG}{name}" if len(name) == 1 else f"deviation, {name}"
             out.append(Weight(along, unit, np.asarray(enters, dtype=np.float64)))
+    out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
     columns = model.jacobian(nuisance, {})
     for j, one in enumerate(model.nuisance):
-        label = labels.get(one.name, one.name)
-        out.append(Weight(f"acts like: {label}", one.unit, np.asarray(columns[:, j])))
+        kind = "angular deviation" if one.unit == "arcsec" else "deviation"
+        like = labels.get(one.name, one.name)
+        cost = AS_PARAMETER + 0.01 * (len(model.nuisance) - j)
+        out.append(Weight(kind, one.unit, np.asarray(columns[:, j]), cost, like))
     return [w for w in out if np.any(w.enters)]
 
 
@@ -161,19 +197,20 @@ def _directions(weights: Sequence[Weight]) -> list[Covariate]:
     out = []
     for weight in weights:
         sense = np.sign(weight.enters)
-        if "along" in weight.name and {-1.0, 1.0} <= set(np.unique(sense)):
-            name = weight.name.replace("deviation", "approach")
+        if weight.name.startswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
+            name = f"direction along {weight.name.removeprefix(ALONG)}"
             words = np.array(["−", "across", "+"])[sense.astype(int) + 1]
             out.append(Covariate(name, words, classes=True))
     return out
 
 
-def _split(v: Covariate) -> tuple[Integers, tuple[str, ...], int] | None:
+def _split(v: Covariate) -> tuple[Covariate, Integers, tuple[str, ...]] | None:
+    """Return a quantity of few classes, the class of each reading, and their names."""
     labels, index = np.unique(v.values, return_inverse=True)
     if not v.classes or not 2 <= len(labels) <= MAX_CLASSES:
         return None
     names = tuple(f"{v.name} {label}" for label in labels)
-    return index.reshape(-1).astype(np.intp), names, len(labels)
+    return v, index.reshape(-1).astype(np.intp), names
 
 
 def _clumsiness(v: Covariate) -> float:
@@ -182,23 +219,15 @@ def _clumsiness(v: Covariate) -> float:
     return 30.0 * (v.classes and many) + 5.0 * (v.sequence and not v.unit)
 
 
-def _explained(
-    change: Floats,
-    enters: Floats,
-    v: Covariate,
-    split: Integers | None,
-    count: int,
-    at: Integers,
-    nodes: int,
-) -> tuple[float, int]:
+def _explained(change: Floats, made: Coordinate, at: Integers, nodes: int) -> tuple[float, int]:
     """Share of a change that a curve over a covariate explains, corrected for what it uses."""
-    c, w, x = change[at], enters[at], positions(v)[0][at]
-    which = np.zeros(len(at), dtype=np.intp) if split is None else split[at]
+    c, w, x = change[at], made.weight.enters[at], made.positions[at]
+    which = np.zeros(len(at), dtype=np.intp) if made.split is None else made.split[at]
     left, used = 0.0, 0
-    for index in range(count):
+    for index in range(max(len(made.names), 1)):
         mine = which == index
         if mine.any():
-            fitted, size = _fitted(x[mine], w[mine], c[mine], v, nodes)
+            fitted, size = _fitted(x[mine], w[mine], c[mine], made.x, nodes)
             left += float(np.sum((c[mine] - fitted) ** 2))
             used += size
     free = len(at) - used

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Flags, Floats
+from trunnion.base.units import Flags, Floats, unit_of, without_unit
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
@@ -114,9 +114,20 @@ class Explained:
         weights = [Weight("deviation of the reading", self.unit, np.ones(len(self.change)))]
         if self.model is not None:
             nuisance = np.array(list(self.d.nuisance_after.values()))
-            labels = {x.name: error_label(x.name) for x in self.model.nuisance}
+            labels = {x.name: _words(x.name) for x in self.model.nuisance}
             weights = weights_of(self.model, nuisance, self.unit, labels)
-        return coordinate_of(self.change, self.record.covariates, weights, self.rows)
+        return coordinate_of(
+            self.change, self.record.covariates, weights, self.rows, timed=self._timed
+        )
+
+    @property
+    def _timed(self) -> bool:
+        """Whether it acts by time, by what it needs and by the units of its parameters."""
+        needs: tuple[str, ...] = ()
+        if self.model is not None and self.cause.id in {e.id for e in self.model.effects}:
+            needs = self.model.effect(self.cause.id).needs
+        units = [unit_of(name) for name in self.cause.parameters]
+        return "time_s" in needs or any(u in ("min", "s", "h") or u.endswith("/h") for u in units)
 
     @cached_property
     def spread(self) -> Floats:
@@ -163,15 +174,16 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
         shift = 0.12 * np.sin(2.4 * np.arange(int(mine.sum()))) if names else 0.0
         rows = of.record.rows[mine]
         label = name or "reading, other causes taken off"
-        faint = {"colour": colour, "opacity": 0.65}
+        faint = {"colour": colour, "opacity": 0.8}
         series.append(points(places[mine] + shift, amount[mine], label, rows=rows, **faint))
         series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
     clear = int(drawn.sum())
     left = int(of.rows.sum()) - clear
-    note = f"Not drawn: {left} readings that feel little of it." if left else ""
+    said = [f"Acts on the readings like: {where.weight.like}."] if where.weight.like else []
+    said += [f"Not drawn: {left} readings that feel little of it."] if left else []
     y = Axis(_capital(where.weight.name), where.weight.unit)
     x_axis = Axis(_capital(where.x.name), where.x.unit, names)
-    return Picture(title, x_axis, y, tuple(series), note=note, key=id_)
+    return Picture(title, x_axis, y, tuple(series), note=" ".join(said), key=id_)
 
 
 def _fitted(x: Floats, fitted: Floats, colour: str, classes: bool, first: bool) -> list[Series]:
@@ -201,7 +213,7 @@ def _against_change(of: Explained, title: str, reading: Floats) -> Picture:
         Axis("what the fitted cause makes of a reading", of.unit),
         Axis("Reading, other causes taken off", of.unit),
         (
-            points(x, y, "reading", colour=BLUE, opacity=0.65, rows=rows),
+            points(x, y, "reading", colour=BLUE, opacity=0.8, rows=rows),
             line(ends, ends, "fitted", colour=PURPLE, width=2.2),
         ),
         note="It depends on no single recorded quantity.",
@@ -272,11 +284,16 @@ def alternatives_picture(d: Diagnosis) -> Picture | None:
     sets = d.evidence[:MAX_SETS]
     if len(sets) < 2:
         return None
-    names = tuple(" + ".join(sorted(a.causes)) or "no cause" for a in sets)
+    shared = frozenset.intersection(*(a.causes for a in sets))
+    names = tuple(" + ".join(_called(d, a.causes - shared)) or "nothing more" for a in sets)
+    also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
     colours = bars([100 * a.probability for a in sets], colour=GREEN)
-    return Picture(
-        "Probability of each set of causes", Axis("probability", "%"), Axis(names=names), (colours,)
-    )
+    title = "Probability of each set of causes"
+    return Picture(title, Axis("probability", "%"), Axis(names=names), (colours,), note=also)
+
+
+def _called(d: Diagnosis, causes: frozenset[str]) -> list[str]:
+    return sorted(d.labels.get(i) or i.replace("_", " ") for i in causes)
 
 
 def diagnostics(d: Diagnosis) -> list[Picture]:
@@ -318,6 +335,11 @@ def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
         return min(named, key=lambda v: text.index(v.name))
     ordered = [v for v in record.covariates if v.sequence]
     return ordered[0] if ordered else record.covariates[0]
+
+
+def _words(name: str) -> str:
+    label = error_label(name)
+    return without_unit(name).replace("_", " ") if label == name else label
 
 
 def _capital(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import trunnion.plot
 from trunnion.base.errors import InputError
+from trunnion.plot.axes import close
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,6 +37,8 @@ PICTURES = {
     "VolumetricError": "plot_volumetric",
 }
 """Class of a result → function of :mod:`trunnion.plot`."""
+
+NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 
 DESCRIBED: dict[str, str] = {}
 """Class of a result → function of :mod:`trunnion.plot` that returns its picture, or several, as
@@ -67,7 +70,11 @@ def pictures(result: Any) -> tuple[Any, ...]:
             return _described(kind.__name__, result)
         if kind.__name__ in PICTURES:
             drawn = draw(result)
-            return (_svg(getattr(drawn, "figure", drawn)),)
+            figure = getattr(drawn, "figure", drawn)
+            try:
+                return (_svg(figure),)
+            finally:
+                close(figure)
     return ()
 
 
@@ -81,6 +88,6 @@ def _svg(figure: Figure) -> str:
 
     buffer = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trunnion"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        figure.savefig(buffer, format="svg", metadata=NO_METADATA)
     text = buffer.getvalue()
     return text[text.index("<svg") :]

@@ -39,8 +39,8 @@ def order_picture(
     ends = np.array([1.0, max(n, 2)])
     return Picture(
         title,
-        Axis("reading in the order of measurement"),
-        Axis("residual", unit),
+        Axis("Reading, in the order of measurement"),
+        Axis("Residual", unit),
         (
             points(at, residuals, "reading", rows=rows, hover=tuple(hover)),
             line(ends, [two, two], "± 2 rms", colour=MUTED, dash="dash"),
@@ -63,8 +63,8 @@ def normal_picture(
     mine = None if rows is None else rows[order]
     return Picture(
         "Residuals against normal noise",
-        Axis("quantile of normal noise", "σ"),
-        Axis("residual", unit),
+        Axis("Quantile of normal noise", "σ"),
+        Axis("Residual", unit),
         (
             points(expected, residuals[order], "reading", rows=mine, hover=texts),
             line(ends, mean + size * ends, "normal noise", colour=PURPLE, dash="dash"),

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def plan_for(
         No touch that can be reached identifies one of the errors.
     """
     chain = Chain(setup)
-    where = f"errors of machine {setup.machine.preset}"
+    where = f"errors of machine {setup.machine.name}"
     named = [choose(where, canonical_error_name(name), chain.location_errors) for name in errors]
     if not named:
         raise InputError("errors: got none, expected location errors, ('EA0A', 'EB0C')")
@@ -128,20 +128,34 @@ def candidates(setup: Setup, feed_mm_min: float = 600.0) -> Touches:
     """
     chain = Chain(setup)
     free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
-    tilts = {f"{chain.tilting.lower()}_deg": TILTS_DEG} if chain.tilting else {}
-    pairs = [(t, c) for t in PAIRED_DEG[0] for c in PAIRED_DEG[1]]
+    level = _level(chain)
+    pairs = [(level + t, c) for t in PAIRED_DEG[0] for c in PAIRED_DEG[1]]
     made = plan(
         replace(setup, axes=free),
-        c_deg=TURNS_DEG if "C" in chain.letters else (),
         feeds_mm_min=(feed_mm_min,),
-        positions_deg=pairs if chain.tilting and "C" in chain.letters else (),
+        positions_deg=pairs if chain.tilting and chain.turning else (),
         all_faces=True,
-        **tilts,  # type: ignore[arg-type]
+        **_angles(chain, TURNS_DEG, tuple(level + t for t in TILTS_DEG)),  # type: ignore[arg-type]
     )
     made = made[in_ranges(made, setup)]
     if not len(made):
         raise DataError("no touch of the artefact stays within the ranges of [axes] in the set-up")
     return made
+
+
+def _level(chain: Chain) -> float:
+    """Position of the tilting axis, as the control counts, at which the table faces the tool."""
+    if chain.tilting is None:
+        return 0.0
+    return float(chain.level_deg * chain.senses[chain.letters.index(chain.tilting)])
+
+
+def _angles(
+    chain: Chain, turns: Sequence[float], tilts: Sequence[float]
+) -> dict[str, Sequence[float]]:
+    """Arguments of :func:`plan` for positions of the axes that there are."""
+    given = {chain.turning: turns, chain.tilting: tilts}
+    return {f"{letter.lower()}_deg": angles for letter, angles in given.items() if letter}
 
 
 def ordered(touches: Touches, setup: Setup) -> Touches:
@@ -175,9 +189,9 @@ def missing_positions(touches: Touches, setup: Setup) -> list[str]:
     if not before:
         return []
     best: tuple[int, str] = (len(before), "")
-    for text, positions in _trials(setup):
+    for text, arguments in _trials(setup):
         try:
-            more = plan(setup, c_deg=(), positions_deg=positions, all_faces=True, **_no_tilt(setup))  # type: ignore[arg-type]
+            more = plan(setup, all_faces=True, **arguments)
         except TrunnionError:  # out of reach, or of the range of an axis
             continue
         left = blind(_fit(touches, setup, more), model, before)
@@ -193,30 +207,22 @@ def missing_positions(touches: Touches, setup: Setup) -> list[str]:
     return [f"This plan does not identify {names}: add {best[1]}{rest}."]
 
 
-def _no_tilt(setup: Setup) -> dict[str, tuple[float, ...]]:
-    tilting = Chain(setup).tilting
-    return {f"{tilting.lower()}_deg": ()} if tilting else {}
-
-
-def _trials(setup: Setup) -> Iterator[tuple[str, list[tuple[float, float]]]]:
-    """Yield positions (tilting axis, C) that may be missing, few at first."""
+def _trials(setup: Setup) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield what may be missing, few positions at first: in words, and as arguments of a plan."""
     chain = Chain(setup)
-    tilting, has_turn = chain.tilting, "C" in chain.letters
-    if not tilting:
-        return
-    turns = (0.0, 90.0, 180.0, 270.0) if has_turn else (0.0,)
-    around = [(0.0, c) for c in turns]
-    if has_turn:
-        yield "C = 0, 90, 180, 270°", around
-    for tilt in (60.0, 90.0, 30.0):
-        yield f"{tilting} = ±{tilt:g}°", [(tilt, 0.0), (-tilt, 0.0)]
-    for tilt in (60.0, 90.0, 30.0) if has_turn else ():
-        both = [(tilt, 0.0), (-tilt, 0.0)]
-        yield f"{tilting} = ±{tilt:g}° and C = 0, 90, 180, 270°", [*around, *both]
-        yield (
-            f"{tilting} = ±{tilt:g}° at C = 0, 90, 180, 270°",
-            [(t, c) for t in (tilt, -tilt) for c in turns],
-        )
+    turning, tilting, level = chain.turning, chain.tilting, _level(chain)
+    turns = (0.0, 90.0, 180.0, 270.0)
+    around = f"{turning} = 0, 90, 180, 270°"
+    if turning:
+        yield around, _angles(chain, turns, ())
+    for tilt in (60.0, 90.0, 30.0) if tilting else ():
+        both = (level + tilt, level - tilt)
+        text = f"{tilting} = ±{tilt:g}°" if not level else f"{tilting} = {both[0]:g}, {both[1]:g}°"
+        yield text, _angles(chain, (), both)
+        if turning:
+            yield f"{text} and {around}", _angles(chain, turns, both)
+            pairs = [(t, c) for t in both for c in turns]
+            yield f"{text} at {around}", {**_angles(chain, (), ()), "positions_deg": pairs}
 
 
 def _fit(touches: Touches, setup: Setup, more: Touches | None = None) -> LinearFit:

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
-from trunnion.base.report import Result
-from trunnion.base.units import unit_of
+from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.diagnosis.records import chance
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.models.changes import MachineComparison
-from trunnion.plot.dispatch import pictures
+from trunnion.plot.dispatch import PICTURES
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.diagnosis import diagnosis_document
-from trunnion.reports.document import Document, Item, Mark, Points, Section, Still
-from trunnion.reports.results import Figure, figures_table, location_errors, of_interest
+from trunnion.reports.document import Document, Item, Mark, Points, Section
+from trunnion.reports.results import (
+    EXPANDED,
+    Figure,
+    figures_table,
+    location_errors,
+    of_interest,
+    with_expanded,
+)
 from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of, of_errors
 
 MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
 CONFORMITY = {
@@ -38,11 +46,6 @@ def document(result: Result, source: Source) -> Document:
     return _general(result, source)
 
 
-def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result: interactive ones, or stills where there are no others."""
-    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
-
-
 def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark, str]:
     """Return the mark of a verdict with what was decided of tolerances before it."""
     if not decisions:
@@ -54,7 +57,7 @@ def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark,
 def _general(result: Result, source: Source) -> Document:
     """Sentences, tables and pictures as the result has them; figures with their uncertainty."""
     sentences, tables = list(result.sentences()), list(result.tables())
-    found, decisions = figures_table("Results", _figures(result), source.tolerance)
+    found, decisions = figures_table("Results", figures_of(result), source.tolerance)
     shown = drawn(result)
     if found.rows:
         tables = [found, *tables[1:]]
@@ -72,19 +75,6 @@ def _general(result: Result, source: Source) -> Document:
     return Document(
         result.title(), source.subtitle(), mark, text, (*tables[:1], *shown[:1]), sections
     )
-
-
-def _figures(result: Any) -> list[Figure]:
-    """Return the figures of a standard that have a standard uncertainty."""
-    std = getattr(result, "std_errors", None)
-    if not isinstance(std, Mapping):
-        return []
-    labels: Mapping[str, str] = result.labels() if hasattr(result, "labels") else {}
-    return [
-        Figure(name, labels.get(name, name), float(getattr(result, name)), float(s), unit_of(name))
-        for name, s in std.items()
-        if isinstance(getattr(result, name, None), int | float) and not isinstance(s, Mapping)
-    ]
 
 
 def _estimate(result: Estimate, source: Source) -> Document:
@@ -109,7 +99,7 @@ def _estimate(result: Estimate, source: Source) -> Document:
     if doubts := result.derived().get("doubts"):
         mark, text = Mark.BAD, f"{doubts[0]} {text}"
     sentences = tuple(result.sentences())
-    shown = drawn(result)
+    shown = [*of_errors(result.errors, result.std_errors), *_own(result)]
     sections = (
         Section("What is known of the fit", (Points(sentences),) if sentences else ()),
         Section("Pictures", tuple(shown[1:])),
@@ -120,6 +110,12 @@ def _estimate(result: Estimate, source: Source) -> Document:
         source.section(),
     )
     return Document(result.title(), source.subtitle(), mark, text, (errors, *shown[:1]), sections)
+
+
+def _own(result: Estimate) -> list[Item]:
+    """Pictures of a result beside those of its estimates."""
+    name = next((PICTURES[k.__name__] for k in type(result).__mro__ if k.__name__ in PICTURES), "")
+    return [] if name == "plot_estimates" else drawn(result)
 
 
 def _residuals(result: Estimate) -> list[Item]:
@@ -142,17 +138,30 @@ def _correlation(result: Estimate) -> list[Item]:
 def _comparison(result: MachineComparison, source: Source) -> Document:
     """What changed, with the change and its uncertainty before all else."""
     sentences, tables = list(result.sentences()), list(result.tables())
-    figures = [Figure(q.name, q.called, q.change, q.std_error, q.unit) for q in result.quantities]
-    changed, decisions = figures_table("Changes", figures, source.tolerance)
-    mark, text = verdict_of(sentences[0], decisions, Mark.DOUBT if result.changed else Mark.GOOD)
+    changed = _changes(result)
+    mark = Mark.DOUBT if result.changed else Mark.GOOD
     shown = drawn(result)
     sections = (
         Section("What else is known", (Points(tuple(sentences[1:])),)),
         Section("Pictures", tuple(shown[1:])),
-        Section("Before and after", tuple(tables)),
+        Section("Over time", tuple(tables[1:])),
         source.section(),
     )
-    return Document(result.title(), source.subtitle(), mark, text, (changed, *shown[:1]), sections)
+    return Document(
+        result.title(), source.subtitle(), mark, sentences[0], (changed, *shown[:1]), sections
+    )
+
+
+def _changes(result: MachineComparison) -> Table:
+    """Each quantity before and after, with U (k = 2) of the change."""
+    rows = []
+    for q in result.quantities:
+        value, expanded = with_expanded(q.change, q.std_error)
+        ends = (significant(q.before, 4), significant(q.after, 4))
+        p = Shown(q.p_value, chance(q.p_value).removeprefix("p ").removeprefix("= "))
+        rows.append((q.called, *ends, value, expanded, q.unit, p, "yes" if q.changed else "no"))
+    heads = ("", result.names[0], result.names[-1], "change", EXPANDED, "unit", "p", "changed")
+    return Table.of("What changed", heads, rows)
 
 
 BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
-from trunnion.base.report import Result, Shown, Table
-from trunnion.base.units import unit_of
-from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words
+from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.base.units import unit_of, without_unit
+from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
 from trunnion.files.table import places
@@ -22,13 +23,13 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
-from trunnion.plot.picture import Picture
-from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
+from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
+from trunnion.setup.names import error_label
 
 MARKS = {
     "consistent": Mark.GOOD,
@@ -36,8 +37,13 @@ MARKS = {
     "ambiguous": Mark.DOUBT,
     "unexplained": Mark.BAD,
 }
+NEXT = {
+    "Touches": " (trunnion diagnose --next plans touches that do)",
+    "Diameters": " (trunnion diagnose says which pass does)",
+}
 MAX_OUTLIERS = 50
-MAX_PARAMETERS = 12
+MAX_PARAMETERS = 6  # of a cause
+MAX_SETS = 4  # in the verdict
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
     Owner.TIME: "{what}: let the machine warm up, keep the temperature, or measure faster.",
@@ -59,8 +65,10 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     errors, decisions = _errors(d, source)
     causes = _causes(d)
     first, *others = _pictures(d, source)
-    top = [t for t in (causes, errors) if t.rows]
-    verdict = sentences[0]
+    standard = [r for one in source.data for r in standard_results(one)]
+    judged = [_judged(r, source) for r in standard]
+    top = [t for t in (causes, errors, *judged) if t.rows]
+    verdict = _verdict(d)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
     elif "undecided" in decisions:
@@ -74,8 +82,9 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         (*top, *_to_do(d, source), first),
         (
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
-            Section("Each cause", tuple(others)),
-            Section("How much each cause explains", tuple(_ladder(d))),
+            Section("Each cause" if d.causes else "Pictures", tuple(others)),
+            Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
+            Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
             Section("What the residual looks like", tuple(_diagnostics(d, source))),
@@ -85,6 +94,50 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         ),
         {c.id: Group(_label(c), record_of(d).rows[touched(d, c.id)]) for c in d.causes},
     )
+
+
+def _verdict(d: Diagnosis) -> str:
+    """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
+    if d.verdict == "consistent":
+        size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
+        return (
+            f"The model explains the readings, what is left is noise of {size}. That nothing else "
+            f"acts, of all causes looked for: {percent(d.none_probability)}."
+        )
+    if not d.causes:
+        return d.sentences()[0]
+    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
+    sure = [_likely(c) for c in d.causes if c.id in certain]
+    doubted = [
+        " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
+        + f" ({percent(a.probability)})"
+        for a in d.evidence[:MAX_SETS]
+        if a.causes - certain
+    ]
+    parts = []
+    if sure:
+        parts.append(f"Found: {'; '.join(sure)}.")
+    if len(d.alternatives) > 1:
+        more = len(d.alternatives) - len(doubted)
+        other = f" or one of {more} other sets" if more > 1 else ""
+        parts.append(f"In doubt: {' or '.join(doubted) or 'further causes'}{other}.")
+    if d.unexplained:
+        parts.append(f"Not explained: {d.unexplained}.")
+    return " ".join(parts)
+
+
+def _likely(c: Cause) -> str:
+    label = c.label or c.id.replace("_", " ")
+    return f"{label} ({percent(c.probability)})"
+
+
+def _judged(result: Result, source: Source) -> Table:
+    """Figures of a standard with U and tolerances; none where the result has no uncertainty."""
+    return figures_table(result.title(), figures_of(result), source.tolerance)[0]
+
+
+def _by_standard(result: Result) -> list[Item]:
+    return [*drawn(result), *result.sentences(), *(() if figures_of(result) else result.tables())]
 
 
 def _label(cause: Cause) -> str:
@@ -105,17 +158,24 @@ def _causes(d: Diagnosis) -> Table:
     """Each named cause with its size and probability."""
     rows = []
     for c in d.causes:
-        size = "; ".join(
-            f"{name.rsplit('_', 1)[0] if unit_of(name) else name} = "
-            f"{value_in_words(value, _twice(c.std_errors[name]), unit_of(name))}"
-            for name, value in list(c.parameters.items())[:MAX_PARAMETERS]
-        )
+        size = _size(c)
         share = next((x for x in d.contributions if x.id == c.id), None)
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))
         rows.append((_label(c), c.id, size, sure, explains))
     columns = ("", "name in programs", "size ± U (k = 2)", "probability", "explains")
     return Table.of("What is wrong", columns, rows)
+
+
+def _size(c: Cause) -> str:
+    """Say the parameters with U (k = 2); of many their number."""
+    if len(c.parameters) > MAX_PARAMETERS:
+        return f"{len(c.parameters)} parameters"
+    said = []
+    for name, value in c.parameters.items():
+        text = value_in_words(value, _twice(c.std_errors[name]), unit_of(name))
+        said.append(f"{without_unit(name)} = {text}" if len(c.parameters) > 1 else text)
+    return "; ".join(said)
 
 
 def _twice(std: float | None) -> float | None:
@@ -131,7 +191,7 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
     if d.verdict == "ambiguous":
         lines.append(
             "More than one set of causes fits: act on none that is in doubt before further "
-            "readings have decided (trunnion diagnose --next plans touches that do)."
+            f"readings have decided{NEXT.get(type(d.data).__name__, '')}."
         )
     if d.verdict == "unexplained":
         lines.append(
@@ -143,11 +203,12 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
         lines.append(said if c.probability > 0.5 else f"If it is there: {said}")
     if d.outliers:
         lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
-    if d.errors_after and d.verdict in ("consistent", "explained"):
+    located = any(error_label(name) != name for name in d.errors_after)
+    if located and d.verdict in ("consistent", "explained"):
         lines.append("Enter the new values of the errors in the control (trunnion compensate).")
     if not lines:
         lines.append("Nothing: the readings are as the model says, but for noise.")
-    return ["What to do:", Points(tuple(lines))]
+    return [Points(tuple(lines), "What to do")]
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -173,25 +234,14 @@ def _outlier_places(rows: Iterable[int], data: tuple[DataTable, ...]) -> list[tu
     return out
 
 
-def _pictures(d: Diagnosis, source: Source) -> list[Picture]:
+def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     """One picture a cause, the strongest first; without a cause what is found, or what is left."""
-    shown = [cause_picture(d, c.id) for c in d.causes]
-    if not shown and d.verdict == "consistent" and d.errors_after:
-        shown = _of_errors(d)
+    shown: list[Any] = [cause_picture(d, c.id) for c in d.causes]
+    if not shown and d.verdict == "consistent":
+        shown = of_errors(d.errors_after, d.errors_std)
     if not shown or d.verdict == "unexplained":
         shown = [residual_picture(d), *shown]
     return [hovered(p, source.data) for p in shown]
-
-
-def _of_errors(d: Diagnosis) -> list[Picture]:
-    units: dict[str, list[str]] = {}
-    for name in d.errors_after:
-        if np.isfinite(d.errors_std.get(name, np.inf)):
-            units.setdefault(d.units.get(name) or unit_of(name), []).append(name)
-    return [
-        estimates_picture(names, d.errors_after, d.errors_std, unit)
-        for unit, names in units.items()
-    ]
 
 
 def _ladder(d: Diagnosis) -> list[Item]:
@@ -206,10 +256,7 @@ def _alternatives(d: Diagnosis) -> list[Item]:
     if picture is None:
         return []
     tables = [t for t in d.tables() if t.title == "Sets of causes"]
-    names = sorted({i for a in d.evidence for i in a.causes})
-    legend = [labelled(i, d.labels[i]) for i in names if d.labels.get(i)]
-    said: list[Item] = [Points(tuple(legend))] if legend else []
-    return [picture, *tables, *said]
+    return [picture, *tables]
 
 
 def _outliers(d: Diagnosis, source: Source) -> list[Item]:
@@ -220,7 +267,7 @@ def _outliers(d: Diagnosis, source: Source) -> list[Item]:
     for row, place in _outlier_places(d.outliers[:MAX_OUTLIERS], source.data):
         at = np.flatnonzero(record.rows == row)
         size = float(np.max(np.abs(record.before[at]))) if len(at) else None
-        rows.append((place, size))
+        rows.append((place, None if size is None else significant(size)))
     table = Table.of("Readings that belong to no model", ("", f"residual, {record.unit}"), rows)
     more = len(d.outliers) - len(rows)
     return [table, *([f"{more} more are not listed."] if more > 0 else [])]

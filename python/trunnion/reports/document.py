@@ -61,9 +61,10 @@ class Listing:
 
 @dataclass(frozen=True)
 class Points:
-    """Sentences as a list."""
+    """Sentences as a list, under a heading of their own if they have one."""
 
     sentences: tuple[str, ...]
+    title: str = ""
 
 
 Item: TypeAlias = "str | Table | Interactive | Still | Listing | Points"

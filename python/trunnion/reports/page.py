@@ -98,10 +98,12 @@ class _Writer:
                 return f'<pre tabindex="0">{html.escape(item.text)}</pre>'
             case Points():
                 rows = "".join(f"<li>{html.escape(one)}</li>" for one in item.sentences)
-                return f"<ul>{rows}</ul>"
+                head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""
+                return f"{head}<ul>{rows}</ul>"
             case Still():
                 alt = html.escape(item.alt, quote=True)
-                return f'<figure><div role="img" aria-label="{alt}">{item.svg}</div></figure>'
+                still = f'<div class="still" role="img" aria-label="{alt}">{item.svg}</div>'
+                return f"<figure>{still}</figure>"
         return self._figure(item)
 
     def _figure(self, picture: Interactive) -> str:
@@ -109,7 +111,7 @@ class _Writer:
             picture = picture.thinned()
         number = len(self.figures)
         self.figures.append(picture.to_plotly())
-        round_ = isinstance(picture, Picture) and picture.kind is not Kind.CARTESIAN
+        height = _height(picture)
         note = f'<p class="note">{html.escape(picture.note)}</p>' if picture.note else ""
         key = getattr(picture, "key", "")
         mine = self.document.groups.get(key)
@@ -122,7 +124,7 @@ class _Writer:
         alt = html.escape(picture.description)
         return (
             f'<figure><figcaption id="caption{number}">{html.escape(picture.title)}{button}'
-            f'</figcaption><div class="plot{" round" if round_ else ""}" data-figure="{number}">'
+            f'</figcaption><div class="plot" style="height:{height}px" data-figure="{number}">'
             f'</div><p class="described">{alt}</p>{note}</figure>'
         )
 
@@ -137,6 +139,15 @@ class _Writer:
 
             parts.append(f"<script>{get_plotlyjs()}</script>")
         return "\n".join([*parts, f"<script>{own}</script>"])
+
+
+def _height(picture: Interactive) -> int:
+    """Height in pixels: of bars by their number, of maps and polar plots as wide as high."""
+    if not isinstance(picture, Picture):
+        return 520
+    if picture.kind is not Kind.CARTESIAN:
+        return 500
+    return 110 + 34 * len(picture.y.names) if picture.y.names else 340
 
 
 def page(document: Document) -> str:
@@ -164,7 +175,7 @@ def table(of: Table) -> str:
         for index in range(len(of.columns))
     ]
     head = "".join(
-        _heading(name or "quantity", "num" if number else "", sorts=sorts)
+        _heading(name or "item", "num" if number else "", sorts=sorts)
         for name, number in zip(of.columns, numeric, strict=True)
     )
     body = "".join(

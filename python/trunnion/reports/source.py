@@ -32,7 +32,6 @@ CALLS = {
     "ResidualInterval": "trunnion.residual_interval",
 }
 """Class of a result → function that makes it."""
-CHUNK = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -111,7 +110,7 @@ class Source:
             if getattr(said, name)
         ]
         if self.setup is not None:
-            rows.append(("Chain of axes", self.setup.machine.preset))
+            rows.append(("Chain of axes", self.setup.machine.name))
         times = [t for one in self.data if (t := _span(one))]
         rows += [("Time of the readings", text) for text in times]
         rows += [
@@ -119,8 +118,8 @@ class Source:
             ("Software", f"trunnion {__version__}, Python {platform.python_version()}"),
         ]
         items: list[Item] = [
-            Table.of("Record", ("", ""), rows),
-            *([self._checksums()] if self._paths() else []),
+            Table.of("Record", ("", "as stated or found"), rows),
+            *self._checksums(),
             f"Made by {'the command' if COMMAND.get() else 'the call'}:",
             Listing(self.made_by),
         ]
@@ -139,24 +138,31 @@ class Source:
             found.append((self.setup.source, "set-up"))
         return found
 
-    def _checksums(self) -> Table:
-        rows = [(path, what, *_checked(Path(path))) for path, what in self._paths()]
+    def _checksums(self) -> list[Item]:
+        """Files with size, date and checksum; lines that ``sha256sum -c`` takes."""
+        paths = self._paths()
+        if not paths:
+            return []
+        found = [(path, what, *_checked(Path(path))) for path, what in paths]
+        rows = [(path, what, size, changed) for path, what, size, changed, _ in found]
         title = "Files, as they were when this report was written"
-        return Table.of(title, ("file", "what", "bytes", "changed", "SHA-256"), rows)
+        sums = "\n".join(f"{digest}  {path}" for path, _, _, _, digest in found if digest)
+        listed: list[Item] = (
+            ["SHA-256 checksums (sha256sum -c checks them):", Listing(sums)] if sums else []
+        )
+        return [Table.of(title, ("file", "what", "bytes", "changed"), rows), *listed]
 
 
 def _checked(path: Path) -> tuple[int | None, str, str]:
     """Return size, date of change and checksum of a file."""
     try:
-        digest = hashlib.sha256()
         with path.open("rb") as opened:
-            while block := opened.read(CHUNK):
-                digest.update(block)
+            digest = hashlib.file_digest(opened, "sha256").hexdigest()
         about = path.stat()
     except OSError:
-        return None, "", "the file is not there any more"
+        return None, "not there any more", ""
     changed = datetime.fromtimestamp(about.st_mtime, UTC).astimezone()
-    return about.st_size, changed.isoformat(" ", "minutes"), digest.hexdigest()
+    return about.st_size, changed.isoformat(" ", "minutes"), digest
 
 
 def _span(data: DataTable) -> str:

@@ -110,7 +110,7 @@ def sweep(
     units
         Units of the outputs of a function.
     progress
-        Show a bar with the remaining time; None: when it takes longer than half a second.
+        Show a bar with the remaining time; None: when it takes longer than two seconds.
     most_failures
         A sample that fails is recorded with its parameters and error; when more than this share of
         those done (and more than 20) have failed, the sweep ends with an error.

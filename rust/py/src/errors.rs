@@ -20,7 +20,14 @@ pub fn to_py(error: &Error) -> PyErr {
     Python::attach(|py| {
         let build = || -> PyResult<PyErr> {
             let exception = py.import("trunnion.base.errors")?.getattr(class(error))?;
-            Ok(PyErr::from_value(exception.call1((error.to_string(),))?))
+            let mut message = error.to_string();
+            if let Error::Unknown { got, known, .. } = error {
+                let known: Vec<&str> = known.split(", ").collect();
+                let checks = py.import("trunnion.base.checks")?;
+                let near = checks.getattr("did_you_mean")?.call1((got, known))?;
+                message += near.extract::<&str>()?;
+            }
+            Ok(PyErr::from_value(exception.call1((message,))?))
         };
         build().unwrap_or_else(|import| PyRuntimeError::new_err(format!("{error} ({import})")))
     })

@@ -1,0 +1,57 @@
+"""Results of a standard (ISO 230-2, ISO 230-4, levels): their figures and their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.errors import DataError
+from trunnion.base.report import Result
+from trunnion.base.units import unit_of
+from trunnion.data.ballbar import Ballbar
+from trunnion.data.iso230_4 import iso230_4
+from trunnion.files.table import Table
+from trunnion.plot.dispatch import pictures
+from trunnion.plot.statistics import estimates_picture
+from trunnion.reports.document import Item, Still
+from trunnion.reports.results import Figure
+
+
+def standard_results(data: Table) -> tuple[Result, ...]:
+    """Return what the standard of a kind of data says of it; none where it does not apply."""
+    try:
+        if isinstance(data, Ballbar):
+            return tuple(iso230_4(data))
+        evaluate: Any = getattr(data, "results", None)
+        return tuple(evaluate()) if evaluate is not None else ()
+    except DataError:  # no circle, too few places
+        return ()
+
+
+def figures_of(result: Any) -> list[Figure]:
+    """Return the figures of a result that have a standard uncertainty."""
+    std = getattr(result, "std_errors", None)
+    if not isinstance(std, Mapping):
+        return []
+    labels: Mapping[str, str] = result.labels() if hasattr(result, "labels") else {}
+    return [
+        Figure(name, labels.get(name, name), float(getattr(result, name)), float(s), unit_of(name))
+        for name, s in std.items()
+        if isinstance(getattr(result, name, None), int | float) and not isinstance(s, Mapping)
+    ]
+
+
+def drawn(result: Result) -> list[Item]:
+    """Return the pictures of a result: interactive ones, or stills where there are no others."""
+    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
+
+
+def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:
+    """Return bars of location errors with U (k = 2), one picture a unit."""
+    units: dict[str, list[str]] = {}
+    for name in errors:
+        if np.isfinite(std.get(name, np.inf)):
+            units.setdefault(unit_of(name), []).append(name)
+    return [estimates_picture(names, errors, std, unit) for unit, names in units.items()]
