@@ -125,6 +125,7 @@ def residual_interval(
     if not 0 < finite("level", level) < 1:
         raise InputError(f"level: got {level!r}, expected a number between 0 and 1")
     whole("draws", draws, 100, MAX_DRAWS)
+    whole("seed", seed, 0)
     known = MachineErrors.of(setup, estimate)
     matrix, listed = _covariance(estimate, covariance, names)
     freedom = degrees_of_freedom

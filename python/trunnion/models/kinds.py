@@ -155,13 +155,13 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     known = {each.name: each for each in _KINDS}
     if kind is not None:
         return known[choose("kind", kind, known)]
-    there = {name.lower() for name in names}
+    there = {str(name).lower() for name in names}
     fitting = [e for e in _KINDS if all(there & set(one.split("|")) for one in e.columns)]
     most = max((len(each.columns) for each in fitting), default=0)
     best = [each for each in fitting if len(each.columns) == most]
     if len(best) == 1:
         return best[0]
-    got = f"the columns {', '.join(names)}"
+    got = f"the columns {', '.join(map(str, names))}"
     if best:
         may = ", ".join(each.name for each in best)
         raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")

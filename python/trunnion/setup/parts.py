@@ -313,7 +313,7 @@ class Setup:
                         f"axes.{axis}: got an axis that machine {self.machine.name} has not, "
                         f"expected one of {has}"
                     )
-            for name in ("point_mm", "direction"):
+            for name in ("direction", "point_mm"):
                 value = getattr(given, name)
                 with entry("axes", axis, name):
                     if axis in "XYZ" and value is not None:
@@ -327,13 +327,14 @@ class Setup:
             self.machine.check_errors(self.description().core(self.probe.length_mm))
 
     def _check_line(self, axis: str, name: str, value: tuple[float, float, float]) -> None:
-        """Let the core refuse the direction or the point of one axis."""
+        """Let the core refuse the direction or, with its direction, the point of one axis."""
         known = self.machine.description()
-        if name == "direction":
-            one = replace(known, directions={**known.directions, axis: value})
-        else:
-            one = replace(known, points_mm={**known.points_mm, axis: value})
-        one.core(self.probe.length_mm)
+        direction = self.axes[axis].direction
+        if direction is not None:
+            known = replace(known, directions={**known.directions, axis: direction})
+        if name == "point_mm":
+            known = replace(known, points_mm={**known.points_mm, axis: value})
+        known.core(self.probe.length_mm)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the tables of the file with plain values; empty ones left out."""
