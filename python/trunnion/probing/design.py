@@ -90,6 +90,14 @@ def plan_for(
         A location error that the machine lacks.
     DataError
         No touch that can be reached identifies one of the errors.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> plan = tn.plan_for(setup, ("EX0C",), max_touches=12)
+    >>> len(plan)
+    12
     """
     chain = Chain(setup)
     where = f"errors of machine {setup.machine.name}"

@@ -26,6 +26,13 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     -------
     tuple of str
         A sentence each, for the user of a program.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> print(tn.plan_notes(tn.plan(setup), setup)[0])
+    Keeps clear as long as the artefact stands within 2 mm and 1 deg of its place.
     """
     return (*assumptions(setup), *_not_identifiable(plan, setup))
 
