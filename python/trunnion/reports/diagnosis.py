@@ -84,9 +84,9 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict,
         (*top, *_to_do(d, source), first),
         (
+            Section("The measurement", tuple(_measurement(source, standard))),
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
-            Section("The measurement", tuple(_measurement(source, standard))),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
