@@ -140,7 +140,7 @@ def _sources(
     if plain.sigma_um > 0:
         cofactor = plain.covariance / plain.sigma_um**2
     else:
-        cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.moments).cofactor
+        cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.held).cofactor
     freedom = np.inf if known else float(found.degrees_of_freedom)
     rounding = rounding_um(model.setup, data)
     readings = of_readings(found.covariance, found.sigma_um, "µm", rounding, freedom)
