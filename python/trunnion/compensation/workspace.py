@@ -9,7 +9,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import floats, whole
+from trunnion.base.checks import floats, shown, whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
@@ -26,6 +26,9 @@ class Where(TypedDict, total=False):
     b_deg: ArrayLike | None
     c_deg: ArrayLike | None
     points: tuple[int, int, int]
+
+
+MAX_REACH_MM = 1e7  # of a box of the work: beyond it is a typo
 
 
 @dataclass(frozen=True)
@@ -103,11 +106,12 @@ def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
 
 def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = floats(name, given)
-    if nodes.ndim == 0:
-        nodes = nodes[None]
-    if len(nodes) == 2 and nodes[0] < nodes[1]:
+    nodes = np.atleast_1d(floats(name, given))
+    if np.any(np.abs(nodes) > MAX_REACH_MM):
+        most = f"from -{MAX_REACH_MM:g} to {MAX_REACH_MM:g} mm"
+        raise InputError(f"{name}: got {shown(given)}, expected numbers {most}")
+    if nodes.shape == (2,) and nodes[0] < nodes[1]:
         return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2, 100_000))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
-        raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
+        raise InputError(f"{name}: got {shown(given)}, expected (low, high) or rising nodes, in mm")
     return nodes

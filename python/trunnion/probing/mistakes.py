@@ -84,7 +84,7 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
 def in_mm(errors: Mapping[str, float]) -> str:
     """Ask whether position errors are in mm; empty where they are no doubt in µm."""
     lengths = {name: float(value) for name, value in errors.items() if name[1] in "XYZ" and value}
-    if not lengths or max(map(abs, lengths.values())) >= TINY_UM[1]:
+    if not lengths or not TINY_UM[0] <= max(map(abs, lengths.values())) < TINY_UM[1]:
         return ""
     given = ", ".join(f"{name} = {value:g}" for name, value in lengths.items())
     return f"{given}: are these mm? They are expected in µm."
