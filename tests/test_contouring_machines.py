@@ -43,3 +43,16 @@ def test_a_machine_without_two_rotary_axes_is_refused() -> None:
     )
     with pytest.raises(tn.InputError, match="four-axis-a: A, expected one with two rotary axes"):
         contouring.simulate(path, 100.0, setup=setup)
+
+
+def test_known_errors_and_senses_of_the_set_up_are_not_ignored() -> None:
+    path = contouring.Path.lines(
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.3, 0.0, 1.0], [0.3, 0.1, 1.0]]
+    )
+    known = tn.Setup(artefact=tn.Artefact("none"), machine=tn.Machine(errors={"EX0C": 500.0}))
+    run = contouring.simulate(path, 600.0, setup=known)
+    told = contouring.simulate(path, 600.0, errors={"EX0C": 500.0}, assumed={"EX0C": 500.0})
+    assert np.array_equal(run.reference, told.reference)
+    turned = tn.Setup(artefact=tn.Artefact("none"), axes={"C": tn.AxisSetup(-1)})
+    with pytest.raises(tn.InputError, match=r"axes\.C\.sense: got -1, expected 1"):
+        contouring.simulate(path, 600.0, setup=turned)

@@ -280,14 +280,20 @@ def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
 
 
 def five_axis_machine(setup: Setup | None, errors: Mapping[str, float] | None) -> _core.Machine:
-    """Return the machine of a set-up (by default a ``trt-ca``) with exactly these errors.
+    """Return the machine of a set-up (by default a ``trt-ca``) with these errors or its own.
 
-    Raises InputError: another number of rotary axes than two.
+    Raises InputError: another number of rotary axes than two; an axis that counts the other way.
     """
     chain = Chain(Setup(artefact=Artefact("none")) if setup is None else setup)
     if chain.count != 2:
         raise InputError(f"setup: got {chain.name}, expected one with two rotary axes")
-    return chain.machine(numbers("location errors", errors))
+    for letter, sense in zip(chain.letters, chain.senses, strict=True):
+        if sense < 0:
+            raise InputError(
+                f"axes.{letter}.sense: got -1, expected 1: a simulation of contouring counts every "
+                "axis right-handed"
+            )
+    return chain.machine(None if errors is None else numbers("location errors", errors))
 
 
 def _path(path: Path) -> Path:
@@ -335,10 +341,11 @@ def simulate(
         Axes; by default those of the paper's Table 1.
     errors:
         Location errors of the machine as it is (ISO names, µm and arcsec). They enter the true
-        errors of the tool on the part.
+        errors of the tool on the part. None: those that the set-up has.
     assumed:
         Location errors that the control knows: its reference axis positions and its error models
-        use the machine with them. Identified ones take out what ``errors`` do.
+        use the machine with them. Identified ones take out what ``errors`` do. None: those that
+        the set-up has.
     setup:
         The machine: any with two rotary axes; by default a ``trt-ca``.
 
