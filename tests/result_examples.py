@@ -8,7 +8,7 @@ import numpy as np
 
 import trunnion as tn
 from trunnion import compensation, contouring, hybrid, turning
-from trunnion.controls import linuxcnc_files
+from trunnion.controls import correct_program, linuxcnc_files
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.linear_axes import FieldMotion, Travel
 from trunnion.models.kinds import Kind, kinds
@@ -283,6 +283,9 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "CncParameters": control,
     "Removable": lambda: control().removable[0],
     "ControlFiles": control_files,
+    "CorrectedProgram": lambda: correct_program(
+        cross_setup(), LOCATION_ERRORS, "G0 X0 Y0 Z9\nG1 X50 F100\nM2\n"
+    ),
     "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
     "diagnosis with structure": with_structure,

@@ -155,13 +155,13 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     known = {each.name: each for each in _KINDS}
     if kind is not None:
         return known[choose("kind", kind, known)]
-    there = {name.lower() for name in names}
+    there = {str(name).lower() for name in names}
     fitting = [e for e in _KINDS if all(there & set(one.split("|")) for one in e.columns)]
     most = max((len(each.columns) for each in fitting), default=0)
     best = [each for each in fitting if len(each.columns) == most]
     if len(best) == 1:
         return best[0]
-    got = f"the columns {', '.join(names)}"
+    got = f"the columns {', '.join(map(str, names))}"
     if best:
         may = ", ".join(each.name for each in best)
         raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")
@@ -255,6 +255,12 @@ def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
         No kind of this name.
     InputError, DataError
         As :func:`diagnose`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> [effect.id for effect in tn.catalogue("diameters")][:3]
+    ['tool_heating', 'tool_wear', 'taper']
     """
     if isinstance(of, Setup):
         return touch_catalogue(of)
@@ -294,6 +300,13 @@ def diagnose(
         An effect's id is in no catalogue.
     DataError
         The data cannot belong to the model: too few readings, readings off the surface.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> d = tn.diagnose(tn.read(tn.sample_path("plate/first.csv")))
+    >>> d.verdict, [cause.id for cause in d.causes]
+    ('explained', ['scale_x', 'straightness_y_of_x'])
     """
     if isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset"):
         data = table_of(data)

@@ -20,6 +20,7 @@ from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.chain import Chain
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 from trunnion.probing.steps import cycle_of, in_ranges
@@ -49,6 +50,15 @@ class ExpectedDiscrimination(Result):
         Pairs of sets that no reachable touch distinguishes.
     std_before, std_after:
         Standard errors of the named causes' parameters ("id.parameter"), now and with the touches.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> found = tn.expected_discrimination(d, 4)
+    >>> len(found.tables())
+    1
     """
 
     plan: Touches
@@ -127,6 +137,14 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> len(tn.next_touches(d, 4))
+    4
     """
     return expected_discrimination(d, n).plan
 
@@ -139,6 +157,15 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> found = tn.expected_discrimination(d, 4)
+    >>> len(found.plan)
+    4
     """
     instance("d", d, Diagnosis, "a Diagnosis, as diagnose gives it")
     if not isinstance(d.data, Touches):
@@ -177,17 +204,19 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     setup = model.setup
     feeds = model.data.feed_mm_min
     usual = float(np.median(feeds)) if feeds is not None else 600.0
-    tilting = next((x for x in model.data.rotary_deg if x != "c"), None)
+    chain = Chain(setup)
+    tilting, turning = ((x or "").lower() for x in (chain.tilting, chain.turning))
     tilts = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
     pairs = [(t, c) for t in (-60.0, -30.0, 30.0, 60.0) for c in (45.0, 90.0, 180.0, 270.0)]
-    turn = {f"{tilting}_deg": tilts} if tilting else {}
+    turn: dict[str, tuple[float, ...]] = {f"{tilting}_deg": tilts} if tilting else {}
+    if turning:
+        turn[f"{turning}_deg"] = tuple(float(c) for c in range(0, 360, 30))
     free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
     made = plan(
         replace(setup, axes=free),
-        c_deg=tuple(float(c) for c in range(0, 360, 30)),
         feeds_mm_min=(usual, usual / 3),
         both_senses=True,
-        positions_deg=pairs if tilting else (),
+        positions_deg=pairs if tilting and turning else (),
         all_faces=True,
         **turn,  # type: ignore[arg-type]
     )

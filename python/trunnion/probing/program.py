@@ -16,6 +16,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain
 from trunnion.nc import Program
 from trunnion.probing.cycle import Cycle
 from trunnion.probing.linuxcnc import program_text
@@ -33,6 +34,14 @@ class ProbingProgram:
     ----------
     cycle
         What it does: steps, levels and speeds.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> program = tn.probing_program(tn.plan(setup)[:4], setup)
+    >>> round(program.seconds)
+    13
     """
 
     cycle: Cycle
@@ -118,13 +127,21 @@ def probing_program(
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
         a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> program = tn.probing_program(tn.plan(setup), setup)
+    >>> print(program.text().splitlines()[1])
+    (machine trt-ca, cross, ball radius 1 mm, clearance 5 mm)
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    if setup.machine.preset == "table-c-head-b":
+    chain = Chain(setup)
+    if "head" in chain.sides.values():
         raise InputError(
-            "probing program: got machine table-c-head-b, expected one with its rotary axes under "
-            "the table"
+            f"probing program: got {chain.name}, expected one with its rotary axes under the table"
         )
     if FILE_NAME.fullmatch(log) is None:
         raise InputError(
