@@ -85,6 +85,13 @@ def test_few_touches_are_nearly_the_best_of_all_there_are() -> None:
     assert made <= found * 1.0001
 
 
+@pytest.mark.parametrize("most", [6, 9, 16])
+def test_a_few_touches_of_a_cross_will_do_for_one_error(most: int) -> None:
+    made = tn.plan_for(CROSS, ("EX0C",), max_touches=most)
+    assert len(made) == most
+    assert cost(made, CROSS, ("EX0C",)) < 10.0
+
+
 def test_a_determinant_is_smaller_where_it_is_asked_for() -> None:
     a = tn.plan_for(SPHERE, ALL, max_touches=20)
     d = tn.plan_for(SPHERE, ALL, max_touches=20, criterion="D")

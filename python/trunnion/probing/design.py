@@ -109,13 +109,13 @@ def plan_for(
     pool = candidates(setup, positive("feed_mm_min", feed_mm_min))
     search = _Search.of(pool, setup, named)
     is_limited = max_touches is not None or max_minutes is not None
-    chosen = search.grown(most, limit_s, is_limited)
-    for unknown_std in UNKNOWN_STDS:
-        search = replace(search, unknown_std=unknown_std)
-        chosen = search.improved(chosen, most, limit_s, is_limited)
+    chosen = search.found(most, limit_s, is_limited)
+    if is_limited:  # what may be left out of the plan without limits is another beginning
+        whole_plan = search.found(MAX_TOUCHES, np.inf, is_limited=False)
+        chosen = search.better(chosen, search.pruned(whole_plan, most, limit_s), most, limit_s)
     # Where an error is not identified as yet, a determinant says little.
     if criterion == "D":
-        search = replace(search, criterion="D")
+        search = replace(search, criterion="D", unknown_std=UNKNOWN_STDS[-1])
         chosen = search.improved(chosen, most, limit_s, is_limited)
     made = ordered(pool[np.array(chosen, dtype=np.intp)], setup)
     while len(made) > 1 and cycle_of(made, setup).times()[1] > limit_s:
@@ -353,6 +353,27 @@ class _Search:
             if len(chosen) - len(best[1]) >= PATIENCE:
                 break
         return best[1]
+
+    def found(self, most: int, limit_s: float, is_limited: bool) -> list[int]:
+        """Add touches, then exchange them, as if ever less were known beforehand."""
+        chosen = self.grown(most, limit_s, is_limited)
+        for unknown_std in UNKNOWN_STDS:
+            search = replace(self, unknown_std=unknown_std)
+            chosen = search.improved(chosen, most, limit_s, is_limited)
+        return chosen
+
+    def pruned(self, chosen: list[int], most: int, limit_s: float) -> list[int]:
+        """Leave out what is missed least until the limits hold."""
+        search = replace(self, unknown_std=UNKNOWN_STDS[-1])
+        while len(chosen) > 1 and (len(chosen) > most or self.seconds(chosen) > limit_s):
+            chosen = search.without_least(chosen)
+        return chosen
+
+    def better(self, one: list[int], other: list[int], most: int, limit_s: float) -> list[int]:
+        """The better of two within limits, the second one after exchanges."""
+        search = replace(self, unknown_std=UNKNOWN_STDS[-1])
+        other = search.improved(other, most, limit_s, is_limited=True)
+        return min((one, other), key=lambda x: search.value(search.covariance(x)))
 
     def improved(self, chosen: list[int], most: int, limit_s: float, is_limited: bool) -> list[int]:
         """Leave out, add or exchange one touch at a time while that helps."""
