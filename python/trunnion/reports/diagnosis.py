@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from trunnion.base.errors import TrunnionError
 from trunnion.base.report import Result, Shown, Table, significant
 from trunnion.base.units import unit_of, without_unit
+from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
@@ -23,6 +26,9 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
+from trunnion.plot.dispatch import pictures
+from trunnion.plot.ranking import contributions_picture
+from trunnion.plot.servo import axis_log_pictures
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
@@ -83,6 +89,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         (
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
+            Section("The readings", tuple(_measured(d, source))),
             Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
@@ -244,11 +251,22 @@ def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     return [hovered(p, source.data) for p in shown]
 
 
+def _measured(d: Diagnosis, source: Source) -> list[Item]:
+    """The field's own pictures of data that no standard evaluates; a log with its model."""
+    found: list[Item] = []
+    for one in source.data:
+        if not standard_results(one):
+            with suppress(TrunnionError):  # too few readings for the picture
+                found += axis_log_pictures(d) if isinstance(one, AxisLog) else pictures(one)
+    return found
+
+
 def _ladder(d: Diagnosis) -> list[Item]:
     picture = ladder_picture(d)
     tables = [t for t in d.tables() if t.title not in ("Estimates", "Sets of causes")]
     kept = [t for t in tables if t.title != "Not identifiable"]
-    return [*([picture] if picture else []), *kept]
+    ranked = contributions_picture(d)
+    return [*(p for p in (ranked, picture) if p is not None), *kept]
 
 
 def _alternatives(d: Diagnosis) -> list[Item]:

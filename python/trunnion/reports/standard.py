@@ -15,7 +15,7 @@ from trunnion.data.iso230_4 import iso230_4
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
 from trunnion.plot.statistics import estimates_picture
-from trunnion.reports.document import Item, Still
+from trunnion.reports.document import Item
 from trunnion.reports.results import Figure
 
 
@@ -44,8 +44,8 @@ def figures_of(result: Any) -> list[Figure]:
 
 
 def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result: interactive ones, or stills where there are no others."""
-    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
+    """Return the pictures of a result, interactive."""
+    return list(pictures(result))
 
 
 def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:
