@@ -291,6 +291,15 @@ class DiameterLaw(Estimate):
     ----------
     offset_um : dict
         Fitted offset of each pass that was measured.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("turning/setup.toml"))
+    >>> data = tn.read_diameters(tn.sample_path("turning/diameters.csv"))
+    >>> law = tn.diagnose(data, setup).model
+    >>> sorted(law.effects)
+    ['tool_heating']
     """
 
     offset_um: Mapping[str, float]

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from trunnion.base.errors import TrunnionError
 from trunnion.base.report import Result, Shown, Table, significant
 from trunnion.base.units import unit_of, without_unit
-from trunnion.data.axis_log import AxisLog
 from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
@@ -26,14 +23,14 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
-from trunnion.plot.dispatch import pictures
+from trunnion.plot.picture import Picture
 from trunnion.plot.ranking import contributions_picture
-from trunnion.plot.servo import axis_log_pictures
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
+from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
 from trunnion.setup.names import error_label
 
@@ -48,6 +45,7 @@ NEXT = {
     "Diameters": " (trunnion diagnose says which pass does)",
 }
 MAX_OUTLIERS = 50
+MAX_PICTURES = 8  # of the measurement
 MAX_PARAMETERS = 6  # of a cause
 MAX_SETS = 4  # in the verdict
 TODO = {
@@ -87,14 +85,14 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict,
         (*top, *_to_do(d, source), first),
         (
+            Section("The measurement", tuple(_measurement(source, standard))),
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
-            Section("The readings", tuple(_measured(d, source))),
-            Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
             Section("What the residual looks like", tuple(_diagnostics(d, source))),
+            Section("In space", tuple(in_space(d, source))),
             Section("What these data do not identify", tuple(_lost(d))),
             budget_section(d.model),
             source.section(),
@@ -143,8 +141,16 @@ def _judged(result: Result, source: Source) -> Table:
     return figures_table(result.title(), figures_of(result), source.tolerance)[0]
 
 
-def _by_standard(result: Result) -> list[Item]:
-    return [*drawn(result), *result.sentences(), *(() if figures_of(result) else result.tables())]
+def _measurement(source: Source, standard: list[Result]) -> list[Item]:
+    """Pictures of the readings as the field draws them, and what the standard says of them."""
+    own = [p for one in source.data for p in drawn(one)]
+    shown = own or [p for r in standard for p in drawn(r)]
+    items: list[Item] = [
+        hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]
+    ]
+    for r in standard:
+        items += [*r.sentences(), *(() if figures_of(r) else r.tables())]
+    return items
 
 
 def _label(cause: Cause) -> str:
@@ -249,16 +255,6 @@ def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     if not shown or d.verdict == "unexplained":
         shown = [residual_picture(d), *shown]
     return [hovered(p, source.data) for p in shown]
-
-
-def _measured(d: Diagnosis, source: Source) -> list[Item]:
-    """The field's own pictures of data that no standard evaluates; a log with its model."""
-    found: list[Item] = []
-    for one in source.data:
-        if not standard_results(one):
-            with suppress(TrunnionError):  # too few readings for the picture
-                found += axis_log_pictures(d) if isinstance(one, AxisLog) else pictures(one)
-    return found
 
 
 def _ladder(d: Diagnosis) -> list[Item]:

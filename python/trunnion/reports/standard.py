@@ -43,9 +43,12 @@ def figures_of(result: Any) -> list[Figure]:
     ]
 
 
-def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result, interactive."""
-    return list(pictures(result))
+def drawn(of: Result | Table) -> list[Item]:
+    """Return the pictures of a result or of data, interactive; none of too few readings."""
+    try:
+        return list(pictures(of))
+    except DataError:
+        return []
 
 
 def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:
