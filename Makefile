@@ -131,6 +131,10 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_report_picture.py
 	$(BIN)/python docs/make_measured_figures.py
 
+.PHONY: notebooks
+notebooks: build  ## run the notebooks and keep what they show, five minutes
+	$(BIN)/python docs/make_notebooks.py
+
 .PHONY: site
 site: build  ## the documentation site, into target/site, without a network; warnings are errors
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
