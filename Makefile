@@ -52,6 +52,10 @@ power-probabilities: build  ## are stated probabilities true: 5,100 cases of all
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/results/power-ballbar.md
 
+.PHONY: power-coverage
+power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases, half an hour, into docs/results/power-coverage.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --out ../docs/results/power-coverage.md
+
 .PHONY: power-ticks
 power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/results/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md
