@@ -1,6 +1,7 @@
 """A small sweep on one engine, printed as digits: `python sweep_engines.py ENGINE`."""
 
 import sys
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,21 @@ def small(executor: Any = None) -> str:
     return " ".join(x.hex() for x in found["separating_error"].values.ravel()[:200].tolist())
 
 
+NOT_STARTED = 77
+"""Exit code where the engine itself does not start: Ray gives up on a machine that is overloaded."""
+
+
 def of_ray() -> str:
     """On a Ray of this machine alone."""
-    import ray
-
-    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, _node_ip_address="127.0.0.1")
+    ray: Any = import_module("ray")
+    here = {"num_cpus": 2, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    try:
+        ray.init(**here, log_to_driver=False)
+    except Exception as error:
+        if "timed out during startup" not in str(error):
+            raise
+        print(error, file=sys.stderr)
+        sys.exit(NOT_STARTED)
     try:
         return small(tn.studies.RayExecutor())
     finally:
@@ -40,13 +51,13 @@ def of_mpi() -> str:
 
 def of_dask() -> str:
     """On two processes of dask."""
-    from distributed import Client, LocalCluster
+    distributed: Any = import_module("distributed")
 
     with (
-        LocalCluster(
+        distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
         ) as cluster,
-        Client(cluster) as client,
+        distributed.Client(cluster) as client,
     ):
         return small(client.get_executor())
 

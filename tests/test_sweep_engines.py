@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sweep_engines import small
+from sweep_engines import NOT_STARTED, small
 
 HERE = Path(__file__).parent
 SCRIPT = str(HERE / "sweep_engines.py")
@@ -58,6 +58,8 @@ def test_an_engine_gives_the_same_numbers(engine: str, tmp_path: Path) -> None:
         "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
         "PRTE_MCA_prte_silence_shared_fs": "1",
         "RAY_AUTH_MODE": "disabled",
+        "RAY_agent_register_timeout_ms": "120000",  # of a machine that is busy with other tests
+        "RAY_raylet_start_wait_time_s": "60",
         "HOME": str(tmp_path),
         "TMPDIR": tempfile.mkdtemp(prefix="engine"),  # a short path: sockets are made below it
     }
@@ -70,6 +72,8 @@ def test_an_engine_gives_the_same_numbers(engine: str, tmp_path: Path) -> None:
         timeout=300,
         check=False,
     )
+    if done.returncode == NOT_STARTED:
+        pytest.skip(f"{engine} did not start: {done.stderr.strip().splitlines()[-1]}")
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1] == small()
     assert left(mark) == []
