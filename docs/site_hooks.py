@@ -4,16 +4,20 @@ Every command from the command line's own parser, every key of the set-up from i
 changelog and the page for contributors from the files in the root of the repository.
 """
 
+import inspect
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import typer
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
+from trunnion import plot
 from trunnion.base.frozen import thawed
 from trunnion.base.units import unit_of
 from trunnion.cli import app
@@ -39,6 +43,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {
         "reference/commands.md": commands_page(),
         "reference/setup.md": setup_page(),
+        "reference/results.md": results_page(),
+        "reference/api/plot.md": _plot_page(),
         "changelog.md": _from_root("CHANGELOG.md"),
         "contributing.md": _from_root("CONTRIBUTING.md"),
     }
@@ -51,6 +57,17 @@ def _from_root(name: str) -> str:
     """Return a page of the repository's root, its links as from here."""
     return (ROOT / name).read_text(encoding="utf-8").replace("](docs/", "](")
 
+
+def _plot_page() -> str:
+    return PLOT_HEAD + "".join(f"::: trunnion.plot.{name}\n" for name in plot.__all__)
+
+
+PLOT_HEAD = """# Pictures
+
+Every function takes a result and returns the axes that it drew on; `result.plot()` finds the right
+one.
+
+"""
 
 # --- set-up
 
@@ -116,6 +133,51 @@ def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f"`{value:g}`" if isinstance(value, float) else f"`{value!r}`".replace("'", '"')
+
+
+# --- results
+
+
+def results_page() -> str:
+    """Return the page of what each public function returns."""
+    lines = [RESULTS_HEAD]
+    for page in sorted((ROOT / "docs/reference/api").glob("*.md")):
+        rows = list(_returned(page))
+        if rows:
+            title = page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")
+            head = ("| call | returns | which says |", "|---|---|---|")
+            lines += [f"## {title}\n", *head, *rows, ""]
+    return "\n".join(lines)
+
+
+RESULTS_HEAD = """# What each call returns
+
+Every result is a frozen, typed dataclass: data, never a model. It pickles, equals its copy, and
+comes back from its JSON. All of them have
+
+| | |
+|---|---|
+| `print(r)`, `r.summary()` | sentences, most important first, then tables |
+| `r.plot()` | its picture; `trunnion.plot` has them all |
+| `r.to_html(path)` | one self-contained page |
+| `r.to_dataframe()` | its first table as a pandas DataFrame; `r.tables()` has the others |
+| `r.to_dict()`, `r.to_json(path)` | as plain values; `Class.from_json(path)` gives it back |
+
+Tables of measured data (`Touches`, `Points`, ...) have `to_csv`, `to_dataframe`, `with_columns`,
+and rows by mask or slice. This page is made from the annotations of the functions.
+"""
+
+
+def _returned(page: Path) -> Iterator[str]:
+    """Give a row for each function of a page that returns a class of this package."""
+    for name in re.findall(r"^::: trunnion\.(\S+)", page.read_text(encoding="utf-8"), re.MULTILINE):
+        thing = resolve_name(f"trunnion:{name}")
+        result = inspect.signature(thing).return_annotation if inspect.isfunction(thing) else ""
+        returned = getattr(sys.modules[thing.__module__], str(result), None) if result else None
+        if inspect.isclass(returned) and returned.__module__.startswith("trunnion"):
+            said = (returned.__doc__ or "").strip().splitlines()[0].split(" See :")[0]
+            where = f"api/{page.name}#trunnion.{name}"
+            yield f"| [`tn.{name}`]({where}) | `{returned.__name__}` | {said} |"
 
 
 # --- commands

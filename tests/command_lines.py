@@ -30,6 +30,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
     np.savetxt(log, np.column_stack(rows), fmt="%.4f")
     study.write_text('study = "calibration"\nsamples = 3\n[grid]\nnoise_um = [0.1, 0.2]\n')
     (folder / "errors.json").write_text('{"EX0C": 10.0}')
+    (folder / "mill.ngc").write_text("G0 X0 Y0 Z9 A0 C0\nG1 X9 A10 F99\nM2\n")
     second = folder / "second.csv"
     shutil.copyfile(TOUCHES, second)
     stops, ball = sample("positioning/axis.csv"), sample("ballbar/circle.csv")
@@ -61,6 +62,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
             ["compensate", str(folder / "errors.json"), SETUP, "-o", str(folder / "general"), "--linear-step-mm", "200", "--rotary-step-deg", "90"],
             ["compensate", str(folder / "errors.json"), SETUP, "-o", str(folder / "table"), "--control", "table"],
         ],
+        "correct": [["correct", str(folder / "mill.ngc"), str(folder / "errors.json"), SETUP]],
         "sweep": [["sweep", str(study)], ["sweep", "--parameters", "calibration"]],
         "demo": [["demo"]],
         "schema": [["schema", "diagnose"], ["schema"]],

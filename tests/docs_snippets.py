@@ -18,6 +18,7 @@ import contextlib
 import io
 import os
 import re
+import shlex
 import stat
 import subprocess
 import sys
@@ -27,6 +28,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from typer.testing import CliRunner
+
+from trunnion.cli import app
+
 ROOT = Path(__file__).parents[1]
 RUN = ("bash", "python")
 TIMEOUT_S = 300
@@ -35,6 +40,7 @@ _BLOCK = re.compile(
     r"(?P<notes>(?:^<!--[^\n]*-->\n)*)^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<text>.*?)^(?P=fence)$",
     re.DOTALL | re.MULTILINE,
 )
+_PLAIN_COMMAND = re.compile(r"trunnion [^|&;<>$`*]*")
 _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -108,6 +114,9 @@ class Session:
         return self._shell(block.text) if block.language == "bash" else self._python(block)
 
     def _shell(self, text: str) -> str:
+        lines = text.replace("\\\n", " ").strip().splitlines()
+        if all(_PLAIN_COMMAND.fullmatch(line) for line in lines):
+            return "".join(map(self._here, lines))
         done = subprocess.run(
             ["bash", "-e", "-c", text],
             cwd=self.folder,
@@ -119,6 +128,13 @@ class Session:
         )
         assert done.returncode == 0, f"{text}\n{done.stdout}"
         return done.stdout
+
+    def _here(self, line: str) -> str:
+        """Run a command of trunnion in this process, which has imported it."""
+        with contextlib.chdir(self.folder):
+            done = CliRunner().invoke(app, shlex.split(line)[1:], env={"COLUMNS": "110"})
+        assert done.exit_code == 0, f"{line}\n{done.output}"
+        return done.output
 
     def _python(self, block: Block) -> str:
         """Run it as a notebook does: the value of the last expression is printed."""

@@ -111,7 +111,7 @@ def _probing() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "fit_circles": (tn.fit_circles, {"data": tn.read_sweep(tn.sample_path("axis/sweep.csv"))}),
         "repeatable_part": (tn.repeatable_part, {"d": diagnosis_of("points"), "other": tn.read_points(tn.sample_path("plate/second.csv"))}),
         "Artefact": (tn.Artefact, {"kind": "sphere", "diameter_mm": 20.0, "centre_mm": (0, 0, 60)}),
-        "Machine": (tn.Machine, {"preset": "trt-ca", "errors": LOCATION}),
+        "Machine": (tn.Machine, {"preset": "trt-ca", "errors": LOCATION, "tolerance": {}, "table_normal": (0.0, 0.0, 1.0)}),
         "Probe": (tn.Probe, {"ball_radius_mm": 1.0, "repeatability_um": 0.3, "tick_um": 0.1}),
         "Setup": (tn.Setup, {"artefact": setup.artefact, "machine": setup.machine, "axes": {"C": tn.AxisSetup(-1)}, "probe": setup.probe}),
         "Touches": (tn.Touches, dict(touches.columns)),

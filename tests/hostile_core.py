@@ -31,7 +31,8 @@ PLACE: dict[str, Any] = {
     "tolerance_mm": 1.0,
     "tolerance_deg": 1.0,
 }
-MACHINE = core.Machine("trt-ca", 150.0, [])
+CHAIN = "[w C' A' b X Y Z (C) t]"
+MACHINE = core.Machine(CHAIN, 150.0, [])
 CROSS: dict[str, Any] = {
     "machine": MACHINE,
     "artefact": core.Artefact("cross", [100.0, 25.0, 25.0], **PLACE),
@@ -91,14 +92,14 @@ def _touches() -> Calls:
         "Measurements": (core.Measurements, {"model": model, "moves": made, "labels": labels, "reach_mm": 10.0, "noise_um": 0.1, "seed": 1}),
         "calibrations": (_done(measured.calibrations), {"truths": truths, "first_sample": 0, "identify": True, "threads": 1}),
         "compensations": (_done(measured.compensations), {"truths": truths, "first_sample": 0, "method": "identified", "grid": [[0.0, 1.0]] * 3, "rotary_deg": [0.0, 0.0], "threads": 1}),
-        "catalogue": (core.catalogue, {"preset": "trt-ca", "kind": "cross", "dimensions": [100.0, 25.0, 25.0]}),
+        "catalogue": (core.catalogue, {"machine": MACHINE, "kind": "cross", "dimensions": [100.0, 25.0, 25.0]}),
         "Artefact": (core.Artefact, {"kind": "cross", "dimensions": [100.0, 25.0, 25.0], **PLACE}),
         "linear_fit": (core.linear_fit, {"columns": np.eye(4)[:, :3], "values": np.ones(4), "hold": [False] * 3, "tolerance": 1e-9, "basis": True}),
     }  # fmt: skip
 
 
 def _machine() -> Calls:
-    machine = core.Machine("trt-ca", 150.0, ERRORS)
+    machine = core.Machine(CHAIN, 150.0, ERRORS)
     tool = np.array([[1.0, 2, 3, 0, 0.6, 0.8]])
     model: dict[str, Any] = {
         "machine": MACHINE,
@@ -114,7 +115,7 @@ def _machine() -> Calls:
     field = np.zeros((2, 12))
     grid = [[0.0, 1.0]] * 3
     return {
-        "Machine": (core.Machine, {"preset": "trt-ca", "tool_length_mm": 150.0, "errors": ERRORS}),
+        "Machine": (core.Machine, {"chain": CHAIN, "tool_length_mm": 150.0, "errors": ERRORS, "directions": [("A", [1.0, 0.1, 0.0])], "points_mm": [("A", [1.0, 2.0, -30.0])], "table_normal": [0.0, 0.0, 1.0]}),
         "forward": (machine.forward, {"axes": np.ones((2, 5))}),
         "jacobian": (machine.jacobian, {"axes": np.ones((2, 5))}),
         "inverse": (machine.inverse, {"tools": tool, "reference_deg": np.zeros(2)}),
@@ -138,7 +139,7 @@ def _contouring() -> Calls:
     path = short()
     axes = np.tile(AXIS, (5, 1))
     loop = {"period_s": 1e-3, "axes": axes, "feedback": "load"}
-    machines = {"assumed": ERRORS, "real": ERRORS}
+    machines = {"assumed": MACHINE, "real": MACHINE}
     feed = (1000.0, 0.1, True, 500.0, 0.1)
     coupling = ("circle", "tangent", np.ones((5, 3)), "jacobian_last")
     raw = {name: getattr(path, name) for name in ("breaks", "omega", "cosine", "sine")}
@@ -149,7 +150,7 @@ def _contouring() -> Calls:
         "contour_simulate": (core.contour_simulate, {"path": path.core, "feed": feed, **loop, "coupling": coupling, **machines}),
         "contour_sweep": (core.contour_sweep, {"paths": [path.core], "path_index": [0], "feeds": [feed], **loop, "couplings": [coupling], "coupling_index": [0], **machines}),
         "contour_axis_margins": (core.contour_axis_margins, {"axes": axes, "gains_of_coupling": np.ones((5, 3)), "period_s": 1e-3}),
-        "contour_path_margins": (core.contour_path_margins, {"path": path.core, "u": np.zeros(1), "axes": contouring.Servo.paper().rows(), "gains": GAINS, "period_s": 1e-3, "assumed": ERRORS}),
+        "contour_path_margins": (core.contour_path_margins, {"path": path.core, "u": np.zeros(1), "axes": contouring.Servo.paper().rows(), "gains": GAINS, "period_s": 1e-3, "assumed": MACHINE}),
         "contour_axis_response": (core.contour_axis_response, {"letter": "X", "axis": AXIS, "period_s": 1e-3, "feedback": "motor", "command": np.linspace(0, 1, 20)}),
         "contour_axis_responses": (core.contour_axis_responses, {"letter": "A", "axes": axes, "period_s": 1e-3, "feedback": "motor", "command": np.linspace(0, 1, 20), "stride": 2}),
     }  # fmt: skip

@@ -17,8 +17,10 @@ from matplotlib.figure import Figure
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
+from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
-from trunnion.plot.dispatch import DESCRIBED, PICTURES
+from trunnion.plot.dispatch import PICTURES, pictures
+from trunnion.plot.picture import Picture
 
 __all__ = ["check_result"]
 
@@ -124,9 +126,7 @@ def _says_something(result: Any) -> None:
 
 
 def _draws(result: Any) -> None:
-    if not isinstance(result, Result):
-        return
-    if not any(kind.__name__ in {**PICTURES, **DESCRIBED} for kind in type(result).__mro__):
+    if not any(kind.__name__ in PICTURES for kind in type(result).__mro__):
         with pytest.raises(InputError, match="plot: got"):
             result.plot()
         return
@@ -134,6 +134,19 @@ def _draws(result: Any) -> None:
     figure = drawn if isinstance(drawn, Figure) else drawn.figure
     assert any(ax.has_data() for ax in figure.axes)
     plt.close(figure)
+
+
+def _is_drawn_for_pages_too(result: Any) -> None:
+    """What matplotlib draws is described for pages as well: titles, axes with units, series."""
+    if isinstance(result, Diagnosis):
+        return  # its report draws more
+    for picture in pictures(result):
+        assert isinstance(picture, Picture)
+        assert picture.title
+        assert picture.series
+        figure = picture.figure()
+        assert len(figure.data)
+        json.loads(figure.to_json())
 
 
 CHECKS: tuple[Callable[[Any], None], ...] = (
@@ -150,4 +163,5 @@ CHECKS: tuple[Callable[[Any], None], ...] = (
     _has_a_short_repr,
     _says_something,
     _draws,
+    _is_drawn_for_pages_too,
 )

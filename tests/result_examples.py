@@ -8,7 +8,7 @@ import numpy as np
 
 import trunnion as tn
 from trunnion import compensation, contouring, hybrid, turning
-from trunnion.controls import linuxcnc_files
+from trunnion.controls import correct_program, linuxcnc_files
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.linear_axes import FieldMotion, Travel
 from trunnion.models.kinds import Kind, kinds
@@ -81,6 +81,14 @@ def with_outliers() -> Diagnosis:
         tn.read_touches(tn.sample_path("hidden/touches.csv")),
         tn.read_setup(tn.sample_path("hidden/setup.toml")),
     )
+
+
+@cache
+def with_structure() -> Diagnosis:
+    """A wave along Y that no known cause makes."""
+    touches, setup = cross()
+    wave = 5e-3 * np.cos(2 * np.pi * np.asarray(touches.y_mm) / 31.0)
+    return tn.diagnose(touches.with_columns(x_mm=touches.x_mm + wave), setup)
 
 
 @cache
@@ -275,8 +283,13 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "CncParameters": control,
     "Removable": lambda: control().removable[0],
     "ControlFiles": control_files,
+    "CorrectedProgram": lambda: correct_program(
+        cross_setup(), LOCATION_ERRORS, "G0 X0 Y0 Z9\nG1 X50 F100\nM2\n"
+    ),
     "Setting": lambda: control_files().settings[0],
     "PrintedZeros": lambda: tn.printed_zeros(LOCATION_ERRORS),
+    "diagnosis with structure": with_structure,
+    "Structure": lambda: with_structure().structure,
     "Budget": lambda: tn.identify(*cross()).budget(tolerances={"EX0C": 20.0}),
     "Budget by draws": lambda: with_outliers().budget(method="monte-carlo", draws=200),
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),

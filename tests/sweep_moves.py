@@ -137,7 +137,7 @@ def twin_of(setup: tn.Setup) -> forward.Setup:
     """The twin's machine."""
     points = list(setup.axis_points().values())
     return forward.Setup(
-        preset=setup.machine.preset,
+        preset=setup.machine.name,
         sense={letter: axis.sense for letter, axis in setup.axes.items()},
         probe_length_mm=setup.probe.length_mm,
         tilt_point_mm=points[0] if points else None,

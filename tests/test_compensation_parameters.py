@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-import trunnion._core as _core
 from reference_trt_ca import NAMES, TABLE_2, displaced_um, shift, table_pose, turn
+from trunnion.setup.machines import presets
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 A, C = tuple(range(-90, 91, 30)), tuple(range(0, 360, 30))
@@ -160,7 +160,7 @@ def test_all_axes_put_point_and_direction_right(preset: str) -> None:
     setup = tn.Setup(artefact=tn.Artefact("cross"), machine=tn.Machine(preset=preset))
     random = np.random.default_rng(8)
     letter = "A" if preset == "trt-ca" else "B"
-    names = [n for n, _ in _core.Machine(preset, 150.0, []).location_errors]
+    names = [n for n, _ in presets()[preset].core(150.0).location_errors]
     errors = {name: float(random.uniform(-60, 60)) for name in names}
     effects = {"c_positioning": {"a1_arcsec": 5.0, "b1_arcsec": 8.0}, "scale_z": {"ppm": 10.0}}
     points = random.uniform(-100, 100, (200, 3))

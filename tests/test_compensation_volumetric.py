@@ -16,6 +16,7 @@ from reference_trt_ca import (
     displaced_um,
     table_pose,
 )
+from trunnion.setup.machines import presets
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 
@@ -190,7 +191,7 @@ def test_bad_input(arguments: dict, message: str) -> None:  # type: ignore[type-
 @pytest.mark.parametrize("preset", ["trt-ca", "trt-bc", "table-c-head-b"])
 def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
     random = np.random.default_rng(3)
-    names = [n for n, _ in _core.Machine(preset, 150.0, []).location_errors]
+    names = [n for n, _ in presets()[preset].core(150.0).location_errors]
     tilt = "a" if preset == "trt-ca" else "b"
     effects = [
         (f"{tilt}_positioning", [20.0]),
@@ -207,7 +208,7 @@ def test_derivatives_of_the_field_agree_with_differences(preset: str) -> None:
     ) -> _core.MachineModel:
         named = list(zip(names, errors, strict=True))
         return _core.MachineModel(
-            _core.Machine(preset, 150.0, []),
+            presets()[preset].core(150.0),
             errors=named,
             placement=work,
             effects=effects,

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-import trunnion._core as _core
 from trunnion.base.errors import UnknownNameError
 from trunnion.reference.pinocchio_model import pinocchio_model
 from trunnion.setup import Artefact, AxisSetup, Machine, Setup
+from trunnion.setup.machines import presets
 from twin import forward, generator
 from twin.forward import Floats
 
@@ -103,7 +104,9 @@ def test_the_core_moves_as_pinocchio_does(preset: str) -> None:
         errors = generator.random_errors(rng, preset, 1000.0, 3600.0)
         point = axis_point(rng, preset)
         letter = "A" if preset == "trt-ca" else "B"
-        ours = _core.Machine(preset, length, list(errors.items()), [(letter, point)])
+        ours = replace(presets()[preset], points_mm={letter: point}).core(
+            length, list(errors.items())
+        )
         model = pinocchio_model(setup_of(preset, point), errors)
         xyz, angles = rng.uniform(-200, 200, 3), rng.uniform(-180, 180, len(ours.letters))
         q = pin.neutral(model)

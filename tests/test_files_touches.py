@@ -27,7 +27,6 @@ BAD_FILES = {
     "column twice": (f"{HEADER},a_deg\n{ROW},0\n", ":1:46: a_deg: got the column twice"),
     "nameless": (f"{HEADER},\n{ROW},0\n", ":1:46: header: got an empty field, expected the name of a column"),
     "missing": (f"{HEADER[:-6]}\n0,0,1,2,3,0,0\n", ":1:1: dir_z: no such column"),
-    "no rotary": (f"{HEADER[12:]}\n1,2,3,0,0,-1\n", ":1:1: a_deg: got no position of a rotary axis"),
     "empty file": ("", ":1:1: got an empty file, expected a header line and data"),
     "only comments": ("# a\n\n# b\n", ":1:1: got an empty file"),
     "only a header": (f"{HEADER}\n", ":2:1: got no line of data, expected at least one"),
@@ -202,3 +201,15 @@ def test_labels_and_extra_columns_lose_nothing(touches: tn.Touches) -> None:
     assert kept([str(2**63 - 1), "1", "-2"], "id") == [2**63 - 1, 1, -2]
     assert kept([1.0, float("nan"), 2.0], "id") == ["1.0", "nan", "2.0"]
     assert kept([None, True, ""], "id") == ["None", "True", ""]
+
+
+def test_positions_of_rotary_axes_are_those_of_the_machine(tmp_path: Path) -> None:
+    """A file without any is that of a machine without rotary axes; another one refuses it."""
+    path = tmp_path / "touches.csv"
+    path.write_text(f"{HEADER[12:]}\n1,2,3,0,0,-1\n", encoding="utf-8")
+    touches = tn.read_touches(path)
+    assert not touches.rotary_deg
+    with pytest.raises(
+        tn.DataError, match="a_deg: got none, expected the position of rotary axis A"
+    ):
+        tn.identify(touches, tn.Setup(artefact=tn.Artefact("cross")))

@@ -92,7 +92,7 @@ AXIS = np.array([80.0, 5.0, *[0.0] * 10, math.inf])
             "delay.* at most 20 control periods",
         ),
         (
-            lambda: core.Machine("trt-ca", 1.0, []).inverse_exact(
+            lambda: core.Machine("[w C' A' b X Y Z t]", 1.0, []).inverse_exact(
                 np.full((1, 6), math.nan), np.zeros((1, 5))
             ),
             "finite",

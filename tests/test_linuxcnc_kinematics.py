@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-import trunnion._core as _core
 from kins_bench import Floats, Kinematics, needs_gcc
 from reference_trt_ca import ARCSEC, table_pose
 from trunnion.compensation import MachineErrors
 from trunnion.controls.linuxcnc.kinematics import component
 from trunnion.setup.control import ControlSetup
+from trunnion.setup.machines import presets
 
 pytestmark = needs_gcc
 
@@ -33,7 +33,7 @@ def setup_of(preset: str = "trt-ca", **axes: tn.AxisSetup) -> tn.Setup:
 
 
 def random_errors(preset: str, random: np.random.Generator) -> dict[str, float]:
-    names = [name for name, _ in _core.presets()[preset][2]]
+    names = [name for name, _ in presets()[preset].core(150.0).location_errors]
     return {name: round(float(random.uniform(-300, 300)), 3) for name in names}
 
 

@@ -46,7 +46,9 @@ def test_effects_that_are_not_identifiable_and_exact_dependencies_of_the_papers_
     ):
         assert frozenset(members) in groups, members
     drawn = [text.get_text() for text in plot_observability(seen).get_yticklabels()]
-    assert sorted(drawn) == sorted(seen.share_left)
+    # labels for people, the id behind each
+    assert sorted(t.rpartition("(")[2].rstrip(")") for t in drawn) == sorted(seen.share_left)
+    assert all(len(text.partition("(")[0]) > 3 for text in drawn)
 
 
 def test_what_cannot_be_told_is_said_in_words() -> None:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-import trunnion._core as _core
 from trunnion.nc import follow
+from trunnion.setup.machines import presets
 
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
 
@@ -66,7 +66,7 @@ def test_the_program_never_takes_ball_or_stem_into_anything(preset: str, kind: s
     setup = tn.Setup(artefact=tn.Artefact(kind), machine=tn.Machine(preset=preset))
     tilt = {"a_deg" if preset == "trt-ca" else "b_deg": (-90, -60, -30, 30, 60, 90)}
     plan = tn.plan(setup, c_deg=(0, 30, 90, 200), **tilt)  # type: ignore[arg-type]
-    machine = _core.Machine(preset, 150.0, [])
+    machine = presets()[preset].core(150.0)
     moves = follow(tn.probing_program(plan, setup).moves)
     letters = "AC" if preset == "trt-ca" else "BC"
     columns = [3 + "ABC".index(letter) for letter in letters]

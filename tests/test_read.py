@@ -127,6 +127,15 @@ def test_other_names_and_units(tmp_path: Path) -> None:
         tn.read(path)
 
 
+def test_a_header_that_states_its_unit_is_taken_at_its_word() -> None:
+    columns = {"time_s": "Time [ms]", "x_cmd_mm": "Ref [um]", "x_act_mm": "Enc [counts]"}
+    data = {"Time [ms]": [0.0, 1.0], "Ref [um]": [0.0, 5.0], "Enc [counts]": [0.0, 0.1]}
+    log = tn.read(data, columns=columns)
+    np.testing.assert_allclose(log.time_s, [0.0, 1e-3])
+    np.testing.assert_allclose(log.commanded("x"), [0.0, 5e-3])
+    np.testing.assert_allclose(log.columns["x_act_mm"], [0.0, 0.1])
+
+
 def test_columns_of_two_kinds_are_refused() -> None:
     two = {"setup": [1], "length_mm": [1.0], "direction": [1], "cycle": [1]}
     with pytest.raises(tn.InputError, match="may be ballbar, positioning, expected one of these"):

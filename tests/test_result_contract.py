@@ -30,6 +30,7 @@ NOT_RESULTS = {
         "ProbingProgram",
         "EffectInfo",
         "UserEffect",
+        "FormulaEffect",
         "AxisLogModel",
         "BallbarModel",
     ),

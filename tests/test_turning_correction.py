@@ -231,7 +231,7 @@ def test_the_picture_draws() -> None:
     program = Program.parse("G7 G90\nG0 X60 Z100\nG1 Z0 F0.1\n", "linuxcnc-lathe")
     z = np.arange(99.0, 0, -1.0)
     got = correct(program, (z, -0.3 * (100 - z)), window=1)
-    assert plot_correction(got).get_ylabel().endswith("µm")
+    assert plot_correction(got).get_ylabel().endswith("(µm)")
     assert "bound" in got.summary()
     assert got.to_dict()["rule"] == "bounded"
 

@@ -59,12 +59,17 @@ from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches
 from .data.touches import read_touches as read_touches
+from .diagnosis.catalogues import installed_effects as installed_effects
+from .diagnosis.catalogues import read_effects as read_effects
+from .diagnosis.catalogues import write_effects as write_effects
 from .diagnosis.contributions import Contribution as Contribution
 from .diagnosis.contributions import Ladder as Ladder
+from .diagnosis.formula import FormulaEffect as FormulaEffect
 from .diagnosis.records import Alternative as Alternative
 from .diagnosis.records import Cause as Cause
 from .diagnosis.records import Gain as Gain
 from .diagnosis.result import Diagnosis as Diagnosis
+from .diagnosis.structure import Structure as Structure
 from .machine.budget import Budget as Budget
 from .machine.effects import EffectInfo as EffectInfo
 from .machine.effects import UserEffect as UserEffect

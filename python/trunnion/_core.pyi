@@ -23,7 +23,6 @@ __all__ += [
     "artefact_kinds",
     "catalogue",
     "closed_form_slips",
-    "presets",
 ]
 
 _Floats: TypeAlias = npt.NDArray[np.float64]
@@ -51,15 +50,12 @@ _Coupling: TypeAlias = tuple[
     Literal["controller_last", "jacobian_last", "as_printed"],
 ]
 
-def presets() -> dict[str, tuple[str, list[Literal["table", "head"]], list[tuple[str, str]]]]:
-    """Machines by name: letters of the rotary axes, side of each, location errors with units."""
-
 def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
     """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
 
 def closed_form_slips() -> list[str]: ...
 def catalogue(
-    preset: str, kind: str, dimensions: Sequence[float]
+    machine: Machine, kind: str, dimensions: Sequence[float]
 ) -> list[tuple[str, str, str, list[tuple[str, str, _Kind]], list[str]]]:
     """Effects on touches: id, title, owner, parameters (name, unit, kind), columns needed."""
 
@@ -85,15 +81,34 @@ class Machine:
 
     def __new__(
         cls,
-        preset: str,
+        chain: str,
         tool_length_mm: float,
         errors: Sequence[tuple[str, float]],
+        *,
+        directions: Sequence[tuple[str, Sequence[float]]] = ...,
         points_mm: Sequence[tuple[str, Sequence[float]]] = ...,
+        table_normal: Sequence[float] = ...,
     ) -> Machine: ...
+    @property
+    def chain(self) -> str: ...
     @property
     def letters(self) -> str: ...
     @property
+    def sides(self) -> list[Literal["table", "head"]]: ...
+    @property
+    def roles(self) -> tuple[str | None, str | None]:
+        """Letters of the axis that turns the work against the tool and of the one that tilts it."""
+
+    @property
+    def level_deg(self) -> float:
+        """Position of the tilting axis at which the table top looks to the spindle."""
+
+    @property
     def location_errors(self) -> list[tuple[str, str]]: ...
+    @property
+    def redundant_errors(self) -> list[tuple[str, str]]:
+        """Components of axes that are no location errors, and why."""
+
     def forward(self, axes: _Floats) -> _Floats: ...
     def jacobian(self, axes: _Floats) -> _Floats: ...
     def inverse(self, tools: _Floats, reference_deg: _Floats) -> tuple[_Floats, _Flags]: ...
@@ -131,7 +146,7 @@ class Arrangement:
     def plan(
         self,
         *,
-        c_deg: Sequence[float],
+        turn_deg: Sequence[float],
         tilt_deg: Sequence[float],
         pairs_deg: Sequence[tuple[float, float]],
         feeds_mm_min: Sequence[float],
@@ -511,8 +526,8 @@ def contour_simulate(
     axes: _Floats,
     feedback: _Feedback,
     coupling: _Coupling | None,
-    assumed: Sequence[tuple[str, float]],
-    real: Sequence[tuple[str, float]],
+    assumed: Machine,
+    real: Machine,
 ) -> dict[str, bool | _Floats]: ...
 def contour_sweep(
     paths: Sequence[ContourPath],
@@ -524,8 +539,8 @@ def contour_sweep(
     feedback: _Feedback,
     couplings: Sequence[_Coupling | None],
     coupling_index: Sequence[int],
-    assumed: Sequence[tuple[str, float]],
-    real: Sequence[tuple[str, float]],
+    assumed: Machine,
+    real: Machine,
 ) -> tuple[list[str], _Floats]: ...
 def contour_axis_margins(
     axes: _Floats,
@@ -556,7 +571,7 @@ def contour_path_margins(
     axes: _Floats,
     gains: _Floats,
     period_s: float,
-    assumed: Sequence[tuple[str, float]],
+    assumed: Machine,
 ) -> _Floats: ...
 
 # --- hybrid

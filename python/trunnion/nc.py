@@ -113,8 +113,12 @@ def follow(
         addresses, feed moves without a feed or from an unknown place, arcs without radius or that
         do not close, cycles, subprograms, shifts of the origin.
     """
+    span: Any = None if blocks is None else tuple(blocks)  # a list will do
     got: dict[str, Any] = program.path(
-        blocks=blocks, start=start, feed=feed, machine_codes=list(machine_codes)
+        blocks=span,
+        start=start,
+        feed=feed,
+        machine_codes=list(machine_codes),
     )
     return Moves(
         begin=got["begin"],

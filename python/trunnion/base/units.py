@@ -61,6 +61,11 @@ def unit_of(name: str) -> str:
     return ""
 
 
+def suffix_of(unit: str) -> str:
+    """Return the end of a name that stands for a unit: µm/h → um_h; empty if there is none."""
+    return next((suffix for suffix, known in _SUFFIXES.items() if known == unit), "")
+
+
 def without_unit(name: str) -> str:
     """Return a parameter's name without the unit at its end: ``along_um_m`` → along."""
     for suffix in _SUFFIXES:

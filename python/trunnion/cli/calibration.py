@@ -80,14 +80,14 @@ def plan(
     from trunnion.probing.notes import plan_notes
 
     made = tn.read_setup(setup)
-    letter = f"{(Chain(made).tilting or 'a').lower()}_deg"
+    chain = Chain(made)
+    angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
     planned = tn.plan(
         made,
         feeds_mm_min=numbers("--feeds", feeds),
         both_senses=both_senses,
         repeats=repeats,
-        c_deg=numbers("--c", c),
-        **{letter: numbers("--tilt", tilt)},  # type: ignore[arg-type]
+        **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]
     )
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60

@@ -41,6 +41,15 @@ NOT_PRINTED = ("residuals", "data")
 _ONE = ("trunnion.diagnosis.result:Diagnosis", "trunnion.models.many:FailedDiagnosis")
 
 
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="further candidates: a file of effects (TOML), or the name of a catalogue that an "
+        "installed package brings"
+    ),
+]
+
+
 class Batch(TypedDict):
     """What `diagnose` prints as JSON of several files; `reports`: the page of each."""
 
@@ -77,6 +86,7 @@ def diagnose(
     out: Annotated[
         Path | None, typer.Option(help="folder for a page with pictures of each file, and a table")
     ] = None,
+    effects: Effects = None,
     output: Output = None,
 ) -> Answer:
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
@@ -88,17 +98,17 @@ def diagnose(
     """
     several = sum(file.suffix.lower() != ".toml" for file in files) > 1
     if (several or out is not None) and not joint:
-        if html is not None or probe_log is not None or next_:
+        if html is not None or probe_log is not None or next_ or effects:
             raise tn.InputError(
                 "files: got several, or --out, and an option for one file (--html, --probe-log, "
-                "--next); expected one file, or --out with a folder for the pages"
+                "--next, --effects); expected one file, or --out with a folder for the pages"
             )
         return _batch(files, kind, out, output)
     if joint:
-        d = _together(files, kind)
+        d = _together(files, kind, effects or [])
         shown: list[Any] = [*(text for one in d.data for text in said_of(one)), d]
     else:
-        d = _diagnosis(files, kind, probe_log)
+        d = _diagnosis(files, kind, probe_log, effects or [])
         shown = [*said_of(d.data), d]
     values = {k: v for k, v in d.to_dict().items() if k not in NOT_PRINTED}
     if said := said_of(d.data):
@@ -170,14 +180,28 @@ def diagnose_as(kind: str) -> Any:
     return run
 
 
-def _together(files: list[Path], kind: str) -> Diagnosis:
+def _further(effects: list[str], data: Any) -> list[Any]:
+    """Candidates from files, and from installed packages."""
+    found: list[Any] = []
+    for one in effects:
+        if Path(one).suffix == ".toml" or Path(one).exists():
+            found += tn.read_effects(one, data)
+        else:
+            found += tn.installed_effects(one)
+    return found
+
+
+def _together(files: list[Path], kind: str, effects: list[str]) -> Diagnosis:
     """Diagnose several measurements of one machine together."""
     data, set_ups = sort_files(files, (2, MAX_FILES), (0, 1))
     read = [tn.read(path, kind=kind or None) for path in data]
-    return tn.diagnose(read, tn.read_setup(set_ups[0]) if set_ups else None)
+    setup = tn.read_setup(set_ups[0]) if set_ups else None
+    return tn.diagnose(read, setup, effects=_further(effects, read))
 
 
-def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosis:
+def _diagnosis(
+    files: list[Path], kind: str, probe_log: Path | None, effects: list[str]
+) -> Diagnosis:
     data, set_ups = sort_files(files, (1, 1), (0, 1))
     read = tn.read(data[0], kind=kind or None)
     setup = tn.read_setup(set_ups[0]) if set_ups else None
@@ -192,4 +216,4 @@ def _diagnosis(files: list[Path], kind: str, probe_log: Path | None) -> Diagnosi
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"
         )
-    return tn.diagnose(read, setup)
+    return tn.diagnose(read, setup, effects=_further(effects, read))

@@ -143,7 +143,7 @@ class ErrorMap(report.Result):
         if set(chain.letters) != set(self.rotary_deg):
             raise InputError(
                 f"error map: got one for axes {', '.join(self.rotary_deg)}, expected "
-                f"{', '.join(chain.letters)} (machine {setup.machine.preset})"
+                f"{', '.join(chain.letters)} (machine {setup.machine.name})"
             )
         commands = nominal_commands(setup, points_mm, rotary_deg)
         correction = self.correction_um(commands[:, :3], chain.to_control(rotary_deg))

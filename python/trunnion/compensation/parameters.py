@@ -432,7 +432,7 @@ def printed_zeros(
     placement
         `dx_um`, `dy_um`, `dz_um` of the artefact, which the paper adds to the origin offsets.
     """
-    tilts = np.array([errors.get(name, 0.0) for name in ("EA0A", "EB0C", "EC0A")])
+    tilts = np.array([float(errors.get(name, 0.0)) for name in ("EA0A", "EB0C", "EC0A")])
     tilts[2] += setup_yaw_arcsec
     phi, theta, psi = np.radians(tilts / 3600.0)
     ni = np.sin(phi) * np.sin(psi) - np.cos(phi) * np.cos(psi) * np.sin(theta)
@@ -450,6 +450,8 @@ def printed_zeros(
         c = [0.0, 0.0]
     placed = {} if placement is None else placement
     at_zero = {"dx_um": "EX0C", "dy_um": "EY0C", "dz_um": "EZ0A"}
-    work = {k: errors.get(name, 0.0) + placed.get(k, 0.0) for k, name in at_zero.items()}
+    work = {
+        k: float(errors.get(name, 0.0)) + float(placed.get(k, 0.0)) for k, name in at_zero.items()
+    }
     normal = (float(ni), float(nj), float(nk))
     return PrintedZeros(normal, (a[0], a[1]), (c[0], c[1]), work, singular)

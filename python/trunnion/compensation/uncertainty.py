@@ -29,6 +29,7 @@ from trunnion.setup import Setup
 
 VOLUMETRIC = ("max_um", "rms_um")
 TINY = 1e-300
+MAX_DRAWS = 1_000_000
 _BLOCK = 500
 
 
@@ -123,7 +124,8 @@ def residual_interval(
     """
     if not 0 < finite("level", level) < 1:
         raise InputError(f"level: got {level!r}, expected a number between 0 and 1")
-    whole("draws", draws, 100)
+    whole("draws", draws, 100, MAX_DRAWS)
+    whole("seed", seed, 0)
     known = MachineErrors.of(setup, estimate)
     matrix, listed = _covariance(estimate, covariance, names)
     freedom = degrees_of_freedom

@@ -9,7 +9,7 @@ from typing import TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import floats, whole
+from trunnion.base.checks import floats, shown, whole
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
@@ -26,6 +26,9 @@ class Where(TypedDict, total=False):
     b_deg: ArrayLike | None
     c_deg: ArrayLike | None
     points: tuple[int, int, int]
+
+
+MAX_REACH_MM = 1e7  # of a box of the work: beyond it is a typo
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ class Workspace:
             if letter not in chain.letters and value is not None and np.any(np.asarray(value) != 0):
                 raise InputError(
                     f"{letter.lower()}_deg: got {value!r}, expected none: machine "
-                    f"{setup.machine.preset} has the rotary axes {', '.join(chain.letters)}"
+                    f"{setup.machine.name} has the rotary axes {', '.join(chain.letters)}"
                 )
         nodes: dict[str, Floats] = {}
         shape: list[int] = []
@@ -95,17 +98,20 @@ class Workspace:
 def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:
     """Every combination of positions, contract's sign, shape (m, axes), last axis fastest."""
     chain = Chain(setup)
+    if not chain.letters:
+        return np.zeros((1, 0))
     axes = np.meshgrid(*(nodes[letter] for letter in chain.letters), indexing="ij")
     return np.stack(axes, axis=-1).reshape(-1, chain.count) * chain.senses
 
 
 def _axis_nodes(name: str, given: ArrayLike, count: int) -> Floats:
     """Nodes of an axis: `count` from a pair (low, high), or more than two nodes as they are."""
-    nodes = floats(name, given)
-    if nodes.ndim == 0:
-        nodes = nodes[None]
-    if len(nodes) == 2 and nodes[0] < nodes[1]:
+    nodes = np.atleast_1d(floats(name, given))
+    if np.any(np.abs(nodes) > MAX_REACH_MM):
+        most = f"from -{MAX_REACH_MM:g} to {MAX_REACH_MM:g} mm"
+        raise InputError(f"{name}: got {shown(given)}, expected numbers {most}")
+    if nodes.shape == (2,) and nodes[0] < nodes[1]:
         return np.linspace(nodes[0], nodes[1], whole(f"points along {name}", count, 2, 100_000))
     if nodes.ndim != 1 or len(nodes) == 0 or np.any(np.diff(nodes) <= 0):
-        raise InputError(f"{name}: got {given!r}, expected (low, high) or rising nodes, in mm")
+        raise InputError(f"{name}: got {shown(given)}, expected (low, high) or rising nodes, in mm")
     return nodes

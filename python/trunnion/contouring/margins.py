@@ -13,7 +13,8 @@ from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
-from trunnion.contouring.simulation import location_errors, period_ms
+from trunnion.contouring.simulation import five_axis_machine, period_ms
+from trunnion.setup import Setup
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -84,12 +85,13 @@ def margins(
     path: Path | None = None,
     u: ArrayLike | None = None,
     assumed: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
 ) -> Margins:
     """Gain and stability margins of the loops, by the exact sampled response with its delay.
 
     Friction, backlash, cyclic error and resonance are left out (resonance lies outside the loop
     when it is closed on the motor). ``path`` and ``u`` (by default 11 points of it) give the
-    coupled loop of all five axes along a path.
+    coupled loop of all five axes along a path, on the machine of ``setup`` (a ``trt-ca``).
     """
     servo = servo or Servo.paper()
     period_s = period_ms(servo) * 1e-3
@@ -107,7 +109,7 @@ def margins(
             axes=servo.rows(),
             gains=gains,
             period_s=period_s,
-            assumed=location_errors(assumed),
+            assumed=five_axis_machine(setup, assumed),
         )
     return Margins(
         "XYZAC",

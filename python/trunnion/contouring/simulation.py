@@ -18,7 +18,8 @@ from trunnion.base.units import Flags, Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Coupling, Servo, coupling_of
 from trunnion.data.axis_log import AxisLog
-from trunnion.setup.names import canonical_error_name
+from trunnion.machine.chain import Chain
+from trunnion.setup import Artefact, Setup
 
 AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (
@@ -275,10 +276,15 @@ def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
     return np.asarray(spline(np.clip(time_s - delay_s, time_s[0], time_s[-1])))
 
 
-def location_errors(errors: Mapping[str, float] | None) -> list[tuple[str, float]]:
-    """Return names and sizes (µm, arcsec) as the core takes them."""
-    sizes = numbers("location errors", errors)
-    return [(canonical_error_name(name), size) for name, size in sizes.items()]
+def five_axis_machine(setup: Setup | None, errors: Mapping[str, float] | None) -> _core.Machine:
+    """Return the machine of a set-up (by default a ``trt-ca``) with exactly these errors.
+
+    Raises InputError: another number of rotary axes than two.
+    """
+    chain = Chain(Setup(artefact=Artefact("none")) if setup is None else setup)
+    if chain.count != 2:
+        raise InputError(f"setup: got {chain.name}, expected one with two rotary axes")
+    return chain.machine(numbers("location errors", errors))
 
 
 def _path(path: Path) -> Path:
@@ -309,6 +315,7 @@ def simulate(
     servo: Servo | None = None,
     errors: Mapping[str, float] | None = None,
     assumed: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
 ) -> ContourRun:
     """Simulate one run of the five-axis loop along a path.
 
@@ -329,6 +336,8 @@ def simulate(
     assumed:
         Location errors that the control knows: its reference axis positions and its error models
         use the machine with them. Identified ones take out what ``errors`` do.
+    setup:
+        The machine: any with two rotary axes; by default a ``trt-ca``.
 
     Raises
     ------
@@ -345,8 +354,8 @@ def simulate(
         axes=servo.rows(),
         feedback=servo.feedback,
         coupling=None if coupling is None else coupling.core,
-        assumed=location_errors(assumed),
-        real=location_errors(errors),
+        assumed=five_axis_machine(setup, assumed),
+        real=five_axis_machine(setup, errors),
     )
     arrays: dict[str, Any] = dict(columns)
     return ContourRun(controller=_name(controller), period_ms=period, **arrays)
@@ -432,6 +441,7 @@ def sweep(
     feed: Feed | None = None,
     errors: Mapping[str, float] | None = None,
     assumed: Mapping[str, float] | None = None,
+    setup: Setup | None = None,
 ) -> ContourSweep:
     """Simulate every combination of path, feed and controller, on all cores.
 
@@ -457,8 +467,8 @@ def sweep(
         feedback=servo.feedback,
         couplings=[None if c is None else c.core for c in couplings],
         coupling_index=[k for _, _, k in index],
-        assumed=location_errors(assumed),
-        real=location_errors(errors),
+        assumed=five_axis_machine(setup, assumed),
+        real=five_axis_machine(setup, errors),
     )
     kinds: dict[str, type] = {"steps": np.int64, "diverged": bool}
     columns: dict[str, Any] = {

@@ -3,6 +3,7 @@
 - `files`, `forecast`, `stated`: what every control gets, what it leaves, what its user must state;
 - `axis_tables`, `screws`: errors of single axes over a position; rotary axes as lines and steps;
 - `iso`: errors by ISO 230-1 name for any control; `isg`, `siemens`, `heidenhain`;
+- `part_program`, `tool_path`: part programs corrected move by move;
 - `linuxcnc`: a kinematics component, pins, offsets of homing and work, COMP_FILE tables.
 """
 
@@ -14,4 +15,6 @@ from trunnion.controls.isg import twincat_files as twincat_files
 from trunnion.controls.iso import iso_table as iso_table
 from trunnion.controls.linuxcnc.comp_file import comp_file as comp_file
 from trunnion.controls.linuxcnc.files import linuxcnc_files as linuxcnc_files
+from trunnion.controls.part_program import CorrectedProgram as CorrectedProgram
+from trunnion.controls.part_program import correct_program as correct_program
 from trunnion.controls.siemens import siemens_files as siemens_files

@@ -89,7 +89,7 @@ def isg_files(
     found = _screws(setup, known)
     text, name = (_csv, "location.csv") if layout == "ISG_CSV" else (_etalon, "location.txt")
     head = [
-        f"// location errors of a {setup.machine.preset}, by trunnion; offsets in mm",
+        f"// location errors of a {setup.machine.name}, by trunnion; offsets in mm",
         *lines(said, "//"),
     ]
     axes = [f"{letter:<25}{i}" for i, letter in enumerate("XYZ" + chain.letters, start=1)]

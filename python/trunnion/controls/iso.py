@@ -34,7 +34,7 @@ def iso_table(
     std = estimate.std_errors if isinstance(estimate, Estimate) else {}
     chain = Chain(setup)
     head = [
-        f"# machine {setup.machine.preset}; names of ISO 230-1 and -7",
+        f"# machine {setup.machine.name}; names of ISO 230-1 and -7",
         "# frame: the machine's, right-handed, Z along the spindle, origin in the centre of the "
         "table top; errors are absolute in it",
         "# sign: where the real axis is, less where the nominal one is; tilts right-handed",

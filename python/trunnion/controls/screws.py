@@ -7,33 +7,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import trunnion._core as _core
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
+TABLES = ("AC", "BC")
+AXIS = {"A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)}
 _COMPONENTS = ("X", "Y", "Z", "A", "B", "C")
 
 
 def table_letters(setup: Setup, control: str) -> str:
-    """Return the letters of the rotary axes, all of which are under the table.
+    """Return the letters of the rotary axes, of which A or B carries C under the table.
 
-    Raises InputError: a rotary axis in the head; a set-up that does not say where the table is.
+    Raises InputError: another machine; a set-up that does not say where the table is.
     """
-    preset = setup.machine.preset
-    letters, sides, _ = _core.presets()[preset]
-    if set(sides) != {"table"}:
+    chain = Chain(setup)
+    if set(chain.sides.values()) != {"table"} or chain.letters not in TABLES:
         raise InputError(
-            f"{control}: got machine {preset}, expected rotary axes under the table only"
+            f"{control}: got machine {setup.machine.name}, expected rotary axes under the table "
+            "only, A or B carrying C"
         )
+    for letter, direction in setup.description().directions.items():
+        if direction != AXIS[letter]:
+            raise InputError(
+                f"{control}: got axis {letter} along {list(direction)}, expected it along its own "
+                "direction: its kinematics turn about X, Y and Z"
+            )
     if setup.control.centre_mm is None:
         raise InputError(
             "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
             "the table top) in machine coordinates, as X, Y, Z of the work offset"
         )
-    return letters
+    return chain.letters
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class Touches(Table):
     (1, (1, 3), None)
     """
 
-    choice = "at least one of a_deg, b_deg, c_deg"
+    choice = "those of a_deg, b_deg, c_deg whose axes the machine has"
 
     a_deg = OptionalNumber("commanded position of the A axis, deg")
     b_deg = OptionalNumber("commanded position of the B axis, deg")
@@ -94,13 +94,6 @@ class Touches(Table):
         )
 
     def _check(self) -> None:
-        if not self.rotary_deg:
-            raise ColumnError(
-                "a_deg",
-                None,
-                f"no position of a rotary axis among {', '.join(self.columns)}",
-                "at least one of a_deg, b_deg, c_deg",
-            )
         for axis in self.rotary_dir:
             if axis not in self.rotary_deg:
                 raise ColumnError(

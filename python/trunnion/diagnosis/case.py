@@ -23,7 +23,7 @@ from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
-from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.scan import Dictionary, Term
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -330,7 +330,7 @@ class Explanation:
     sets:
         Candidate → variant, distance to the best set, RSS.
     terms:
-        Unexplained structure: sentence, share of the variance.
+        Unexplained structure, and the share of the variance; terms that say it about as well.
     alarm:
         p-value over all tests.
     probabilities:
@@ -343,7 +343,7 @@ class Explanation:
     rss: float
     penalty: float
     sets: list[tuple[dict[int, int], float, float]]
-    terms: list[tuple[str, float]]
+    terms: list[tuple[Term, float]]
     alarm: float
     candidates: Candidates
     probabilities: Weighed

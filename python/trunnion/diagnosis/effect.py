@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -328,6 +328,15 @@ class _Gridded:
 # --- a user's own
 
 
+@runtime_checkable
+class Binding(Protocol):
+    """A user's effect that binds itself to data."""
+
+    def bound(self, data: Any, described: Any = None) -> Effect:
+        """Return it bound to data; ``described``: their model, if there is one."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class _Own:
     """A user's effect with the data it is bound to."""
@@ -342,7 +351,7 @@ class _Own:
         return np.asarray(self.thing.jacobian(self.data, values), dtype=np.float64)
 
 
-def as_effect(thing: EffectLike | Effect, data: Any) -> Effect:
+def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> Effect:
     """Bind a user's effect to data; an :class:`Effect` is bound already and stays as it is.
 
     Optional members are used where there are some: ``jacobian(data, values)``, shape (n, k);
@@ -356,6 +365,8 @@ def as_effect(thing: EffectLike | Effect, data: Any) -> Effect:
     """
     if isinstance(thing, Effect):
         return thing
+    if isinstance(thing, Binding):
+        return thing.bound(data, described)
     missing = [n for n in ("id", "parameters", "change") if not hasattr(thing, n)]
     if missing:
         raise InputError(
@@ -391,6 +402,7 @@ def with_own(
     data: Any,
     *,
     known: Iterable[str] = (),
+    described: Any = None,
 ) -> tuple[Effect, ...]:
     """Return the catalogue with a user's own effects behind it, bound to the data.
 
@@ -403,6 +415,8 @@ def with_own(
         Own effects and ids.
     known
         Further ids of the kind, of effects for which these data lack a column.
+    described
+        Model of the data, which an effect by a formula may ask for what it depends on.
 
     Raises
     ------
@@ -425,7 +439,7 @@ def with_own(
                     f"effect: got {thing!r}, expected one of {', '.join(ids) or 'none'}"
                 )
             continue
-        made = as_effect(thing, data)
+        made = as_effect(thing, data, described)
         if made.id in ids:
             raise InputError(f"effect: got {made.id!r} twice, expected a name of its own")
         ids.append(made.id)

@@ -14,7 +14,7 @@ from trunnion.diagnosis.case import Case, Explanation, rms
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import Behind, Only, Probabilities
-from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY
+from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
 
 Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
@@ -79,12 +79,12 @@ def _explained(case: Case) -> Explanation:
     demanded = extended is not plain
     best = named[0] if demanded else nothing
 
-    terms: list[tuple[str, float]] = []
+    terms: list[tuple[Term, float]] = []
     alarm_scan = Alarm.of_terms(case, extended)
     if case.dependent:
         # What a model that is not complete leaves competes with no cause: it is stated.
         if alarm_scan.p < SCAN_LEVEL:
-            terms = _sentences(case, extended)
+            terms = _best_terms(case, extended)
     elif not case.exact(extended) and (
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
         or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
@@ -290,7 +290,7 @@ def _evidence(case: Case, f: Fit) -> Floats:
     return np.asarray(np.round(value, SCORE_DIGITS))
 
 
-def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[str, float]], Fit]:
+def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
     """Let structure without a name compete with the causes."""
     d, c, plain = case.dictionary, case.candidates, case.plain
     picked = _promising(case, (extended, plain))
@@ -312,9 +312,9 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[st
         tuple(b for b in top.blocks if both.owner[b] < c.count),
     )
     fitted = _fit_set(case, both, causes)
-    terms: list[tuple[str, float]] = []
+    terms: list[tuple[Term, float]] = []
     if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
-        terms = _sentences(case, fitted)
+        terms = _best_terms(case, fitted)
     return searched, causes, terms, fitted
 
 
@@ -334,14 +334,14 @@ def _promising(case: Case, fits: Sequence[Fit]) -> list[int]:
     return picked
 
 
-def _sentences(case: Case, fitted: Fit) -> list[tuple[str, float]]:
-    """Quantities that explain the unnamed part about as well, best first, with their shares."""
+def _best_terms(case: Case, fitted: Fit) -> list[tuple[Term, float]]:
+    """Terms that explain the unnamed part about as well, one a quantity, best first."""
     d, value = case.dictionary, _evidence(case, fitted)
     gain, _ = d.of_fit(fitted)
-    sentences: dict[str, tuple[str, float]] = {}
+    found: dict[str, tuple[Term, float]] = {}
     for i in map(int, np.argsort(-value, kind="stable")):
-        if value[i] < value.max() - WITHIN or len(sentences) >= MAX_SENTENCES:
+        if value[i] < value.max() - WITHIN or len(found) >= MAX_SENTENCES:
             break
         share = min(1.0, float(gain[i] / max(fitted.rss, TINY)))
-        sentences.setdefault(d.terms[i].covariate, (d.terms[i].sentence(), share))
-    return list(sentences.values())
+        found.setdefault(d.terms[i].covariate, (d.terms[i], share))
+    return list(found.values())

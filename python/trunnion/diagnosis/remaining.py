@@ -10,13 +10,14 @@ from trunnion.diagnosis.dependence import BLOCK
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of, with_unit
+from trunnion.diagnosis.scan import Term
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there
 MAX_STRETCHES = 3
 MIN_STRETCHED = 0.25  # of the variance, that the largest stretches are named for
 
 
-def remaining(case: Case, f: Fit, terms: Sequence[tuple[str, float]]) -> str | None:
+def remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | None:
     """Say what a fit leaves; None where all of it is stationary noise.
 
     ``terms``: quantities that it depends on, with their share of its variance.
@@ -36,7 +37,7 @@ def remaining(case: Case, f: Fit, terms: Sequence[tuple[str, float]]) -> str | N
     axis = f" of {', '.join(where)}" if where and any(where) else ""
     text = f"{' and '.join(sizes)} rms{axis} is left that is no stationary noise"
     if terms:
-        said = " or ".join(sentence for sentence, _ in terms)
+        said = " or ".join(term.sentence() for term, _ in terms)
         text += f"; it depends on {said}: {100 * terms[0][1]:.0f} % of its variance"
     places = [case.rows[some] for some in segments]
     return text + _when(case.model, left, places)

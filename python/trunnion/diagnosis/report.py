@@ -7,7 +7,7 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, kept_rows
+from trunnion.diagnosis.case import Case, Explanation, kept_rows, rms
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
@@ -25,6 +25,7 @@ from trunnion.diagnosis.records import (
 )
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 from trunnion.machine.unnoticed import unnoticed
@@ -50,19 +51,17 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     kept = case.without(dropped)
     plain = kept.plain
     unexplained = remaining(kept, f, e.terms) or _unexplained(e)
-    if not alternatives and not e.terms:
+    if not alternatives:
         f = plain
+    verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
+    kept, f, source = with_structure(kept, e, f)
     variance = float(case.floor.noise(f.rss, f.dof))
     gain = _gain(kept, rows, plain, f)
-    verdict = _verdict(unexplained, gain, len(alternatives), len(dropped))
     growth = kept.growth(f, variance)
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance)
-    sigma = float(np.sqrt(variance))
-    if not isinstance(model.readings.unit, str):
-        # Where units are mixed the fit is in units of the noise of each reading.
-        sigma = gain.rms_after_um * float(np.sqrt(len(rows) / max(f.dof, 1)))
+    sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
     names = [x.name for x in model.nuisance]
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, doubt, alternatives, std)
@@ -83,26 +82,37 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         rivals=rivals,
         unnoticed=weak,
         outliers=tuple(sorted({int(r) for r in model.readings.rows[dropped]})),
-        not_identifiable={
-            **_not_identifiable(case, plain, f, std),
-            **lost,
-        },
-        model=model.extended(f.nuisance, f.effects, _uncertainty(kept, f, doubt, sigma, variance)),
+        not_identifiable=_not_identifiable(case, plain, f, std) | lost,
+        structure=structure_of(source, e, kept, f, wide),
+        model=kept.model.extended(
+            f.nuisance, f.effects, _uncertainty(kept, f, doubt, sigma, variance)
+        ),
         p_value=e.alarm,
         sigma=sigma,
         nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
-        labels={x.id: x.label for x in model.effects if x.id in named.union(lost, weak)},
-        residuals=Residuals.of(
-            model, (case.given or case.plain).residuals, f.residuals, rows, f.nuisance, f.effects
-        ),
+        labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
+        residuals=_residuals(kept.model, case.given or case.plain, f, rows),
         reservation=model.reservation,
         notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
+    """Noise of one reading."""
+    if not isinstance(model.readings.unit, str):
+        # Where units are mixed the fit is in units of the noise of each reading.
+        return gain.rms_after_um * float(np.sqrt(readings_a_freedom))
+    return float(np.sqrt(variance))
+
+
+def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
+    """Readings with what the models leave of them."""
+    return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
 
 
 def _minor(kept: Case) -> tuple[str, ...]:
@@ -220,8 +230,19 @@ def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
     return [*sets[:1], *sorted(sets[1:], key=lambda a: -a.probability)]
 
 
-def _verdict(unexplained: str | None, gain: Gain, sets: int, outliers: int) -> Verdict:
-    clear = sets and all(g.rms_after_um <= CLEAR * g.rms_before_um for g in gain.by_unit().values())
+def _verdict(
+    unexplained: str | None,
+    case: Case,
+    rows: Integers,
+    plain: Fit,
+    f: Fit,
+    sets: int,
+    outliers: int,
+) -> Verdict:
+    before, after = (case.given or plain).residuals, f.residuals
+    index = units_of(case.model.readings)[1]
+    units = [rows[index[rows] == i] for i in range(index.max() + 1)]
+    clear = sets and all(rms(after[u]) <= CLEAR * rms(before[u]) for u in units if len(u))
     if unexplained is not None and not clear:
         return "unexplained"
     if sets > 1:
@@ -280,9 +301,9 @@ def _names(model: Model, f: Fit) -> tuple[str, ...]:
 def _unexplained(e: Explanation) -> str | None:
     if e.terms:
         (first, share), *others = e.terms
-        text = f"the residual depends on {first}: {100 * share:.0f} % of its variance"
+        text = f"the residual depends on {first.sentence()}: {100 * share:.0f} % of its variance"
         if others:
-            text += "; equally consistent with " + " or ".join(s for s, _ in others)
+            text += "; equally consistent with " + " or ".join(t.sentence() for t, _ in others)
         return text
     return e.note
 

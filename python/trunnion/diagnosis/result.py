@@ -29,6 +29,7 @@ from trunnion.diagnosis.contributions import (
     bias_table,
     contributions_table,
 )
+from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import (
     MAX_PARAMETERS,
@@ -42,8 +43,10 @@ from trunnion.diagnosis.records import (
 )
 from trunnion.diagnosis.score import score
 from trunnion.diagnosis.sentences import MAX_SETS, sentences_of, unit_in
+from trunnion.diagnosis.structure import Structure, model_with
 from trunnion.files.table import Table as DataTable
 from trunnion.machine.budget import Budget, Method
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
@@ -112,6 +115,9 @@ class Diagnosis(Result):
         to the location error that it shifts most; the worst three, worst first.
     none_probability:
         That no cause of the catalogue acts: noise, or structure that none of them makes.
+    structure:
+        Unexplained structure as it is in the extended model, or None. What a model that is not
+        complete leaves (`unexplained` says so) is stated and not part of the model.
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
         user's own candidates the ids only.
@@ -143,6 +149,7 @@ class Diagnosis(Result):
     doubt: Mapping[str, float] = field(default_factory=dict)
     rivals: Mapping[str, frozenset[str]] = field(default_factory=dict)
     unnoticed: Mapping[str, str] = field(default_factory=dict)
+    structure: Structure | None = None
     data: Any = None
     setup: Any = None
     candidates: tuple[Any, ...] = field(default=(), compare=False)
@@ -163,6 +170,29 @@ class Diagnosis(Result):
     def effects(self) -> dict[str, dict[str, float]]:
         """Parameters of the named causes: id → parameter → value."""
         return {c.id: dict(c.parameters) for c in self.causes}
+
+    @checked
+    def draft_effect(self, id: str = "", label: str = "") -> FormulaEffect:  # noqa: A002
+        """Return the unexplained structure as an effect: with a formula, in words and as code.
+
+        It can be handed to :func:`diagnose` as a candidate, or written to a file by
+        :func:`write_effects`.
+
+        Parameters
+        ----------
+        id, label
+            Name for programs and for people; by default what it depends on.
+
+        Raises
+        ------
+        InputError
+            Nothing is left unexplained that depends on a recorded quantity.
+        """
+        if self.structure is None:
+            found = self.unexplained or "nothing is unexplained"
+            raise InputError(f"draft_effect: got {found}, expected structure in the extended model")
+        draft = self.structure.effect
+        return draft.named(id or draft.id, label or ("" if id else draft.label))
 
     def rebuilt_model(self) -> Model:
         """Return the diagnosis model of the data, made anew.
@@ -185,7 +215,8 @@ class Diagnosis(Result):
 
         ``other``: data of the same kind, or a model of it. Errors of the machine and effects are
         kept from this diagnosis; what belongs to the set-up or the workpiece is fitted anew.
-        Readings that belong to no model are left out.
+        Readings that belong to no model are left out. Unexplained structure is kept, too, unless it
+        depends on time or order.
 
         Raises
         ------
@@ -201,7 +232,12 @@ class Diagnosis(Result):
             )
         else:
             model = self.rebuilt_model().bind(other)
-        return score(model, self.nuisance_before, self.nuisance_after, self.effects)
+        effects = self.effects
+        lasting = self.structure
+        if lasting is not None and lasting.effect.owner is not Owner.TIME:
+            model = model_with(model, lasting.effect)
+            effects[lasting.effect.id] = dict(lasting.parameters)
+        return score(model, self.nuisance_before, self.nuisance_after, effects)
 
     @checked
     def budget(
@@ -270,7 +306,11 @@ class Diagnosis(Result):
         source = self.rebuilt_model()
         if not self.named <= {effect.id for effect in source.effects}:
             return None
-        made = source.extended(np.array(list(self.nuisance_after.values())), self.effects)
+        effects = self.effects
+        if self.structure is not None:
+            source = model_with(source, self.structure.effect)
+            effects[self.structure.effect.id] = dict(self.structure.parameters)
+        made = source.extended(np.array(list(self.nuisance_after.values())), effects)
         if not isinstance(made, Estimate):
             return made
         known = Estimate.from_dict({key: stored[key] for key in UNCERTAINTY if key in stored})

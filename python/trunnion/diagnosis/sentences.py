@@ -45,7 +45,9 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
                 lines.append(f"Named beside it: {'; '.join(said)}.")
     if d.unexplained and d.verdict in ("explained", "ambiguous"):
         lines.append(f"Left unexplained: {d.unexplained}.")
-    if said:
+    if d.structure is not None:
+        lines += d.structure.sentences()
+    if said or d.structure is not None:
         falls = all(
             g.heldout_rms_after_um < g.heldout_rms_before_um for g in (d.gain, *d.gain.others)
         )

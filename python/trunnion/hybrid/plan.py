@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, count_of, point, positive
+from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -77,6 +78,8 @@ def ballbar_plan(
     for what, value in sizes.items():
         positive(what, value)
     centre = np.array(point("centre_mm", centre_mm))
+    if not len(circles):
+        raise InputError("circles: got none, expected at least one (plane, first, last angle)")
     runs = _runs(circles, step_deg, both_senses=both_senses, repeat_first=repeat_first)
     points = np.vstack([run.points_mm(centre, radius_mm) for run in runs])
     joints = mechanism.nominal.inverse(points, direction, wrist=wrist)

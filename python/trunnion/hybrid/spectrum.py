@@ -49,7 +49,7 @@ class Spectrum:
         _, values, directions = np.linalg.svd(own - basis @ (basis.T @ own), full_matrices=True)
         padded = np.zeros(errors)
         padded[: len(values)] = values
-        rank = int(np.sum(padded > EXACT_ZERO * max(float(padded[0]), 1e-300)))
+        rank = int(np.sum(padded > EXACT_ZERO * max(float(padded.max(initial=0.0)), 1e-300)))
         return cls(padded, directions, rank)
 
     def down_to(self, minimum: float) -> Spectrum:

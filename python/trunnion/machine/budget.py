@@ -16,9 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from trunnion.base.checks import choose
+from trunnion.base.checks import choose, whole
 from trunnion.base.conformity import Conformity
-from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Table, significant
 from trunnion.base.units import Floats, unit_of
 
@@ -26,6 +25,7 @@ COVERAGE_FACTOR = 2.0
 COVERAGE = 0.9545
 """Of a normal law within two standard deviations."""
 BLOCK = 500_000
+MAX_DRAWS = 1_000_000
 """Numbers that are drawn at a time."""
 MIN_SHOWN = 1e-4
 """Share of the variance; smaller contributions count but are not listed."""
@@ -326,8 +326,8 @@ def drawn(
 
     ``of``: the quantities (count, q) at drawn changes of the estimate's parameters (count, p).
     """
-    if draws < 100:
-        raise InputError(f"draws: got {draws}, expected at least 100")
+    whole("draws", draws, 100, MAX_DRAWS)
+    whole("seed", seed, 0)
     random = np.random.default_rng(seed)
     width = max((max(s.rates.shape) for s in sources), default=1)
     values = []

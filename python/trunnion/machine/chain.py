@@ -9,16 +9,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import trunnion._core as _core
 from trunnion.base.checks import choose, floats, instance
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
+from trunnion.setup.machines import Description, check_error
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
 
 
@@ -37,9 +39,17 @@ class Chain:
         instance("setup", self.setup, Setup, "a Setup, as read_setup gives it")
 
     @cached_property
+    def _description(self) -> Description:
+        return self.setup.description()
+
+    @cached_property
+    def _nominal(self) -> _core.Machine:
+        return self._description.core(self.setup.probe.length_mm)
+
+    @cached_property
     def letters(self) -> str:
-        """Letters of the rotary axes from the frame to the work, "AC" for ``trt-ca``."""
-        return self.machine({}).letters
+        """Letters of the rotary axes, "AC" for ``trt-ca``: head, then table, from the bed."""
+        return self._nominal.letters
 
     @property
     def count(self) -> int:
@@ -48,8 +58,23 @@ class Chain:
 
     @property
     def tilting(self) -> str | None:
-        """Letter of the axis that tilts, A or B."""
-        return next((letter for letter in self.letters if letter != "C"), None)
+        """Letter of the axis that tilts the tool against the work; None without one."""
+        return self._nominal.roles[1]
+
+    @property
+    def turning(self) -> str | None:
+        """Letter of the axis that turns the work against the tool; None without one."""
+        return self._nominal.roles[0]
+
+    @property
+    def sides(self) -> Mapping[str, Literal["table", "head"]]:
+        """Side of each rotary axis, by letter."""
+        return dict(zip(self.letters, self._nominal.sides, strict=True))
+
+    @property
+    def level_deg(self) -> float:
+        """Position of the tilting axis, machine's sense, at which the table top faces the tool."""
+        return self._nominal.level_deg
 
     @cached_property
     def senses(self) -> Floats:
@@ -63,7 +88,7 @@ class Chain:
     @property
     def name(self) -> str:
         """Machine and axes for messages: "machine trt-ca: A, C"."""
-        return f"machine {self.setup.machine.preset}: {', '.join(self.letters)}"
+        return f"machine {self.setup.machine.name}: {', '.join(self.letters) or 'no rotary axis'}"
 
     # --- positions
 
@@ -97,9 +122,11 @@ class Chain:
                     f"{letter.lower()}_deg: got shape {column.shape}, expected one number a row, "
                     f"({count},)"
                 )
+        if not columns:
+            return np.zeros((count, 0))
         return np.column_stack([np.broadcast_to(c, count) for c in columns]) * self.senses
 
-    def turning(self, senses: Mapping[str, ArrayLike], rows: int) -> Floats | None:
+    def turned(self, senses: Mapping[str, ArrayLike], rows: int) -> Floats | None:
         """Senses of the last turn by letter, in machine order, (rows, axes); None without any.
 
         An axis that is not given has not turned.
@@ -124,9 +151,15 @@ class Chain:
         None: those of the set-up; {}: the nominal machine.
         """
         given = self.setup.machine.errors if errors is None else errors
-        named = [(canonical_error_name(name), float(value)) for name, value in given.items()]
-        points = list(self.setup.axis_points().items())
-        return _core.Machine(self.setup.machine.preset, self.setup.probe.length_mm, named, points)
+        named = {canonical_error_name(name): float(value) for name, value in given.items()}
+        try:
+            return self._description.core(self.setup.probe.length_mm, list(named.items()))
+        except UnknownNameError:
+            for name in named:
+                check_error(
+                    f"location error of machine {self.setup.machine.name}", name, self._nominal
+                )
+            raise
 
     def model(
         self,
@@ -148,7 +181,7 @@ class Chain:
         for letter in turned:
             choose("senses", letter, self.letters)
         return _core.MachineModel(
-            self.machine({}),
+            self._nominal,
             errors=list(errors.items()),
             placement=list(placement),
             effects=list(effects),
@@ -159,7 +192,7 @@ class Chain:
     def table_pose(self, rotary_deg: Floats) -> tuple[Floats, Floats]:
         """Rotation (n, 3, 3) and shift (n, 3), mm, from the work to the frame, nominal machine."""
         rows = np.ascontiguousarray(rotary_deg, dtype=float)
-        pose = self.machine({}).table_pose(rows).reshape(-1, 3, 4)
+        pose = self._nominal.table_pose(rows).reshape(-1, 3, 4)
         return pose[:, :, :3], pose[:, :, 3]
 
     # --- names
@@ -167,7 +200,7 @@ class Chain:
     @cached_property
     def location_errors(self) -> dict[str, str]:
         """Names of the machine's location errors, with their unit ("um", "arcsec")."""
-        return dict(self.machine({}).location_errors)
+        return dict(self._nominal.location_errors)
 
     def named_errors(self, errors: Mapping[str, float] | None) -> dict[str, float]:
         """Location errors under their canonical names; those of the set-up where not given.
@@ -181,8 +214,8 @@ class Chain:
             name = canonical_error_name(spelling)
             if name in given:
                 raise InputError(f"location error {name}: got two spellings, expected it once")
-            where = f"location error of machine {self.setup.machine.preset}"
-            given[choose(where, name, self.location_errors)] = value
+            where = f"location error of machine {self.setup.machine.name}"
+            given[check_error(where, name, self._nominal)] = value
         return known | given
 
     def catalogue(self) -> tuple[EffectInfo, ...]:
@@ -213,7 +246,7 @@ class Chain:
         return ids[0] if ids else name
 
     def _effects(self, kind: str, dimensions: Sequence[float]) -> tuple[EffectInfo, ...]:
-        entries = _core.catalogue(self.setup.machine.preset, kind, dimensions)
+        entries = _core.catalogue(self._nominal, kind, dimensions)
         return tuple(
             EffectInfo(
                 id=name,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pkgutil import resolve_name
 from typing import Any, TypeAlias, cast
 
@@ -105,6 +106,22 @@ def kinds() -> tuple[Kind, ...]:
     return tuple(_KINDS)
 
 
+def described(data: Any) -> Any:
+    """Return what describes data without a set-up: their covariates and components.
+
+    Raises
+    ------
+    InputError
+        Data of no kind, or of one whose model needs a set-up.
+    """
+    for base in type(data).__mro__:
+        for kind in _KINDS:
+            if kind.data == f"{base.__module__}:{base.__qualname__}":
+                made = getattr(import_module(kind.build.split(":")[0]), "described", None)
+                return model_of(data) if made is None else made(data)
+    return model_of(data)
+
+
 def add_kind(kind: Kind) -> None:
     """Let :func:`diagnose` and the command line take a further kind of data.
 
@@ -138,13 +155,13 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     known = {each.name: each for each in _KINDS}
     if kind is not None:
         return known[choose("kind", kind, known)]
-    there = {name.lower() for name in names}
+    there = {str(name).lower() for name in names}
     fitting = [e for e in _KINDS if all(there & set(one.split("|")) for one in e.columns)]
     most = max((len(each.columns) for each in fitting), default=0)
     best = [each for each in fitting if len(each.columns) == most]
     if len(best) == 1:
         return best[0]
-    got = f"the columns {', '.join(names)}"
+    got = f"the columns {', '.join(map(str, names))}"
     if best:
         may = ", ".join(each.name for each in best)
         raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")

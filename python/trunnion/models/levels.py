@@ -257,7 +257,9 @@ def _covariates(rows: _Rows) -> tuple[Covariate, ...]:
     names = ("x", "y") if data.grid else ("position",)
     out = [Covariate(name, rows.place[:, i], "mm") for i, name in enumerate(names)]
     if len(data.components) > 1:
-        out.append(Covariate("component", rows.component.astype(int), classes=True))
+        out.append(
+            Covariate("component", np.array(COMPONENTS)[rows.component.astype(int)], classes=True)
+        )
     if data.turn_deg is not None:
         out.append(Covariate("turn of the instrument", rows.sense.astype(int), classes=True))
     out.append(Covariate("order of measurement", rows.row.astype(float), sequence=True))

@@ -20,6 +20,7 @@ from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.chain import Chain
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 from trunnion.probing.steps import cycle_of, in_ranges
@@ -177,17 +178,19 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     setup = model.setup
     feeds = model.data.feed_mm_min
     usual = float(np.median(feeds)) if feeds is not None else 600.0
-    tilting = next((x for x in model.data.rotary_deg if x != "c"), None)
+    chain = Chain(setup)
+    tilting, turning = ((x or "").lower() for x in (chain.tilting, chain.turning))
     tilts = (-90.0, -60.0, -30.0, 30.0, 60.0, 90.0)
     pairs = [(t, c) for t in (-60.0, -30.0, 30.0, 60.0) for c in (45.0, 90.0, 180.0, 270.0)]
-    turn = {f"{tilting}_deg": tilts} if tilting else {}
+    turn: dict[str, tuple[float, ...]] = {f"{tilting}_deg": tilts} if tilting else {}
+    if turning:
+        turn[f"{turning}_deg"] = tuple(float(c) for c in range(0, 360, 30))
     free = {letter: replace(x, range_mm=None, range_deg=None) for letter, x in setup.axes.items()}
     made = plan(
         replace(setup, axes=free),
-        c_deg=tuple(float(c) for c in range(0, 360, 30)),
         feeds_mm_min=(usual, usual / 3),
         both_senses=True,
-        positions_deg=pairs if tilting else (),
+        positions_deg=pairs if tilting and turning else (),
         all_faces=True,
         **turn,  # type: ignore[arg-type]
     )

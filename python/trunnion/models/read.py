@@ -240,6 +240,9 @@ class _Mapped:
         unit = given[1] if isinstance(given, tuple) else None
         if isinstance(given, str) and given != name:
             unit = given.removeprefix(name).strip(" []")
+        elif isinstance(given, str) and name.endswith("]"):  # a header that states its unit
+            stated = name[name.rfind("[") + 1 : -1]
+            unit = stated if conversion(stated, wanted) is not None else None
         if isinstance(unit, int | float):
             self.units[target] = f"{name} × {unit:g}"
             return float(unit)

@@ -136,7 +136,7 @@ class TouchDiagnosisModel(Model):
         self._at: dict[bytes, Floats] = {}
         self._given = tuple(effects)
         named = [self._effect(i) for i in infos]
-        self.effects = with_own(named, effects, data, known=[i.id for i in known])
+        self.effects = with_own(named, effects, data, known=[i.id for i in known], described=self)
         self._own = self.effects[len(named) :]
         self._check_on_surface()
 
@@ -261,36 +261,16 @@ class TouchDiagnosisModel(Model):
 
     @property
     def covariates(self) -> tuple[Covariate, ...]:
-        """Axis positions, senses, time or order, feed, place, direction, point, face."""
-        data = self.data
-        out = [
-            Covariate(f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0)
-            for letter, deg in data.rotary_deg.items()
-        ]
-        if data.time_s is not None:
-            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
-        out.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
-        if data.feed_mm_min is not None:
-            out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
-        nominal = self._nominal
-        out += [Covariate(f"{axis} place", nominal[:, i], "mm") for i, axis in enumerate("XYZ")]
-        azimuth = np.degrees(np.arctan2(data.dir_y, data.dir_x))
-        flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
-        out.append(Covariate("approach azimuth", np.where(flat, azimuth, 0.0), "deg", period=360.0))
-        out += [
-            Covariate(f"sense of {letter.upper()}", np.asarray(sense))
-            for letter, sense in data.rotary_dir.items()
-        ]
-        out.append(Covariate("face", self._faces, classes=True))
-        if data.point is not None:
-            out.append(Covariate("point", np.asarray(data.point), classes=True))
-        return tuple(out)
+        """Axis positions, senses, time or order, feed, place, direction, face, point."""
+        faces = Covariate("face", self._faces, classes=True)
+        plain = TouchDescription(self.data).covariates
+        at = len(plain) - (self.data.point is not None)
+        return (*plain[:at], faces, *plain[at:])
 
     @property
     def components(self) -> Mapping[str, Floats]:
         """A displacement along a machine axis enters with the approach's component."""
-        d = self.data.direction
-        return {"X": d[:, 0], "Y": d[:, 1], "Z": d[:, 2]}
+        return TouchDescription(self.data).components
 
     @property
     def groups(self) -> Integers:
@@ -305,16 +285,11 @@ class TouchDiagnosisModel(Model):
             *(np.round(x, 3) for x in data.rotary_deg.values()),
             *(np.asarray(x, dtype=float) for x in data.rotary_dir.values()),
             *np.round(data.direction.T, 6),
-            *np.round(self._nominal.T, 1),
+            *np.round(nominal_mm(data).T, 1),
         ]
         if data.feed_mm_min is not None:
             parts.append(np.asarray(data.feed_mm_min))
         return repeats(parts)
-
-    @property
-    def _nominal(self) -> Floats:
-        """Ball centre at contact, mm, rounded to what a plan may have asked for."""
-        return np.asarray(np.round(self.data.position_mm * 2) / 2)
 
     @property
     def _faces(self) -> NDArray[np.str_]:
@@ -355,6 +330,53 @@ class TouchDiagnosisModel(Model):
                 f"touch of {self.data.place(worst)}: got a point {off[worst] / 1e3:.1f} mm from "
                 f"the modelled surface, expected at most {MAX_DISTANCE_UM / 1e3:.0f} mm"
             )
+
+
+@dataclass(frozen=True)
+class TouchDescription:
+    """What touches depend on, as far as it does not take a set-up to say so."""
+
+    data: Touches
+
+    @property
+    def covariates(self) -> tuple[Covariate, ...]:
+        """Axis positions, senses, time or order, feed, place, direction, point."""
+        data = self.data
+        out = [
+            Covariate(f"{letter.upper()} position", np.asarray(deg), "deg", period=360.0)
+            for letter, deg in data.rotary_deg.items()
+        ]
+        if data.time_s is not None:
+            out.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
+        out.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
+        if data.feed_mm_min is not None:
+            out.append(Covariate("feed", np.asarray(data.feed_mm_min), "mm/min"))
+        nominal = nominal_mm(data)
+        out += [Covariate(f"{axis} place", nominal[:, i], "mm") for i, axis in enumerate("XYZ")]
+        azimuth = np.degrees(np.arctan2(data.dir_y, data.dir_x))
+        flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
+        out.append(Covariate("approach azimuth", np.where(flat, azimuth, 0.0), "deg", period=360.0))
+        out += [
+            Covariate(f"sense of {letter.upper()}", np.asarray(sense))
+            for letter, sense in data.rotary_dir.items()
+        ]
+        if data.point is not None:
+            out.append(Covariate("point", np.asarray(data.point), classes=True))
+        return tuple(out)
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """A displacement along a machine axis enters with the approach's component."""
+        d = self.data.direction
+        return {"X": d[:, 0], "Y": d[:, 1], "Z": d[:, 2]}
+
+
+def nominal_mm(data: Touches) -> Floats:
+    """Ball centre at contact, (n, 3), rounded to what a plan may have asked for."""
+    return np.asarray(np.round(data.position_mm * 2) / 2)
+
+
+described = TouchDescription
 
 
 @checked

@@ -18,6 +18,13 @@ def new_figure(width: float, height: float) -> Figure:
     return plt.figure(figsize=(width, height), layout="constrained")
 
 
+def close(figure: Figure) -> None:
+    """Let go of a figure that nobody else has seen."""
+    from matplotlib import pyplot as plt
+
+    plt.close(figure)
+
+
 def axes_or_new(
     ax: Any, width: float = 7.0, height: float = 3.6, projection: str | None = None
 ) -> Any:

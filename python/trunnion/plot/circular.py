@@ -1,86 +1,101 @@
-"""The picture of a circular test: radial deviations, magnified, on the circle."""
+"""The picture of a circular test: radial deviations, magnified, on the circle (ISO 230-4)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from trunnion.data.iso230_4 import Iso2304
-
-if TYPE_CHECKING:
-    from matplotlib.projections.polar import PolarAxes
+from trunnion.base.units import Floats
+from trunnion.data.ballbar import Ballbar
+from trunnion.data.iso230_4 import Iso2304, iso230_4
+from trunnion.plot.picture import Axis, Kind, Picture, Series, line
+from trunnion.plot.static import panels
+from trunnion.plot.style import BLUE, MUTED, VERMILLION, near_number
 
 WIDE_STEPS = 4.0
 SAME_ANGLE_RAD = 1e-4
 SHARE = 0.35
 """Of the radius of the picture for the largest deviation."""
 PATHS = {
-    1: ("counter-clockwise", "tab:blue"),
-    -1: ("clockwise", "tab:orange"),
-    0: ("path", "tab:blue"),
+    1: ("counter-clockwise", BLUE),
+    -1: ("clockwise", VERMILLION),
+    0: ("path", BLUE),
 }
+LEVELS = (-2, -1, 0, 1, 2)
+MAX_CIRCLES = 6
+FIRST_AXIS = {"XY": "+X", "YZ": "+Y", "ZX": "+Z"}
 
 
-def plot_circular(result: Iso2304 | Sequence[Iso2304], *, ax: PolarAxes | None = None) -> PolarAxes:
+def plot_circular(
+    result: Iso2304 | Sequence[Iso2304] | Ballbar, *, ax: Any = None, **style: Any
+) -> Any:
     """Draw both paths over the angle, deviations magnified, with G, H and F.
 
     Parameters
     ----------
     result
-        A circle; of several the first.
+        A circle; several, or a ball-bar test: a panel each.
     ax
-        Polar axes; a new figure unless given.
+        Polar axes for one circle; a new figure unless given.
+    **style
+        As :meth:`trunnion.plot.picture.Picture.draw` takes it.
     """
-    circle = result if isinstance(result, Iso2304) else result[0]
-    polar = _new_axes() if ax is None else ax
+    pictures = circular_pictures(result)
+    if len(pictures) == 1 or ax is not None:
+        return pictures[0].draw(ax, **style)
+    return panels(pictures, columns=min(len(pictures), 3), size=(4.9, 5.9), **style)
+
+
+def circular_pictures(result: Iso2304 | Sequence[Iso2304] | Ballbar) -> list[Picture]:
+    """Return the polar picture of each circle."""
+    if isinstance(result, Ballbar):
+        result = iso230_4(result)
+    found = [result] if isinstance(result, Iso2304) else list(result)
+    return [circular_picture(circle) for circle in found[:MAX_CIRCLES]]
+
+
+def circular_picture(circle: Iso2304) -> Picture:
+    """Return the polar picture of a circle."""
     largest = float(np.abs(circle.deviation_um).max())
-    step = _division(largest)
+    step = near_number(largest / 2)
     scale = SHARE / max(largest, 1e-9)
-    whole = np.linspace(0, 2 * np.pi, 361)
-    polar.plot(whole, np.ones_like(whole), color="0.35", lw=1.2)
-    for level in (-2, -1, 1, 2):
-        polar.plot(whole, 1 + scale * step * level * np.ones_like(whole), color="0.8", lw=0.6)
+    whole = np.linspace(0, 360, 361)
+    series = [
+        line(whole, np.full_like(whole, 1 + scale * step * level), colour=MUTED, width=width)
+        for level, width in zip(LEVELS, (0.5, 0.5, 1.3, 0.5, 0.5), strict=True)
+    ]
     for sense, (label, colour) in PATHS.items():
         on = np.flatnonzero(circle.sense == sense)
         if len(on):
             order = on[np.argsort(circle.angle_deg[on])]
-            angle = np.radians(circle.angle_deg[order])
-            radius = 1 + scale * circle.deviation_um[order]
-            steps = np.diff(angle)
-            wide = WIDE_STEPS * float(np.median(steps[steps > SAME_ANGLE_RAD]))
-            gap = np.flatnonzero(steps > wide) + 1
-            if 2 * np.pi - np.ptp(angle) < wide:  # a whole turn: the path closes
-                angle, radius = np.append(angle, angle[0] + 2 * np.pi), np.append(radius, radius[0])
-            angle, radius = np.insert(angle, gap, np.nan), np.insert(radius, gap, np.nan)
-            polar.plot(angle, radius, color=colour, lw=1.3, label=label)
-    polar.set_ylim(0, 1 + 1.15 * SHARE)
-    polar.set_yticks([])
-    polar.grid(visible=True, axis="x", color="0.9")
+            path = (circle.angle_deg[order], 1 + scale * circle.deviation_um[order])
+            hover = tuple(
+                f"{a:.1f}°: {d:+.2f} µm, {label}".replace("-", "−")
+                for a, d in zip(path[0], circle.deviation_um[order], strict=True)
+            )
+            series.append(_path(*path, label=label, colour=colour, hover=hover))
     said = " ".join(circle.sentences()).partition(": ")[2].rstrip(".")
-    polar.set_title(
-        f"Circle {circle.setup}, {circle.plane}, radius {circle.radius_mm:g} mm\n{said}",
-        loc="left",
-        fontsize="medium",
+    at = FIRST_AXIS.get(circle.plane, "the first axis")
+    return Picture(
+        f"Circle {circle.setup} in {circle.plane}, radius {circle.radius_mm:g} mm",
+        Axis("angle", "°"),
+        Axis(limits=(0.0, 1 + 1.15 * SHARE), ticks=()),
+        tuple(series),
+        Kind.POLAR,
+        note=f"{said}. {step:g} µm a line; 0° at {at}.",
     )
-    polar.text(0.5, 0.5, f"{step:g} µm a line", transform=polar.transAxes, ha="center", va="center")
-    polar.legend(loc="lower right", bbox_to_anchor=(1.1, -0.08), frameon=False, fontsize="small")
-    return polar
 
 
-def _new_axes() -> PolarAxes:
-    from matplotlib import pyplot as plt
-    from matplotlib.projections.polar import PolarAxes as Polar
-
-    figure = plt.figure(figsize=(5.6, 5.8), layout="constrained")
-    polar = figure.add_subplot(projection="polar")
-    assert isinstance(polar, Polar)
-    return polar
-
-
-def _division(largest: float) -> float:
-    """A round length, so that two of it reach about the largest deviation."""
-    exponent = 10.0 ** np.floor(np.log10(max(largest / 2, 1e-9)))
-    choices = exponent * np.array([1.0, 2.0, 5.0, 10.0])
-    return float(choices[np.argmin(np.abs(choices - largest / 2))])
+def _path(angle: Floats, radius: Floats, hover: tuple[str, ...], **style: Any) -> Series:
+    """Return a path over the angle (degrees, sorted): closed if it is a whole turn, else broken."""
+    steps = np.diff(np.radians(angle))
+    wide = WIDE_STEPS * float(np.median(steps[steps > SAME_ANGLE_RAD]))
+    gap = np.flatnonzero(steps > wide) + 1
+    if 2 * np.pi - np.radians(np.ptp(angle)) < wide:
+        angle, radius = np.append(angle, angle[0] + 360), np.append(radius, radius[0])
+        hover = (*hover, *hover[:1])
+    texts = np.insert(np.array(hover, dtype=object), gap, "")
+    angle, radius = np.insert(angle, gap, np.nan), np.insert(radius, gap, np.nan)
+    return line(angle, radius, hover=tuple(texts), width=1.3, **style)

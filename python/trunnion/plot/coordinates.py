@@ -43,12 +43,13 @@ MIN_WEIGHT = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Weight:
-    """How an amount enters each reading, (n,), its name and unit, and what it costs a reader."""
+    """How an amount enters each reading, (n,); its name, unit and cost, what it acts like."""
 
     name: str
     unit: str
     enters: Floats
     cost: float = 0.0
+    like: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +177,10 @@ def weights_of(
     out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
     columns = model.jacobian(nuisance, {})
     for j, one in enumerate(model.nuisance):
-        label = f"as {labels.get(one.name, one.name)}"
-        out.append(Weight(label, one.unit, np.asarray(columns[:, j]), AS_PARAMETER + 0.01 * j))
+        kind = "angular deviation" if one.unit == "arcsec" else "deviation"
+        like = labels.get(one.name, one.name)
+        cost = AS_PARAMETER + 0.01 * (len(model.nuisance) - j)
+        out.append(Weight(kind, one.unit, np.asarray(columns[:, j]), cost, like))
     return [w for w in out if np.any(w.enters)]
 
 

@@ -179,10 +179,11 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
         series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
     clear = int(drawn.sum())
     left = int(of.rows.sum()) - clear
-    note = f"Not drawn: {left} readings that feel little of it." if left else ""
+    said = [f"Acts on the readings like: {where.weight.like}."] if where.weight.like else []
+    said += [f"Not drawn: {left} readings that feel little of it."] if left else []
     y = Axis(_capital(where.weight.name), where.weight.unit)
     x_axis = Axis(_capital(where.x.name), where.x.unit, names)
-    return Picture(title, x_axis, y, tuple(series), note=note, key=id_)
+    return Picture(title, x_axis, y, tuple(series), note=" ".join(said), key=id_)
 
 
 def _fitted(x: Floats, fitted: Floats, colour: str, classes: bool, first: bool) -> list[Series]:

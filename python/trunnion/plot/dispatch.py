@@ -1,4 +1,4 @@
-"""Which picture a result is drawn by: the table behind ``result.plot()``."""
+"""Which pictures a result or measured data are drawn by: the tables behind ``.plot()``."""
 
 from __future__ import annotations
 
@@ -7,39 +7,96 @@ from typing import TYPE_CHECKING, Any
 
 import trunnion.plot
 from trunnion.base.errors import InputError
+from trunnion.plot.axes import close
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURES = {
+    "AxisLog": "plot_axis_log",
+    "Ballbar": "plot_circular",
     "BallbarIdentification": "plot_ballbar_residuals",
+    "Circle": "plot_circle",
     "ClosedFormResult": "plot_estimates",
+    "Comparison": "plot_methods",
+    "CompensationTable": "plot_compensation_table",
+    "Conformity": "plot_conformity",
     "ContourComparison": "plot_contour_error",
     "ContourRun": "plot_contour_error",
     "ContourSweep": "plot_contour_sweep",
     "Correction": "plot_correction",
     "CubeChange": "plot_ballbar_view",
-    "CubeStudy": "plot_cubes",
+    "CubeStudy": "plot_cube_study",
     "Diagnosis": "plot_diagnosis",
+    "Diameters": "plot_diameters",
+    "Estimate": "plot_estimate",
     "Flatness": "plot_flatness",
     "Identifiability": "plot_identifiability",
+    "IdentificationResult": "plot_estimates",
+    "InstrumentComparison": "plot_instruments",
     "Iso2302": "plot_positioning",
     "Iso2302Rotary": "plot_positioning",
     "Iso2304": "plot_circular",
-    "IdentificationResult": "plot_estimates",
+    "Ladder": "plot_ladder",
+    "Levels": "plot_levels",
     "MachineComparison": "plot_comparison",
     "Margins": "plot_margins",
     "Observability": "plot_observability",
+    "Points": "plot_points",
+    "Positioning": "plot_positioning",
     "ProbePath": "plot_probe_path",
+    "RepeatablePart": "plot_repeatable",
+    "Residuals": "plot_readings",
     "Sensitivity": "plot_sensitivity",
     "Straightness": "plot_straightness",
+    "Sweep": "plot_error_motion",
     "VolumetricError": "plot_volumetric",
 }
-"""Class of a result → function of :mod:`trunnion.plot`."""
+"""Class → function of :mod:`trunnion.plot` that draws it by matplotlib."""
 
-DESCRIBED: dict[str, str] = {}
-"""Class of a result → function of :mod:`trunnion.plot` that returns its picture, or several, as
-:class:`~trunnion.plot.picture.Picture` (or a scene with ``to_plotly``); before `PICTURES`."""
+NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+
+DESCRIBED = {
+    "AxisLog": "axis_log_pictures",
+    "Ballbar": "circular_pictures",
+    "BallbarIdentification": "ballbar_residuals_picture",
+    "Circle": "circle_picture",
+    "ClosedFormResult": "estimates_pictures",
+    "Comparison": "methods_pictures",
+    "CompensationTable": "compensation_table_picture",
+    "Conformity": "conformity_picture",
+    "ContourComparison": "contour_pictures",
+    "ContourRun": "contour_pictures",
+    "ContourSweep": "contour_sweep_picture",
+    "Correction": "correction_picture",
+    "CubeChange": "ballbar_view_picture",
+    "CubeStudy": "cube_study_picture",
+    "Diameters": "diameters_picture",
+    "Estimate": "estimate_pictures",
+    "Flatness": "flatness_picture",
+    "Identifiability": "identifiability_picture",
+    "IdentificationResult": "estimates_pictures",
+    "InstrumentComparison": "instruments_picture",
+    "Iso2302": "positioning_picture",
+    "Iso2302Rotary": "positioning_picture",
+    "Iso2304": "circular_picture",
+    "Ladder": "ladder_of_picture",
+    "Levels": "levels_pictures",
+    "MachineComparison": "trend_pictures",
+    "Margins": "margins_picture",
+    "Observability": "observability_picture",
+    "Points": "points_picture",
+    "Positioning": "positioning_picture",
+    "ProbePath": "probe_path_picture",
+    "RepeatablePart": "repeatable_picture",
+    "Residuals": "readings_picture",
+    "Sensitivity": "sensitivity_picture",
+    "Straightness": "straightness_picture",
+    "Sweep": "error_motion_pictures",
+    "VolumetricError": "volumetric_picture",
+}
+"""Class → function of :mod:`trunnion.plot` that returns its picture, or several, as
+:class:`~trunnion.plot.picture.Picture`; a diagnosis has a report of its own."""
 
 
 def draw(result: Any, **options: Any) -> Any:
@@ -53,27 +110,25 @@ def draw(result: Any, **options: Any) -> Any:
     for kind in type(result).__mro__:
         if kind.__name__ in PICTURES:
             return getattr(trunnion.plot, PICTURES[kind.__name__])(result, **options)
-        if kind.__name__ in DESCRIBED:
-            return _described(kind.__name__, result)[0].draw(**options)
     raise InputError(
         f"plot: got {type(result).__name__}, expected one of {', '.join(sorted(PICTURES))}"
     )
 
 
 def pictures(result: Any) -> tuple[Any, ...]:
-    """Return the pictures of a result's page: descriptions, or SVG where there are none."""
+    """Return the pictures of a page: descriptions, or SVG where there are none."""
     for kind in type(result).__mro__:
         if kind.__name__ in DESCRIBED:
-            return _described(kind.__name__, result)
+            made = getattr(trunnion.plot, DESCRIBED[kind.__name__])(result)
+            return tuple(made) if isinstance(made, list | tuple) else (made,)
         if kind.__name__ in PICTURES:
             drawn = draw(result)
-            return (_svg(getattr(drawn, "figure", drawn)),)
+            figure = getattr(drawn, "figure", drawn)
+            try:
+                return (_svg(figure),)
+            finally:
+                close(figure)
     return ()
-
-
-def _described(kind: str, result: Any) -> tuple[Any, ...]:
-    made = getattr(trunnion.plot, DESCRIBED[kind])(result)
-    return tuple(made) if isinstance(made, list | tuple) else (made,)
 
 
 def _svg(figure: Figure) -> str:
@@ -81,6 +136,6 @@ def _svg(figure: Figure) -> str:
 
     buffer = io.StringIO()
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trunnion"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        figure.savefig(buffer, format="svg", metadata=NO_METADATA)
     text = buffer.getvalue()
     return text[text.index("<svg") :]

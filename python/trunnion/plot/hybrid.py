@@ -1,8 +1,8 @@
-"""Plots of the hybrid machine: transformed cube, ball-bar view, what a plan determines."""
+"""Pictures of the hybrid machine: transformed cube, ball-bar view, what a plan determines."""
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,13 +14,23 @@ from trunnion.hybrid.cube import EDGES, CubeChange, CubeStudy
 from trunnion.hybrid.identifiability import Identifiability
 from trunnion.hybrid.identify import BallbarIdentification
 from trunnion.hybrid.results import Sensitivity
+from trunnion.hybrid.spectrum import combination
 from trunnion.plot.axes import axes_or_new, new_figure
+from trunnion.plot.picture import Axis as PictureAxis
+from trunnion.plot.picture import Kind, Picture, bars, line, points
+from trunnion.plot.statistics import order_picture
+from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION, near_number, round_number
+
+SHARE = 0.35
+LEVELS = (-2, -1, 0, 1, 2)
+COLUMNS = 4
+HEAVY = 0.45  # of a combination: components that name it
 
 
 def plot_cube(
     change: CubeChange, *, magnification: float | None = None, ax: Axes | None = None
 ) -> Axes:
-    """Draw the cube before (grey) and after (dark), displacements magnified, as in Fig. 2.
+    """Draw the cube before (grey) and after (blue), displacements magnified, as in Fig. 2.
 
     Parameters
     ----------
@@ -29,103 +39,158 @@ def plot_cube(
     ax
         Axes of projection "3d"; new ones if None.
     """
-    drawn = axes_or_new(ax, 4.0, 4.0, "3d")
+    drawn = axes_or_new(ax, 4.4, 4.4, "3d")
     if not isinstance(drawn, Axes3D):
         raise InputError("ax: got flat axes, expected axes of projection '3d'")
     shift = change.moved_mm - change.nominal_mm
     side = float(np.ptp(change.nominal_mm[:, 0]))
     largest = float(np.linalg.norm(shift, axis=1).max())
     if magnification is None:
-        magnification = _round_down(side / 3 / largest) if largest > 0 else 1.0
+        magnification = round_number(side / 3 / largest) if largest > 0 else 1.0
     moved = change.nominal_mm + magnification * shift
     for i, j in EDGES:
-        drawn.plot(*change.nominal_mm[[i, j]].T, color="0.55", linewidth=0.8)
-        drawn.plot(*moved[[i, j]].T, color="C0", linewidth=1.3)
+        drawn.plot(*change.nominal_mm[[i, j]].T, color=MUTED, linewidth=0.8)
+        drawn.plot(*moved[[i, j]].T, color=BLUE, linewidth=1.4)
     middle = (change.nominal_mm.max(axis=0) + change.nominal_mm.min(axis=0)) / 2
     reach = 0.9 * side
     for axis, value in zip("xyz", middle, strict=True):
         getattr(drawn, f"set_{axis}lim")(value - reach, value + reach)
         getattr(drawn, f"set_{axis}ticks")([value - side / 2, value + side / 2])
-        getattr(drawn, f"set_{axis}label")(axis.upper(), fontsize=7, labelpad=-8)
-    drawn.set_box_aspect((1, 1, 1))
-    drawn.tick_params(labelsize=6, pad=-2)
-    drawn.tick_params(axis="z", pad=2)
+        getattr(drawn, f"set_{axis}label")(f"{axis.upper()} (mm)", fontsize=8, labelpad=-2)
+    drawn.set_box_aspect((1, 1, 1), zoom=0.88)
+    drawn.tick_params(labelsize=8, pad=-1)
     drawn.set_title(
-        f"{_label(change)}, × {magnification:g}\n"
+        f"{_label(change)}, × {magnification:,.0f}\n"
         f"centre {change.shift_um:.1f} µm, edges {change.largest_edge_um:.1f} µm",
-        fontsize=8,
-        pad=0,
+        fontsize=9,
     )
     return cast(Axes, drawn)
 
 
 def plot_cubes(study: CubeStudy, *, magnification: float | None = None) -> Figure:
-    """Draw every cube of a study, one panel an error."""
+    """Draw every cube of a study, one panel an error, all at one magnification."""
     count = len(study.changes)
-    columns = min(count, 6)
+    columns = min(count, COLUMNS)
     rows = -(-count // columns)
-    figure = new_figure(2.6 * columns, 2.7 * rows)
+    figure = new_figure(3.4 * columns, 3.7 * rows)
+    largest = max(
+        float(np.linalg.norm(c.moved_mm - c.nominal_mm, axis=1).max()) for c in study.changes
+    )
+    one = magnification or (round_number(study.side_mm / 3 / largest) if largest > 0 else 1.0)
     for k, change in enumerate(study.changes):
         ax = figure.add_subplot(rows, columns, k + 1, projection="3d")
-        plot_cube(change, magnification=magnification, ax=ax)
+        plot_cube(change, magnification=one, ax=ax)
     return figure
 
 
-def plot_ballbar_view(change: CubeChange, *, ax: Axes | None = None) -> Axes:
+def plot_cube_study(study: CubeStudy, *, ax: Any = None, **style: Any) -> Any:
+    """Draw how far each error moves the cube, and how much it deforms it, the largest first."""
+    return cube_study_picture(study).draw(ax, **style)
+
+
+def cube_study_picture(study: CubeStudy) -> Picture:
+    """Return displacement of the centre and largest change of an edge for each error."""
+    changes = sorted(study.changes, key=lambda c: -max(c.shift_um, c.largest_edge_um))
+    return Picture(
+        f"What each error does to a cube of {study.side_mm:g} mm",
+        PictureAxis("Change", "µm"),
+        PictureAxis(names=tuple(_label(c) for c in changes)),
+        (
+            bars([c.shift_um for c in changes], "the centre moves", colour=BLUE),
+            points(
+                [c.largest_edge_um for c in changes],
+                np.arange(len(changes)),
+                "an edge changes, at most",
+                colour=VERMILLION,
+                marker="diamond",
+                size=6.0,
+            ),
+        ),
+    )
+
+
+def plot_ballbar_view(change: CubeChange, *, ax: Any = None, **style: Any) -> Any:
     """Draw what a ball-bar sees of an error: radial change along three circles, centre removed."""
-    ax = axes_or_new(ax, 4.6, 4, "polar")
-    angle = np.radians(np.arange(361.0))
-    for plane, values in zip(("XY", "YZ", "ZX"), change.circles_um, strict=True):
-        ax.plot(angle, np.append(values, values[0]), label=plane, linewidth=1.2)
+    return ballbar_view_picture(change).draw(ax, **style)
+
+
+def ballbar_view_picture(change: CubeChange) -> Picture:
+    """Return the radial change along circles in three planes, magnified."""
+    angle = np.arange(361.0)
     largest = max(float(np.abs(change.circles_um).max()), 1e-3)
-    ax.set_ylim(-2.5 * largest, 1.3 * largest)
-    ax.set_yticks([-largest, 0, largest], [f"{v:+.2f}" for v in (-largest, 0, largest)])
-    ax.tick_params(labelsize=7)
-    ax.set_title(f"{_label(change)}: radius change, µm", fontsize=9)
-    ax.legend(fontsize=7, loc="lower left", bbox_to_anchor=(-0.12, -0.08), frameon=False)
-    return ax
+    step = near_number(largest / 2)
+    scale = SHARE / largest
+    series = [
+        line(angle, np.full_like(angle, 1 + scale * step * k), colour=MUTED, width=0.6 + (k == 0))
+        for k in LEVELS
+    ]
+    for k, (plane, values) in enumerate(zip(("XY", "YZ", "ZX"), change.circles_um, strict=True)):
+        radius = 1 + scale * np.append(values, values[0])
+        label = f"{plane}, 0° at +{plane[0]}"
+        series.append(line(angle, radius, label, colour=PALETTE[k]))
+    return Picture(
+        f"{_label(change)}: change of radius",
+        PictureAxis("angle", "°"),
+        PictureAxis(limits=(0.0, 1 + 1.2 * SHARE), ticks=()),
+        tuple(series),
+        Kind.POLAR,
+        note=f"Largest {largest:.3g} µm; {step:g} µm a line.",
+    )
 
 
-def plot_identifiability(result: Identifiability, *, ax: Axes | None = None) -> Axes:
-    """Draw the standard error of each combination of errors, best determined first."""
-    ax = axes_or_new(ax, 5.5, 3.2)
-    determined = result.direction_errors[: result.rank]
-    ax.semilogy(np.arange(1, len(determined) + 1), determined, "o-", markersize=4, linewidth=1)
-    ax.set_xlabel("combination of errors")
-    ax.set_ylabel("standard error, µm or arcsec")
-    ax.set_xticks(range(1, len(result.parameters) + 1, 2))
-    ax.grid(visible=True, alpha=0.3)
-    return ax
+def plot_identifiability(result: Identifiability, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the standard error of each combination of errors, best determined first, by its name."""
+    return identifiability_picture(result).draw(ax, **style)
 
 
-def plot_ballbar_residuals(result: BallbarIdentification, *, ax: Axes | None = None) -> Axes:
-    """Draw the residuals of an identification in the order of the readings, with ± 2 σ."""
-    ax = axes_or_new(ax)
-    ax.plot(result.residuals_um, ".", markersize=3)
-    for sign in (-2, 2):
-        ax.axhline(sign * result.sigma_um, color="0.4", linewidth=0.8, linestyle="--")
-    ax.set_xlabel("reading")
-    ax.set_ylabel("measured less modelled length, µm")
-    ax.grid(visible=True, alpha=0.3)
-    return ax
+def identifiability_picture(result: Identifiability) -> Picture:
+    """Return the standard errors of combinations; what is not identifiable is named at the end."""
+    names = [
+        f"{k + 1}: {combination(row, result.parameters, HEAVY)}"
+        for k, row in enumerate(result.directions)
+    ]
+    shown = np.where(np.isfinite(result.direction_errors), result.direction_errors, np.nan)
+    lost = len(shown) - result.rank
+    names = [
+        name if k < result.rank else f"{name} (not identifiable)" for k, name in enumerate(names)
+    ]
+    title = f"{result.rank} of {len(shown)} combinations are identifiable"
+    return Picture(
+        title if lost else "Standard errors of combinations of errors",
+        PictureAxis("Standard error", "µm or arcsec", log=True),
+        PictureAxis(names=tuple(names)),
+        (bars(shown),),
+    )
 
 
-def plot_sensitivity(result: Sensitivity, *, pose: int = 0, ax: Axes | None = None) -> Axes:
-    """Draw how far each error moves the tool point at one pose."""
-    ax = axes_or_new(ax)
-    ax.bar(result.parameters, np.linalg.norm(result.tip[pose], axis=0), color="C0")
-    ax.set_ylabel("tool point, µm per µm or arcsec")
-    ax.tick_params(axis="x", labelrotation=90, labelsize=7)
-    ax.grid(visible=True, axis="y", alpha=0.3)
-    return ax
+def plot_ballbar_residuals(result: BallbarIdentification, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the residuals of an identification in the order of the readings, with ± 2 rms."""
+    return ballbar_residuals_picture(result).draw(ax, **style)
+
+
+def ballbar_residuals_picture(result: BallbarIdentification) -> Picture:
+    """Return the residuals in the order of the readings."""
+    title = "Ball-bar: measured less modelled length"
+    return order_picture(result.residuals_um, "µm", title=title)
+
+
+def plot_sensitivity(result: Sensitivity, *, pose: int = 0, ax: Any = None, **style: Any) -> Any:
+    """Draw how far each error moves the tool point at one pose, the largest first."""
+    return sensitivity_picture(result, pose=pose).draw(ax, **style)
+
+
+def sensitivity_picture(result: Sensitivity, *, pose: int = 0) -> Picture:
+    """Return how far each error moves the tool point."""
+    size = np.linalg.norm(result.tip[pose], axis=0)
+    order = np.argsort(-size, kind="stable")
+    return Picture(
+        "Displacement of the tool point by each error",
+        PictureAxis("Tool point", "µm per µm or arcsec"),
+        PictureAxis(names=tuple(result.parameters[k] for k in order)),
+        (bars(size[order]),),
+    )
 
 
 def _label(change: CubeChange) -> str:
     stem, unit = change.error.rsplit("_", 1)
     return f"{stem} {change.amount:g} {'µm' if unit == 'um' else unit}"
-
-
-def _round_down(value: float) -> float:
-    """To one significant digit: 1, 2 or 5 times a power of ten."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step for step in (1, 2, 5) if step * power <= value) * power)

@@ -2,38 +2,70 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from trunnion.data.flatness import Flatness, Straightness
-from trunnion.plot.axes import axes_or_new
+from trunnion.data.levels import Levels
+from trunnion.plot.picture import Axis, Kind, Picture, band, heat, line, points
+from trunnion.plot.style import BLUE, MUTED
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+
+def plot_straightness(result: Straightness, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the profile above its line of least squares, with ± 2 standard uncertainties."""
+    return straightness_picture(result).draw(ax, **style)
 
 
-def plot_straightness(result: Straightness, *, ax: Axes | None = None) -> Axes:
-    """Draw the profile above its line of least squares, with ±2 standard uncertainties."""
-    ax = axes_or_new(ax, 7.5, 3.6)
+def straightness_picture(result: Straightness) -> Picture:
+    """Return the profile of a line with U (k = 2), its extremes dotted."""
     at, z, u = result.positions_mm, result.heights_um, result.heights_std_um
-    ax.fill_between(at, z - 2 * u, z + 2 * u, color="tab:blue", alpha=0.2)
-    ax.plot(at, z, "o-", color="tab:blue", ms=3, lw=1.3, label="height ± 2 u")
-    for level in (z.min(), z.max()):
-        ax.axhline(level, color="0.5", lw=0.8, ls="--")
-    ax.set_title(f"Straightness {result.straightness_um:.3g} µm, least squares", loc="left")
-    ax.set_xlabel("position, mm")
-    ax.set_ylabel("height, µm")
-    ax.legend(frameon=False)
-    return ax
+    ends = np.array([at[0], at[-1]])
+    limits = [line(ends, [level] * 2, colour=MUTED, dash="dot") for level in (z.min(), z.max())]
+    shown = [band(at, z - 2 * u, z + 2 * u, "U (k = 2)")] if np.all(np.isfinite(u)) else []
+    return Picture(
+        f"Straightness {result.straightness_um:.3g} µm, line of least squares",
+        Axis("Position", "mm"),
+        Axis("Height", "µm"),
+        (*shown, line(at, z, colour=BLUE), points(at, z, "height"), *limits),
+    )
 
 
-def plot_flatness(result: Flatness, *, ax: Axes | None = None) -> Axes:
-    """Draw the heights above the plane of least squares as contours over the grid."""
-    ax = axes_or_new(ax, 7.0, 4.6)
-    heights = ax.tricontourf(result.x_mm, result.y_mm, result.heights_um, 16, cmap="viridis")
-    ax.plot(result.x_mm, result.y_mm, ".", color="0.3", ms=2)
-    ax.figure.colorbar(heights, ax=ax, label="height, µm")
-    ax.set_aspect("equal")
-    ax.set_title(f"Flatness {result.flatness_um:.3g} µm, least squares", loc="left")
-    ax.set_xlabel("x, mm")
-    ax.set_ylabel("y, mm")
-    return ax
+def plot_flatness(result: Flatness, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the heights above the plane of least squares over the surface."""
+    return flatness_picture(result).draw(ax, **style)
+
+
+def flatness_picture(result: Flatness) -> Picture:
+    """Return the heights of a surface as a map."""
+    x, column = np.unique(result.x_mm, return_inverse=True)
+    y, row = np.unique(result.y_mm, return_inverse=True)
+    z = np.full((len(y), len(x)), np.nan)
+    z[row, column] = result.heights_um
+    texts = tuple(
+        f"{a:g}, {b:g} mm: {h:+.3g} µm".replace("-", "−")
+        for a, b, h in zip(result.x_mm, result.y_mm, result.heights_um, strict=True)
+    )
+    low, high = float(result.heights_um.min()), float(result.heights_um.max())
+    return Picture(
+        f"Flatness {result.flatness_um:.3g} µm, plane of least squares",
+        Axis("X", "mm"),
+        Axis("Y", "mm"),
+        (
+            heat(z, x, y, scale=(low, high), label="height (µm)"),
+            points(result.x_mm, result.y_mm, colour=MUTED, size=2.0, hover=texts),
+        ),
+        Kind.MAP,
+    )
+
+
+def levels_pictures(data: Levels) -> list[Picture]:
+    """Return straightness of a line, or flatness of a surface, of the readings of a level."""
+    kinds = {Straightness: straightness_picture, Flatness: flatness_picture}
+    return [kinds[type(r)](r) for r in data.results() if type(r) in kinds]  # type: ignore[operator]
+
+
+def plot_levels(data: Levels, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the profile of a line, or the heights of a surface, from the readings of a level."""
+    pictures = levels_pictures(data)
+    return pictures[0].draw(ax, **style)

@@ -7,7 +7,7 @@ A picture says what it shows (axes with units, series with their role); :meth:`P
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+import importlib
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Literal, TypeAlias
@@ -15,9 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
-from trunnion.plot.axes import axes_or_new
 from trunnion.plot.style import BLUE as BLUE
 from trunnion.plot.style import DIVERGING as DIVERGING
 from trunnion.plot.style import GREEN as GREEN
@@ -29,9 +27,6 @@ from trunnion.plot.style import RED as RED
 from trunnion.plot.style import SLATE as SLATE
 from trunnion.plot.style import VERMILLION as VERMILLION
 
-MATPLOTLIB_MARKERS = {"dot": "o", "cross": "x", "square": "s", "diamond": "D", "triangle": "^"}
-PLOTLY_MARKERS = {"dot": "circle", "triangle": "triangle-up"}
-DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 MAX_COLUMNS = 800
 """Pixel columns of a picture: of more readings the least and the largest in each are drawn."""
 
@@ -69,12 +64,18 @@ class Axis:
         What stands at 0, 1, 2, ... in place of numbers.
     limits
         From and to; found from the series without them.
+    ticks
+        Values with what stands there, in place of numbers at round values.
+    log
+        Whether it is logarithmic.
     """
 
     label: str = ""
     unit: str = ""
     names: tuple[str, ...] = ()
     limits: tuple[float, float] | None = None
+    ticks: tuple[tuple[float, str], ...] | None = None
+    log: bool = False
 
     @property
     def title(self) -> str:
@@ -100,8 +101,11 @@ class Series:
         Upper edge of a band, (n,); `y` is the lower one.
     error
         Half length of an error bar along the readings (x of bars, y of points), (n,).
-    z
-        Of a heat map, (rows, columns).
+    z, scale
+        Of a heat map: values (rows, columns); least and largest of the colours. Without a scale the
+        colours are symmetrical about 0; the label is that of the colour bar.
+    log
+        Whether the colours of a heat map are logarithmic.
     hover
         Text for each point, (n,); a newline breaks it.
     rows
@@ -118,6 +122,8 @@ class Series:
     high: Floats | None = None
     error: Floats | None = None
     z: Floats | None = None
+    scale: tuple[float, float] | None = None
+    log: bool = False
     hover: tuple[str, ...] = ()
     rows: Integers | None = None
     marker: Marker = "dot"
@@ -185,39 +191,49 @@ class Picture:
         )
         return replace(self, series=thin, note=" ".join(filter(None, (self.note, note))))
 
-    def draw(self, ax: Any = None, *, width: float = 7.0, height: float = 3.8) -> Any:
+    def draw(
+        self,
+        ax: Any = None,
+        *,
+        width: float | None = None,
+        height: float | None = None,
+        **style: Any,
+    ) -> Any:
         """Draw it by matplotlib; return the axes.
 
-        ``ax``: axes to draw on, polar ones for a polar picture; those of a new figure of ``width``
-        by ``height`` inches unless given.
+        Parameters
+        ----------
+        ax
+            Axes to draw on, polar ones for a polar picture; those of a new figure unless given.
+        width, height
+            Of that figure, inches; by what the picture holds unless given.
+        **style
+            ``title=``, ``legend=False``; all else goes to the points and lines, such as ``alpha``,
+            ``color``, ``markersize``, ``linewidth``.
         """
-        polar = self.kind is Kind.POLAR
-        if ax is not None and polar != (ax.name == "polar"):
-            raise InputError(
-                f"ax: got {ax.name} axes, expected {'polar' if polar else 'rectilinear'} ones"
-            )
-        ax = axes_or_new(
-            ax, *((5.6, 5.6) if polar else (width, height)), "polar" if polar else None
-        )
-        for series in self.series:
-            _draw(ax, series, polar=polar)
-        _set_axes(ax, self)
-        for x, y, text in self.notes_at:
-            ax.annotate(text, (np.radians(x) if polar else x, y), fontsize="small")
-        ax.set_title(self.title, loc="left", fontsize="medium", wrap=True)
-        if any(series.label for series in self.series):
-            ax.legend(frameon=False, fontsize="small")
-        return ax
+        static = importlib.import_module("trunnion.plot.static")
+        return static.draw_picture(self, ax, (width, height), style)
 
     def to_plotly(self) -> dict[str, Any]:
         """Return ``{"data": [...], "layout": {...}}``, what ``plotly.graph_objects.Figure`` takes.
 
         Backgrounds are transparent and texts have no colour of their own: pages give them theirs.
         """
-        polar = self.kind is Kind.POLAR
-        data = [trace for series in self.series for trace in _traces(series, polar=polar)]
-        layout = _layout(self)
-        return {"data": data, "layout": layout}
+        interactive = importlib.import_module("trunnion.plot.interactive")
+        described: dict[str, Any] = interactive.plotly_picture(self)
+        return described
+
+    def figure(self) -> Any:
+        """Return it as a Plotly figure, with its title; notebooks show it."""
+        from plotly import graph_objects
+
+        described = self.to_plotly()
+        described["layout"] |= {
+            "title": {"text": html.escape(self.title, quote=False), "y": 0.98, "yanchor": "top"},
+            "font": {"color": MUTED},
+        }
+        described["layout"]["margin"] |= {"t": 70}
+        return graph_objects.Figure(described)
 
 
 # --- series made of arrays
@@ -245,12 +261,14 @@ def bars(length: ArrayLike, label: str = "", **style: Any) -> Series:
     return Series(Form.BARS, lengths, np.arange(len(lengths), dtype=np.float64), label, **style)
 
 
-def heat(z: ArrayLike, x: ArrayLike | None = None, y: ArrayLike | None = None) -> Series:
-    """Return a heat map of values about 0, (rows, columns), over x (columns) and y (rows)."""
+def heat(
+    z: ArrayLike, x: ArrayLike | None = None, y: ArrayLike | None = None, **style: Any
+) -> Series:
+    """Return a heat map of values (rows, columns) over x (columns) and y (rows)."""
     values = _floats(z)
     across = np.arange(values.shape[1]) if x is None else x
     down = np.arange(values.shape[0]) if y is None else y
-    return Series(Form.HEAT, _floats(across), _floats(down), z=values)
+    return Series(Form.HEAT, _floats(across), _floats(down), z=values, **style)
 
 
 def arrows(
@@ -283,166 +301,10 @@ def _thinned(s: Series, columns: int) -> Series:
     return s[np.unique(np.concatenate([order[first], order[last]]))]
 
 
-# --- matplotlib
-
-
-def _draw(ax: Any, s: Series, *, polar: bool) -> None:
-    x = np.radians(s.x) if polar else s.x
-    label = s.label or None
-    match s.form:
-        case Form.POINTS:
-            marker = MATPLOTLIB_MARKERS[s.marker]
-            style = {"color": s.colour, "alpha": s.opacity, "label": label, "ms": s.size}
-            if s.error is not None:
-                ax.errorbar(x, s.y, s.error, fmt=marker, capsize=2, lw=1, **style)
-            else:
-                ax.plot(x, s.y, marker, mew=1 if s.marker == "cross" else 0, **style)
-        case Form.LINE:
-            style = {"color": s.colour, "alpha": s.opacity, "label": label}
-            ax.plot(x, s.y, DASHES[s.dash], lw=s.width, **style)
-        case Form.BAND:
-            assert s.high is not None
-            ax.fill_between(x, s.y, s.high, color=s.colour, alpha=s.opacity, lw=0, label=label)
-        case Form.BARS:
-            bars_ = {"color": s.colour, "alpha": s.opacity, "label": label, "height": 0.7}
-            ax.barh(s.y, s.x, xerr=s.error, **bars_)
-        case Form.HEAT:
-            from matplotlib.colors import LinearSegmentedColormap
-
-            assert s.z is not None
-            most = float(np.nanmax(np.abs(s.z), initial=0.0)) or 1.0
-            colours = LinearSegmentedColormap.from_list("diverging", DIVERGING)
-            drawn = ax.pcolormesh(s.x, s.y, s.z, cmap=colours, vmin=-most, vmax=most)
-            ax.figure.colorbar(drawn, ax=ax)
-
-
-def _set_axes(ax: Any, p: Picture) -> None:
-    if p.y.limits is not None:
-        ax.set_ylim(*p.y.limits)
-    if p.kind is Kind.POLAR:
-        ax.set_rlabel_position(90)
-        ax.set_xlabel(p.y.title)
-        ax.grid(alpha=0.4, lw=0.5)
-        return
-    ax.set_xlabel(p.x.title)
-    ax.set_ylabel(p.y.title)
-    ax.grid(alpha=0.25, lw=0.5)
-    if p.x.limits is not None:
-        ax.set_xlim(*p.x.limits)
-    if p.x.names:
-        turn = 60 if max(map(len, p.x.names)) > 4 else 0
-        ax.set_xticks(np.arange(len(p.x.names)), p.x.names, rotation=turn)
-    if p.y.names:
-        ax.set_yticks(np.arange(len(p.y.names)), p.y.names)
-        ax.invert_yaxis()
-    if p.kind is Kind.MAP:
-        ax.set_aspect("equal", adjustable="datalim")
-
-
-# --- Plotly
-
-
-def _text(text: str) -> str:
-    """Return a text as Plotly shows it as it is: it takes some HTML."""
-    return html.escape(text, quote=False).replace("\n", "<br>")
-
-
-def _short(values: Floats) -> list[float | None]:
-    """Return numbers to seven digits: what a screen shows, at half the size."""
-    return [float(f"{v:.7g}") if np.isfinite(v) else None for v in values.tolist()]
-
-
-def _traces(s: Series, *, polar: bool) -> list[dict[str, Any]]:
-    names = ("theta", "r") if polar else ("x", "y")
-    out: dict[str, Any] = {
-        "type": "scatterpolar" if polar else "scatter",
-        names[0]: _short(s.x),
-        names[1]: _short(s.y),
-        "name": _text(s.label),
-        "showlegend": bool(s.label),
-        "opacity": s.opacity,
-        "hoverinfo": "text" if s.hover else ("skip" if s.form is Form.BAND else "x+y+name"),
-    }
-    if polar and not s.hover:
-        out["hoverinfo"] = "skip"
-    if s.hover:
-        out["text"] = [_text(one) for one in s.hover]
-    if s.rows is not None:
-        out["customdata"] = s.rows.tolist()
-    match s.form:
-        case Form.POINTS:
-            symbol = {"cross": "x-thin-open"}.get(s.marker, PLOTLY_MARKERS.get(s.marker, s.marker))
-            mark = {"color": s.colour, "size": 1.25 * s.size, "symbol": symbol}
-            out |= {
-                "mode": "markers",
-                "marker": {**mark, "line": {"width": 1.5 * (symbol[0] == "x")}},
-            }
-            if s.error is not None:
-                error = {"type": "data", "array": _short(s.error), "thickness": 1, "width": 2}
-                out["error_y"] = error
-        case Form.LINE:
-            dash = {"color": s.colour, "width": 1.25 * s.width, "dash": s.dash}
-            out |= {"mode": "lines", "line": dash, "connectgaps": False}
-        case Form.BAND:
-            assert s.high is not None
-            edge = {
-                names[0]: _short(np.concatenate([s.x, s.x[::-1]])),
-                names[1]: _short(np.concatenate([s.y, s.high[::-1]])),
-            }
-            fill = {"fill": "toself", "fillcolor": s.colour, "line": {"width": 0}}
-            out |= {**edge, **fill, "mode": "lines"}
-        case Form.BARS:
-            out |= {"type": "bar", "orientation": "h", "marker": {"color": s.colour}, "width": 0.7}
-            if s.error is not None:
-                out["error_x"] = {"type": "data", "array": _short(s.error), "thickness": 1}
-        case Form.HEAT:
-            return [_heat(s)]
-    return [out]
-
-
-def _heat(s: Series) -> dict[str, Any]:
+def heat_range(s: Series) -> tuple[float, float]:
+    """Return the least and the largest value of the colours of a heat map."""
     assert s.z is not None
+    if s.scale is not None:
+        return s.scale
     most = float(np.nanmax(np.abs(s.z), initial=0.0)) or 1.0
-    scale = [[at, colour] for at, colour in zip((0, 0.5, 1), DIVERGING, strict=True)]
-    values = [_short(row) for row in s.z]
-    drawn = {"type": "heatmap", "x": _short(s.x), "y": _short(s.y), "z": values}
-    return {**drawn, "zmin": -most, "zmax": most, "colorscale": scale, "hoverinfo": "x+y+z"}
-
-
-def _layout(p: Picture) -> dict[str, Any]:
-    clear = "rgba(0,0,0,0)"
-    out: dict[str, Any] = {
-        "paper_bgcolor": clear,
-        "plot_bgcolor": clear,
-        "margin": {"l": 64, "r": 16, "t": 12, "b": 48},
-        "hovermode": "closest",
-        "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
-        "barmode": "overlay",
-        "annotations": [
-            {"x": x, "y": y, "text": _text(text), "showarrow": False, "yshift": 8}
-            for x, y, text in p.notes_at
-            if p.kind is not Kind.POLAR
-        ],
-    }
-    if p.kind is Kind.POLAR:
-        radial = {"title": {"text": _text(p.y.title)}, "angle": 90, "tickangle": 90}
-        if p.y.limits is not None:
-            radial["range"] = list(p.y.limits)
-        around = {"direction": "counterclockwise", "rotation": 0, "ticksuffix": "°"}
-        return {**out, "polar": {"bgcolor": clear, "radialaxis": radial, "angularaxis": around}}
-    x, y = _plotly_axis(p.x), _plotly_axis(p.y)
-    if p.y.names:
-        y["autorange"] = "reversed"
-    if p.kind is Kind.MAP:
-        y |= {"scaleanchor": "x", "scaleratio": 1}
-    return {**out, "xaxis": x, "yaxis": y}
-
-
-def _plotly_axis(axis: Axis) -> dict[str, Any]:
-    out: dict[str, Any] = {"title": {"text": _text(axis.title)}, "automargin": True}
-    if axis.limits is not None:
-        out["range"] = list(axis.limits)
-    if axis.names:
-        places: Sequence[int] = range(len(axis.names))
-        out |= {"tickvals": list(places), "ticktext": [_text(name) for name in axis.names]}
-    return out
+    return -most, most

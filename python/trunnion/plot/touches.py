@@ -3,26 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
+from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
+from trunnion.plot.picture import Axis, Picture, Series, bars, line, points
+from trunnion.plot.static import panels
+from trunnion.plot.style import (
+    BLUE,
+    BODY,
+    GREEN,
+    MUTED,
+    PALETTE,
+    PURPLE,
+    VERMILLION,
+    round_number,
+)
 from trunnion.probing.observability import Observability
 from trunnion.probing.result import IdentificationResult
-from trunnion.setup import Setup
+from trunnion.setup import Artefact, Machine, Setup
+from trunnion.setup.machines import presets
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK = "#24425c"
-ACCENT = "#c8502d"
-FACE = "#c9d6df"
+ARROW_MM = 12.0
+LONGEST_MM = 15.0
+EDGE = "#5f6b75"
 
 
 def plot_artefact(
@@ -42,14 +57,22 @@ def plot_artefact(
     setup
         Machine and artefact.
     residuals_um
-        Deviations along the approach to draw as arrows, (n,); approach directions if None.
+        Deviations along the approach to draw as arrows, (n,), coloured by their sign; approach
+        directions if None.
     magnification
-        Of the deviation arrows; chosen so that the largest is 15 mm if None.
+        Of the deviation arrows; a round number so that the largest is some 15 mm if None. The
+        legend states the scale in µm.
     ax
         Three-dimensional axes; new ones if None.
 
+    Raises
+    ------
+    InputError
+        Axes that are not of projection "3d".
     """
-    ax = axes_or_new(ax, 7.5, 6.5, "3d")
+    ax = axes_or_new(ax, 7.0, 6.0, "3d")
+    if getattr(ax, "name", "") != "3d":
+        raise InputError("ax: got flat axes, expected axes of projection '3d'")
     axes: Any = ax
     _draw_solid(axes, setup)
     chain = Chain(setup)
@@ -61,28 +84,35 @@ def plot_artefact(
     turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     centre, direction = (centre - setup.artefact.place_mm) @ turned, direction @ turned
     contact = centre + direction * setup.probe.ball_radius_mm
+    axes.scatter(*contact.T, s=13, color=VERMILLION, depthshade=False, label="touch", zorder=5)
     if residuals_um is None:
-        tails, arrows, colour = contact - 12.0 * direction, 12.0 * direction, INK
-        label = "approach"
+        _arrows(axes, contact - ARROW_MM * direction, ARROW_MM * direction, BLUE, "approach")
     else:
         residuals = np.asarray(residuals_um, dtype=float)
         largest = float(np.abs(residuals).max(initial=1e-9))
-        scale = 15.0 / largest if magnification is None else magnification * 1e-3
-        tails, arrows, colour = contact, residuals[:, None] * scale * direction, ACCENT
-        label = f"deviation × {scale * 1e3:.0f}"
-    axes.scatter(*contact.T, s=14, color=ACCENT, depthshade=False, label="touch", zorder=5)
-    axes.quiver(*tails.T, *arrows.T, color=colour, linewidth=1.0, arrow_length_ratio=0.25)
-    axes.plot([], [], color=colour, label=label)
+        times = magnification or round_number(1e3 * LONGEST_MM / largest)
+        unit = round_number(largest)
+        arrows = 1e-3 * times * residuals[:, None] * direction
+        for sign, colour in ((1, GREEN), (-1, PURPLE)):
+            mine = np.sign(residuals) == sign
+            _arrows(axes, contact[mine], arrows[mine], colour, f"deviation {'−+'[sign > 0]}")
+        axes.plot([], [], " ", label=f"{unit:g} µm drawn as {1e-3 * times * unit:.3g} mm")
     reach = float(np.abs(contact[:, :2]).max()) + 14.0
     low = min(0.0, float(contact[:, 2].min()))
     top = float(contact[:, 2].max()) + 14.0
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), zlim=(low, top))
-    axes.set_box_aspect((2 * reach, 2 * reach, top - low), zoom=0.95)
-    axes.set(xlabel="X (mm)", ylabel="Y (mm)", zlabel="Z (mm)")
+    axes.set_box_aspect((2 * reach, 2 * reach, top - low), zoom=1.05)
+    axes.set_xlabel("X (mm)", labelpad=8)
+    axes.set_ylabel("Y (mm)", labelpad=8)
+    axes.set_zlabel("Z (mm)", labelpad=4)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(5))
     axes.zaxis.set_major_locator(MaxNLocator(3))
     axes.view_init(elev=32, azim=-58)
-    axes.legend(loc="upper left", frameon=False)
-    axes.set_title(f"{len(touches)} touches on the {setup.artefact.kind}, in its frame")
+    axes.legend(loc="upper left", frameon=False, fontsize="small")
+    places = len(np.unique(np.round(np.hstack([contact, direction]), 0), axis=0))
+    title = f"{len(touches)} touches at {places} places of the {setup.artefact.kind}, in its frame"
+    axes.set_title(title, fontsize="medium")
     return axes  # type: ignore[no-any-return]
 
 
@@ -94,7 +124,7 @@ def _draw_solid(axes: Any, setup: Setup) -> None:
         x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
         cx, cy, cz = artefact.centre_mm or (0.0, 0.0, 0.0)
         axes.plot_surface(
-            cx + radius * x, cy + radius * y, cz + radius * z, color=FACE, alpha=0.6, linewidth=0
+            cx + radius * x, cy + radius * y, cz + radius * z, color=BODY, alpha=0.35, linewidth=0
         )
         return
     length, width, height = artefact.length_mm, artefact.width_mm, artefact.height_mm
@@ -108,82 +138,139 @@ def _draw_solid(axes: Any, setup: Setup) -> None:
     faces = [[(x, y, height) for x, y in corners]]
     for (x1, y1), (x2, y2) in zip(corners, corners[1:] + corners[:1], strict=True):
         faces.append([(x1, y1, 0.0), (x2, y2, 0.0), (x2, y2, height), (x1, y1, height)])
-    solid = Poly3DCollection(faces, facecolor=FACE, edgecolor=INK, linewidth=0.6, alpha=0.35)
+    solid = Poly3DCollection(faces, facecolor=BODY, edgecolor=EDGE, linewidth=0.6, alpha=0.3)
     axes.add_collection3d(solid)
+
+
+def _arrows(axes: Any, tails: Floats, vectors: Floats, colour: str, label: str) -> None:
+    if len(tails):
+        axes.quiver(*tails.T, *vectors.T, color=colour, linewidth=1.0, arrow_length_ratio=0.25)
+        axes.plot([], [], color=colour, label=label)
 
 
 def plot_estimates(
     results: IdentificationResult | Mapping[str, IdentificationResult],
     injected: Mapping[str, float] | None = None,
     *,
-    ax: Axes | None = None,
-) -> Axes:
-    """Draw estimates of the location errors, beside the injected values where those are known.
+    unit: str | None = None,
+    ax: Any = None,
+    **style: Any,
+) -> Any:
+    """Draw estimates of the location errors with U (k = 2), beside the injected values if known.
 
     Parameters
     ----------
     results
-        One result, or several by name.
+        One result, or several by name; of machines with other errors, too.
     injected
         True values by ISO name, µm and arcsec.
+    unit
+        "µm" or "arcsec": errors of this unit only; else a panel each.
+    ax
+        Axes for errors of one unit; a new figure unless given.
+    **style
+        As :meth:`trunnion.plot.picture.Picture.draw` takes it.
     """
+    pictures = estimates_pictures(results, injected)
+    if unit is not None:
+        pictures = [p for p in pictures if p.y.unit == unit]
+        if not pictures:
+            raise InputError(f"unit: got {unit!r}, expected 'µm' or 'arcsec'")
+    if ax is None and len(pictures) > 1:
+        return panels(pictures, columns=2, size=(5.2, 4.0), **style)
+    if len(pictures) > 1:
+        raise InputError(
+            "ax: got one pair of axes for errors in µm and arcsec, expected unit='µm' or "
+            "unit='arcsec' beside it"
+        )
+    return pictures[0].draw(ax, **style)
+
+
+def estimates_pictures(
+    results: IdentificationResult | Mapping[str, IdentificationResult],
+    injected: Mapping[str, float] | None = None,
+) -> list[Picture]:
+    """Return the location errors, a picture for each unit."""
     named = {results.method: results} if isinstance(results, IdentificationResult) else results
-    names = list(next(iter(named.values())).errors)
-    ax = axes_or_new(ax, 8.0, 4.2)
-    place = np.arange(len(names), dtype=float)
-    if injected is not None:
-        ax.hlines(
-            [injected.get(name, 0.0) for name in names],
-            place - 0.42,
-            place + 0.42,
-            color="black",
-            linewidth=1.6,
-            label="injected",
-        )
-    offsets = np.linspace(-0.25, 0.25, len(named)) if len(named) > 1 else np.zeros(1)
-    colours = [INK, ACCENT, "#4f8f5b", "#8a6bb0", "#b08a2e"]
-    for index, (label, result) in enumerate(named.items()):
+    names = list(dict.fromkeys(name for result in named.values() for name in result.errors))
+    found = []
+    for unit in ("µm", "arcsec"):
+        mine = [name for name in names if unit_of(name) == unit]
+        if mine:
+            found.append(_estimates(named, injected or {}, mine, unit))
+    return found
+
+
+def _estimates(
+    named: Mapping[str, IdentificationResult],
+    injected: Mapping[str, float],
+    names: list[str],
+    unit: str,
+) -> Picture:
+    place = np.arange(len(names), dtype=np.float64)
+    series: list[Series] = [line([-0.5, len(names) - 0.5], [0.0, 0.0], colour=MUTED, width=0.8)]
+    known = [name for name in names if name in injected]
+    if known:
+        at = np.array([names.index(name) for name in known], dtype=np.float64)
+        ends = np.stack([at - 0.42, at + 0.42, np.full_like(at, np.nan)], axis=1).ravel()
+        values = np.repeat([injected[name] for name in known], 3)
+        series.append(line(ends, values, "injected", colour=MUTED, width=2.4))
+    shift = np.linspace(-0.25, 0.25, len(named)) if len(named) > 1 else np.zeros(1)
+    for k, (label, result) in enumerate(named.items()):
         spread = np.array([result.std_errors.get(name, 0.0) for name in names])
-        # An infinite bar says nothing a hollow marker does not say better.
-        seen = np.isfinite(spread)
-        values = np.array([result.errors[name] for name in names])
-        ax.errorbar(
-            place[seen] + offsets[index],
-            values[seen],
-            yerr=2 * spread[seen],
-            fmt="o",
-            markersize=5,
-            capsize=3,
-            color=colours[index % len(colours)],
-            label=f"{label} (± 2 std. errors)",
-        )
-    ax.set_xticks(place, [f"{name}\n{unit_of(name)}" for name in names])
-    ax.axhline(0.0, color="0.7", linewidth=0.8, zorder=0)
-    ax.set_ylabel("location error (µm or arcsec)")
-    ax.legend(frameon=False, loc="best")
-    ax.spines[["top", "right"]].set_visible(False)
-    return ax
+        # An infinite bar says nothing; what is not identifiable is named in the note.
+        seen = np.isfinite(spread) & np.array([name in result.errors for name in names])
+        values = np.array([result.errors.get(name, 0.0) for name in names])
+        style: dict[str, Any] = {"colour": PALETTE[k % len(PALETTE)], "error": 2 * spread[seen]}
+        series.append(points(place[seen] + shift[k], values[seen], label, **style))
+    lost = [n for n in names if any(np.isinf(r.std_errors.get(n, 0.0)) for r in named.values())]
+    return Picture(
+        f"Location errors with U (k = 2), {unit}",
+        Axis(ticks=tuple((float(k), name) for k, name in enumerate(names))),
+        Axis("Location error", unit),
+        tuple(series),
+        note=f"Not identifiable: {', '.join(lost)}." if lost else "",
+    )
 
 
-def plot_observability(seen: Observability, *, ax: Axes | None = None) -> Axes:
+@cache
+def effect_labels() -> Mapping[str, str]:
+    """Id of every effect on touches → what people call it."""
+    found: dict[str, str] = {}
+    for preset in presets():
+        setup = Setup(artefact=Artefact("cross"), machine=Machine(preset))
+        found |= {id_: effect.label for id_, effect in Chain(setup).effects.items()}
+    return found
+
+
+def plot_observability(seen: Observability, *, ax: Any = None, **style: Any) -> Any:
     """Draw how much of each effect a plan leaves beside the errors and the placement."""
-    shares = dict(sorted(seen.share_left.items(), key=lambda pair: pair[1]))
-    ax = axes_or_new(ax, 7.0, 0.22 * len(shares) + 1.2)
-    values = np.array(list(shares.values()))
+    return observability_picture(seen).draw(ax, width=8.0, **style)
+
+
+def observability_picture(seen: Observability) -> Picture:
+    """Return the share of each effect that is left once errors and placement are fitted."""
+    shares = dict(sorted(seen.share_left.items(), key=lambda pair: -pair[1]))
     alike = set().union(*seen.alike) if seen.alike else set()
-    colours = [
-        "0.8" if name in seen.not_identifiable_effects else ACCENT if name in alike else INK
-        for name in shares
-    ]
-    ax.barh(list(shares), 100 * values, color=colours)
-    for name, colour in (
-        ("identifiable beside all others", INK),
-        ("another effect can take its place", ACCENT),
-        ("not identifiable", "0.8"),
-    ):
-        ax.barh([0], [0], color=colour, label=name)
-    ax.set_xlabel("share of the effect left once errors and placement are fitted (%)")
-    ax.set_ylim(-0.6, len(shares) - 0.4)
-    ax.legend(frameon=False, loc="lower right")
-    ax.spines[["top", "right"]].set_visible(False)
-    return ax
+    labels = effect_labels()
+    names = tuple(f"{labels[k]} ({k})" if k in labels else k for k in shares)
+    values = 100 * np.array(list(shares.values()), dtype=np.float64)
+    lost = set(seen.not_identifiable_effects)
+    kinds = (
+        ("identifiable beside all others", BLUE, set(shares) - lost - alike),
+        ("another effect can take its place", VERMILLION, alike - lost),
+        ("not identifiable", MUTED, lost),
+    )
+    series: list[Series] = []
+    for label, colour, members in kinds:
+        mine = np.array([k in members for k in shares], dtype=bool)
+        if mine.any():
+            # a bar of nothing is still one that can be seen
+            shown = np.where(mine, np.maximum(values, 0.4), np.nan)
+            series.append(bars(shown, label, colour=colour))
+    return Picture(
+        f"What these touches show of {len(shares)} effects beside errors and placement",
+        Axis("Share left", "%", limits=(0.0, 100.0)),
+        Axis(names=names),
+        tuple(series),
+    )

@@ -1,88 +1,157 @@
-"""Pictures of a turned part, the probe's path and a correction."""
+"""Pictures of a turned part: deviations along it, the probe's path, a correction."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from trunnion.plot.axes import axes_or_new
+from trunnion.base.units import Floats
+from trunnion.data.diameters import Diameters
+from trunnion.plot.picture import Axis, Kind, Picture, Series, band, line, points
+from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, PALETTE, RED, VERMILLION
 from trunnion.turning.correction import Correction
 from trunnion.turning.probing import ProbePath
 from trunnion.turning.profile import Profile
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+Z_AXIS = Axis("Z from the chuck face", "mm")
+PART = "#9aa3ab"
+MAX_PASSES = 6
 
 
-def plot_profile(profile: Profile, *, ax: Axes | None = None) -> Axes:
+def plot_profile(profile: Profile, *, ax: Any = None, **style: Any) -> Any:
     """Draw the upper half of the part, Z to the right, radius up, to scale."""
-    ax = axes_or_new(ax, 9.0, 3.6)
-    points = profile.outline_mm()
-    z, x = points.T
-    ax.fill_between(z, x, color="0.87", lw=0)
-    ax.plot(np.r_[z[0], z, z[-1]], np.r_[0.0, x, 0.0], color="0.25", lw=1.3, label="part")
-    ax.axhline(0.0, color="0.5", lw=0.8, ls=(0, (12, 4, 2, 4)))
-    ax.set_aspect("equal")
-    ax.set_xlabel("Z, mm from the chuck face")
-    ax.set_ylabel("radius, mm")
-    return ax
+    return profile_picture(profile).draw(ax, width=9.0, height=3.8, **style)
 
 
-def plot_probe_path(path: ProbePath, *, ax: Axes | None = None) -> Axes:
-    """Draw the path of the ball's centre over the part; the probe at the end of each interval."""
-    from matplotlib.collections import LineCollection
+def profile_picture(profile: Profile) -> Picture:
+    """Return the upper half of the part, to scale."""
+    return Picture(
+        "Profile of the part", Z_AXIS, Axis("Radius", "mm"), tuple(_part(profile)), Kind.MAP
+    )
 
-    ax = plot_profile(path.profile, ax=ax)
-    styles = [
-        (~path.feed, "tab:blue", 0.9, "--", "rapid"),
-        (path.feed & ~path.measures, "tab:orange", 1.2, "-", "approach at feed"),
-        (path.measures, "tab:red", 2.0, "-", "measuring"),
+
+def _part(profile: Profile) -> list[Series]:
+    z, x = profile.outline_mm().T
+    return [
+        band(z, np.zeros_like(x), x, colour=PART, opacity=0.3),
+        line(np.r_[z[0], z, z[-1]], np.r_[0.0, x, 0.0], "part", colour=MUTED),
     ]
-    for rows, colour, width, dash, label in styles:
-        segments = path.moves_mm[rows].reshape(-1, 2, 2)
-        ax.add_collection(
-            LineCollection(list(segments), colors=colour, linewidths=width, ls=dash, label=label)
+
+
+def plot_diameters(data: Diameters, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the error of the diameter along the part, one colour a pass."""
+    return diameters_picture(data).draw(ax, **style)
+
+
+def diameters_picture(data: Diameters) -> Picture:
+    """Return the error of the diameter over Z, passes apart."""
+    labels = np.full(len(data), "") if data.pass_ is None else np.asarray(data.pass_).astype(str)
+    names = list(dict.fromkeys(labels.tolist()))
+    series: list[Series] = []
+    for k, name in enumerate(names[:MAX_PASSES]):
+        mine = np.flatnonzero(labels == name)
+        order = mine[np.argsort(data.z_mm[mine], kind="stable")]
+        colour = PALETTE[k % len(PALETTE)]
+        z, error = data.z_mm[order], data.error_um[order]
+        series.append(line(z, error, colour=colour, width=0.9, opacity=0.6))
+        hover = tuple(
+            f"{a:g} mm: {e:+.3g} µm".replace("-", "−") for a, e in zip(z, error, strict=True)
         )
+        label = _called(data, name, mine)
+        series.append(points(z, error, label, colour=colour, size=3.5, rows=order, hover=hover))
+    few = len(names) > MAX_PASSES
+    note = f"{MAX_PASSES} of {len(names)} passes are drawn." if few else ""
+    y = Axis("Error of the diameter", "µm")
+    return Picture("Deviation along the part", Z_AXIS, y, tuple(series), note=note)
+
+
+def _called(data: Diameters, name: str, rows: Any) -> str:
+    """What a pass is called: its label, the sense of its feed, its depth."""
+    parts = [f"pass {name}"] if name else ["measured"]
+    if data.feed_sign is not None:
+        sign = data.feed_sign[rows]
+        if np.all(sign == sign[0]):
+            parts.append("towards the chuck" if sign[0] < 0 else "from the chuck")
+    if data.depth_mm is not None and np.ptp(data.depth_mm[rows]) == 0:
+        parts.append(f"{data.depth_mm[rows][0]:g} mm deep")
+    return ", ".join(parts)
+
+
+def plot_probe_path(path: ProbePath, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the path of the ball's centre over the part; the probe at the end of each interval."""
+    return probe_path_picture(path).draw(ax, width=9.0, height=4.6, **style)
+
+
+def probe_path_picture(path: ProbePath) -> Picture:
+    """Return the path of the ball's centre, to scale."""
+    series = _part(path.profile)
+    kinds = (
+        (~path.feed, BLUE, 0.9, "dash", "rapid"),
+        (path.feed & ~path.measures, OCHRE, 1.4, "solid", "approach at feed"),
+        (path.measures, RED, 2.2, "solid", "measuring"),
+    )
+    top = float(path.moves_mm[:, 1::2].max()) + 2 * path.probe.ball_diameter_mm
+    for rows, colour, width, dash, label in kinds:
+        if rows.any():
+            ends = path.moves_mm[rows].reshape(-1, 2, 2)
+            gap = np.full((len(ends), 1, 2), np.nan)
+            z, x = np.concatenate([ends, gap], axis=1).reshape(-1, 2).T
+            series.append(line(z, x, label, colour=colour, width=width, dash=dash))
+    series += _probes(path, top)
+    return Picture(
+        "Path of the ball's centre",
+        Z_AXIS,
+        Axis("Radius", "mm", limits=(0.0, top)),
+        tuple(series),
+        Kind.MAP,
+    )
+
+
+def _probes(path: ProbePath, top: float) -> list[Series]:
+    """Ball and body of the probe at both ends of every interval."""
     ball = path.probe.ball_diameter_mm / 2
     half = path.probe.body_diameter_mm / 2
     angle = np.radians(path.probe.contact_angle_deg / 2)
     z0, x0 = ball * np.cos(angle), -ball * np.sin(angle)
     turn = np.linspace(0, 2 * np.pi, 60)
-    top = float(path.moves_mm[:, 1::2].max()) + 4 * ball
+    parts: list[Floats] = []
     for interval in path.intervals:
         for z, x in (interval.start_mm, interval.end_mm):
-            ax.plot(z + ball * np.sin(turn), x + ball * np.cos(turn), color="tab:green", lw=0.8)
+            parts.append(np.column_stack([z + ball * np.sin(turn), x + ball * np.cos(turn)]))
             shoulder = x + (x0 + (half - z0) / np.tan(angle) if half > z0 and angle > 0 else 0.0)
-            for side in (-1, 1):
-                across = [z + side * half, z + side * half, z + side * z0]
-                ax.plot(across, [top, shoulder, x + x0], color="tab:green", lw=0.6)
-    ax.autoscale_view()
-    ax.set_ylim(0.0, top)
-    ax.legend(loc="lower left", fontsize="small", ncols=2)
-    ax.set_title("Path of the ball's centre", fontsize="medium")
-    return ax
+            parts += [
+                np.array([[z + k * half, top], [z + k * half, shoulder], [z + k * z0, x + x0]])
+                for k in (-1, 1)
+            ]
+    if not parts:
+        return []
+    whole = np.concatenate([np.vstack([part, [np.nan, np.nan]]) for part in parts])
+    return [line(whole[:, 0], whole[:, 1], "probe: ball and body", colour=GREEN, width=0.8)]
 
 
-def plot_correction(correction: Correction, *, ax: Axes | None = None) -> Axes:
+def plot_correction(correction: Correction, *, ax: Any = None, **style: Any) -> Any:
     """Draw the readings and what the corrected program leaves of them if they repeat."""
-    ax = axes_or_new(ax, 8.0, 3.6)
+    return correction_picture(correction).draw(ax, width=8.0, **style)
+
+
+def correction_picture(correction: Correction) -> Picture:
+    """Return measured and predicted errors of the diameter over Z, with the bound."""
     on = correction.covered
-    order = np.argsort(correction.z_mm[on])
-    z = correction.z_mm[on][order]
-    ax.plot(z, correction.error_um[on][order], ".", ms=3, color="0.55", label="measured")
-    ax.plot(z, correction.remaining_um[on][order], color="tab:red", lw=1.4, label="left, predicted")
+    order = np.flatnonzero(on)[np.argsort(correction.z_mm[on])]
+    z = correction.z_mm[order]
     limit = correction.bound_um or correction.unit_um / 2
-    name = "bound" if correction.bound_um is not None else "half a unit"
-    ax.axhspan(-limit, limit, color="tab:green", alpha=0.12, lw=0, label=name)
-    ax.axhline(0.0, color="0.3", lw=0.8)
-    ax.set_xlabel("Z, mm from the chuck face")
-    ax.set_ylabel("error of the diameter, µm")
-    ax.legend(fontsize="small")
+    name = "bound" if correction.bound_um is not None else "half a unit of the program"
+    ends = np.array([z[0], z[-1]]) if len(z) else np.array([0.0, 1.0])
     count = len(correction.inserted)
-    ax.set_title(
-        f"{count} block{'s' if count != 1 else ''}, rule {correction.rule!r}, "
+    return Picture(
+        f"Correction by {count} block{'s' if count != 1 else ''}, rule {correction.rule!r}, "
         f"unit {correction.unit_um:g} µm",
-        fontsize="medium",
+        Z_AXIS,
+        Axis("Error of the diameter", "µm"),
+        (
+            band(ends, [-limit] * 2, [limit] * 2, f"± {name}", colour=GREEN, opacity=0.15),
+            points(z, correction.error_um[order], "measured", colour=MUTED, size=3.0),
+            line(z, correction.remaining_um[order], "left, predicted", colour=VERMILLION),
+        ),
     )
-    return ax

@@ -34,7 +34,7 @@ def _header(cycle: Cycle) -> Iterator[str]:
     setup, control = cycle.setup, cycle.setup.control
     yield f"(trunnion: {len(cycle.steps)} touches of plan {cycle.name}, hash {cycle.plan_hash})"
     yield (
-        f"(machine {setup.machine.preset}, {setup.artefact.kind}, ball radius"
+        f"(machine {setup.machine.name}, {setup.artefact.kind}, ball radius"
         f" {_n(setup.probe.ball_radius_mm)} mm, clearance {_n(setup.plan.clearance_mm)} mm)"
     )
     yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-import trunnion._core as _core
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.data.touches import Touches
 from trunnion.probing.model import TouchModel
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.setup import AxisSetup, Machine, Setup
+from trunnion.setup.machines import presets
 
 TIP_SHARE = 0.1
 """Of the ball's radius: how near an estimate has to come; errors of machines are smaller."""
@@ -84,7 +84,7 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
 def in_mm(errors: Mapping[str, float]) -> str:
     """Ask whether position errors are in mm; empty where they are no doubt in µm."""
     lengths = {name: float(value) for name, value in errors.items() if name[1] in "XYZ" and value}
-    if not lengths or max(map(abs, lengths.values())) >= TINY_UM[1]:
+    if not lengths or not TINY_UM[0] <= max(map(abs, lengths.values())) < TINY_UM[1]:
         return ""
     given = ", ".join(f"{name} = {value:g}" for name, value in lengths.items())
     return f"{given}: are these mm? They are expected in µm."
@@ -178,8 +178,8 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
         axes = {letter: replace(axis, sense=-axis.sense) for letter, axis in known.items()}
         text = " and ".join(f"sense = {axis.sense} of axis {x}" for x, axis in axes.items())
         yield "axes", {**setup.axes, **axes}, f"with {text}"
-    for preset in _core.presets():
-        if preset != setup.machine.preset:
+    for preset in presets():
+        if preset != setup.machine.name:
             yield "machine", Machine(preset), f'with preset = "{preset}"'
     for part, name in LENGTHS:
         given = getattr(getattr(setup, part), name)

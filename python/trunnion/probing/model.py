@@ -125,7 +125,7 @@ class TouchModel:
             touches.feed_mm_min,
             touches.time_s,
             # Missing senses are refused by the effects that need them; for all others 0 will do.
-            self.chain.turning(touches.rotary_dir, len(touches)),
+            self.chain.turned(touches.rotary_dir, len(touches)),
         )
 
     def _check_needs(self, touches: Touches) -> None:

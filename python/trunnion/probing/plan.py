@@ -26,7 +26,7 @@ MAX_STOPS = 10_000
 @checked
 def plan(
     setup: Setup,
-    c_deg: Sequence[float] = (0, 90, 180, 270),
+    c_deg: Sequence[float] | None = None,
     a_deg: Sequence[float] | None = None,
     feeds_mm_min: Sequence[float] = (600,),
     both_senses: bool = False,
@@ -51,11 +51,11 @@ def plan(
     ----------
     setup
         Machine, artefact, probe, resolution and the measures of ``[plan]`` and ``[table]``.
-    c_deg
-        Positions of C, in degrees, with the tilting axis at zero.
-    a_deg, b_deg
-        Positions of the tilting axis A or B, whichever the machine has, in degrees, with C at
-        zero; (90, -90) unless given.
+    c_deg, a_deg, b_deg
+        Positions of the rotary axes, in degrees. Those of the axis that turns the work against the
+        tool (the one under the artefact, or C of a head) are with the table top towards the spindle
+        (A = 0 on a ``trt-ca``); (0, 90, 180, 270) unless given. Those of the axis that tilts are
+        with the other at zero; ±90° from there unless given.
     feeds_mm_min
         Feeds of the approaches; with several every touch is made at each.
     both_senses
@@ -64,7 +64,7 @@ def plan(
     repeats
         How often all of it is done.
     positions_deg
-        Further pairs (A or B, C) beyond the two cycles.
+        Further pairs (tilting axis, turning axis) beyond the two cycles.
     layout
         Of the cross at ±90°: touches 17 and 20 on the side faces that look up ("side"), or on the
         top faces of the same arms ("top"); the paper's text allows both.
@@ -94,28 +94,25 @@ def plan(
         No face can be reached; a move beyond the range of an axis in the set-up.
     """
     chain = Chain(setup)
-    tilting = chain.tilting
-    given = {"A": a_deg, "B": b_deg}
+    given = {"A": a_deg, "B": b_deg, "C": c_deg}
     for letter, angles in given.items():
-        if angles is not None and letter != tilting:
+        if angles is not None and letter not in chain.letters:
             raise InputError(
-                f"{letter.lower()}_deg: got angles, expected none: machine {setup.machine.preset} "
-                f"has the rotary axes {', '.join(chain.letters)}"
+                f"{letter.lower()}_deg: got angles, expected none: {chain.name} are its rotary axes"
             )
-    tilt = given.get(tilting or "")
-    if tilt is None:
-        tilt = (90, -90) if tilting else ()
+    turn, tilt = _default_angles(chain, given)
     for feed in feeds_mm_min if not isinstance(feeds_mm_min, str) else ():
         if isinstance(feed, int | float) and not 0 < feed < float("inf"):
             raise InputError(f"feeds_mm_min: got {feed!r}, expected positive numbers")
-    sense = dict(zip(chain.letters, chain.senses, strict=True))
-    tilt_sense = sense.get(tilting or "", 1.0)
-    stops = _length(c_deg) + _length(tilt) + _length(positions_deg)
-    _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), tilting or "A")
+    sense = dict(zip(chain.letters, chain.senses.tolist(), strict=True))
+    turn_sense, tilt_sense = (sense.get(x or "", 1.0) for x in (chain.turning, chain.tilting))
+    names = [f"{(x or '').lower()}_deg" for x in (chain.turning, chain.tilting)]
+    stops = _length(turn) + _length(tilt) + _length(positions_deg)
+    _few_enough(stops * max(_length(feeds_mm_min), 1) * _count(repeats), names)
     found = arrangement(setup).plan(
-        c_deg=_angles("c_deg", c_deg, sense.get("C", 1.0)),
-        tilt_deg=_angles(f"{(tilting or 'a').lower()}_deg", tilt, tilt_sense),
-        pairs_deg=[(t * tilt_sense, c * sense.get("C", 1.0)) for t, c in positions_deg],
+        turn_deg=_angles(names[0], turn, turn_sense),
+        tilt_deg=_angles(names[1], tilt, tilt_sense),
+        pairs_deg=[(t * tilt_sense, c * turn_sense) for t, c in positions_deg],
         feeds_mm_min=_numbers("feeds_mm_min", feeds_mm_min, 1),
         both_senses=both_senses,
         repeats=_count(repeats),
@@ -128,6 +125,20 @@ def plan(
     cycle = cycle_of(touches, setup)
     cycle.check_ranges()
     return touches.with_columns(time_s=cycle.times()[0])
+
+
+def _default_angles(
+    chain: Chain, given: Mapping[str, Sequence[float] | None]
+) -> tuple[Sequence[float], Sequence[float]]:
+    """Angles of the turning and of the tilting axis: as given, or the paper's."""
+    turn = given[chain.turning] if chain.turning else ()
+    tilt = given[chain.tilting] if chain.tilting else ()
+    if turn is None:
+        turn = (0, 90, 180, 270)
+    if tilt is None and chain.tilting is not None:
+        level = chain.level_deg * chain.senses[chain.letters.index(chain.tilting)]
+        tilt = (level + 90, level - 90) if chain.turning else (0, 90, -90)
+    return turn, () if tilt is None else tilt
 
 
 def _touches(chain: Chain, found: Mapping[str, Any]) -> Touches:
@@ -157,11 +168,11 @@ def _dithered(setup: Setup, found: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**found, "start_mm": step * np.round(start / step) if step else start}
 
 
-def _few_enough(stops: int, tilting: str) -> None:
+def _few_enough(stops: int, names: Sequence[str]) -> None:
     """Refuse a plan with more stops of the rotary axes than a measurement has."""
     if stops > MAX_STOPS:
         raise InputError(
-            f"c_deg, {tilting.lower()}_deg, feeds_mm_min, repeats: got more than {MAX_STOPS:,} "
+            f"{', '.join(names)}, feeds_mm_min, repeats: got more than {MAX_STOPS:,} "
             "stops of the rotary axes together, expected fewer"
         )
 

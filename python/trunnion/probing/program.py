@@ -16,6 +16,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain
 from trunnion.nc import Program
 from trunnion.probing.cycle import Cycle
 from trunnion.probing.linuxcnc import program_text
@@ -121,10 +122,10 @@ def probing_program(
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
-    if setup.machine.preset == "table-c-head-b":
+    chain = Chain(setup)
+    if "head" in chain.sides.values():
         raise InputError(
-            "probing program: got machine table-c-head-b, expected one with its rotary axes under "
-            "the table"
+            f"probing program: got {chain.name}, expected one with its rotary axes under the table"
         )
     if FILE_NAME.fullmatch(log) is None:
         raise InputError(

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import trunnion._core as _core
 from trunnion.base.checks import choose, optional_module
 from trunnion.base.errors import InputError
 from trunnion.base.units import ARCSEC, Floats, Integers, unit_of
 from trunnion.machine.chain import Chain
+from trunnion.reference.chain import LETTERS, Axes, RotaryAxis
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -69,60 +69,70 @@ EFFECTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     **{f"drift_{i}": (("rate_um_h",), ("time_s",)) for i in "xyz"},
     "warmup_z": (("amplitude_um", "tau_min"), ("time_s",)),
 }
+MAX_ROTARY = 2
 SHIFT_TIME = "setup_shift.t0_s"
+
+
+def known_effects(setup: Setup) -> list[str]:
+    """Return the effects on a set-up's touches that this model has.
+
+    Error motions of rotary axes under the table, along X and Z only: A and C.
+    """
+    straight = {
+        f"{axis.letter.lower()}_"
+        for axis in Axes.of(setup).table
+        if np.array_equal(axis.direction, LETTERS[axis.letter])
+    }
+    return [e for e in EFFECTS if e[:2] not in {"a_", "c_"} or e[:2] in straight]
 
 
 @dataclass(frozen=True)
 class Rows:
-    """The touches' quantities in mm, rad, s, h; (n,) or (n, 3)."""
+    """The touches' quantities in mm, rad, s, h; (n,), (n, 3), rotary axes (n, MAX_ROTARY)."""
 
     position: Floats
     direction: Floats
-    first: Floats
-    second: Floats
-    first_dir: Floats
-    second_dir: Floats
+    angles: Floats
+    turned: Floats
     feed: Floats
     time: Floats
 
     @property
     def n(self) -> int:
         """Number of touches."""
-        return len(self.first)
+        return len(self.feed)
 
     @classmethod
     def of(cls, data: Touches, setup: Setup, effects: Iterable[str]) -> Rows:
         """Touches in the senses of the machine; columns that effects need must be there."""
         chain = Chain(setup)
-        letter = chain.letters[0]
+        known = known_effects(setup)
         for id_ in effects:
-            known = (e for e in EFFECTS if letter == "A" or not e.startswith("a_"))
             for column in EFFECTS[choose("effect", id_, known)][1]:
                 if getattr(data, column) is None:
                     raise InputError(f"{id_}: got touches without {column}, expected that column")
-        sense = dict(zip(chain.letters, chain.senses, strict=True))
-
-        def turned(name: str) -> Floats:
-            angle = getattr(data, f"{name.lower()}_deg")
-            if angle is None:
-                raise InputError(
-                    f"touches: got no {name.lower()}_deg, expected it for {chain.name}"
-                )
-            return np.asarray(sense[name] * np.radians(angle))
 
         def optional(name: str, factor: float = 1.0) -> Floats:
             values = getattr(data, name)
             return np.zeros(len(data)) if values is None else factor * np.asarray(values, float)
+
+        angles, turned = np.zeros((2, len(data), MAX_ROTARY))
+        for i, (letter, sense) in enumerate(zip(chain.letters, chain.senses, strict=True)):
+            angle = getattr(data, f"{letter.lower()}_deg")
+            if angle is None:
+                raise InputError(
+                    f"touches: got no {letter.lower()}_deg, expected it for {chain.name}"
+                )
+            angles[:, i] = sense * np.radians(angle)
+            turned[:, i] = optional(f"{letter.lower()}_dir", sense)
 
         if setup.probe.servo_period_ms and data.feed_mm_min is None:
             raise InputError("touches: got no feed_mm_min, expected it for probe.servo_period_ms")
         return cls(
             position=np.stack([data.x_mm, data.y_mm, data.z_mm], axis=1),
             direction=np.stack([data.dir_x, data.dir_y, data.dir_z], axis=1),
-            first=turned(letter),
-            second=turned("C"),
-            first_dir=optional(f"{letter.lower()}_dir", sense[letter]),
-            second_dir=optional("c_dir", sense["C"]),
+            angles=angles,
+            turned=turned,
             feed=optional("feed_mm_min", 1 / 60),
             time=optional("time_s"),
         )
@@ -134,10 +144,8 @@ class Rows:
                 self.position.T,
                 self.direction.T,
                 np.where(np.abs(self.direction) < NO_SIGN_BELOW, 0, np.sign(self.direction)).T,
-                self.first,
-                self.second,
-                self.first_dir,
-                self.second_dir,
+                self.angles.T,
+                self.turned.T,
                 self.feed,
                 self.time,
                 self.time >= t0_s,
@@ -209,11 +217,9 @@ class Model:
     def __init__(self, setup: Setup, held: Mapping[str, Mapping[str, float]]) -> None:
         self.ca = optional_module("casadi", "trunnion.casadi_baseline", "reference")
         self.setup = setup
-        self.preset = setup.machine.preset
+        self.axes, self.letters = Axes.of(setup), Chain(setup).letters
         self.held = held
-        self.error_names = tuple(name for name, _ in _core.presets()[self.preset][2])
-        for name in setup.machine.errors:
-            choose(f"machine.errors of {self.preset}", name, self.error_names)
+        self.error_names = tuple(Chain(setup).location_errors)
         for id_, values in held.items():
             for name in values:
                 choose(f"{id_}: parameter", name, EFFECTS[id_][0])
@@ -264,22 +270,29 @@ class Model:
     def _build(self) -> None:
         ca, q = self.ca, self.q
         position, direction, side = q[0:3], q[3:6], q[6:9]
-        first, second, first_dir, second_dir = q[9], q[10], q[11], q[12]
+        angles = dict(zip(self.letters, (q[9], q[10]), strict=False))
+        turned = dict(zip(self.letters, (q[11], q[12]), strict=False))
         feed, time, shifted = q[13], q[14], q[15]
         mask, sign, second_bar = q[16:19], q[19:22], q[22]
 
-        rotation, offset = self._table(first, second, first_dir, second_dir)
+        rotation, offset = self._table(angles, turned)
         seat = [
             self._unknown(name) + shifted * self._effect("setup_shift", name)
             for name in PLACEMENT[:3]
         ]
         artefact = self.setup.artefact
-        offset = offset + rotation @ (ca.vertcat(*seat) + ca.DM(artefact.place_mm))
-        rotation = rotation @ self._tilts(*map(self._unknown, PLACEMENT[3:]))
-        rotation = rotation @ self._turn(2, np.radians(artefact.turn_deg))
+        # Tilts about X and Y take Z to the normal of the table top.
+        x, y, z = np.array(self.setup.description().table_normal)
+        lean = (np.arctan2(-y, z), np.arctan2(x, np.hypot(y, z)), np.radians(artefact.turn_deg))
+        top = ca.DM(np.array(self._tilts(lean[0], lean[1], 0.0), float))
+        offset = offset + rotation @ (ca.vertcat(*seat) + top @ ca.DM(artefact.place_mm))
+        tilts = [
+            self._unknown(name) + nominal for name, nominal in zip(PLACEMENT[3:], lean, strict=True)
+        ]
+        rotation = rotation @ self._tilts(*tilts)
 
         stretch, shift = self._linear_axes(side, time)
-        actual = position + stretch @ position + shift + self._head(first)
+        actual = position + stretch @ position + shift + self._head(angles)
         u = rotation.T @ (actual - offset)
         v = rotation.T @ (direction + stretch @ direction)
         r = self._radius(direction, feed)
@@ -303,70 +316,82 @@ class Model:
             "dimensions", [self.x], [ca.SX(part) for part in self._dimensions()]
         )
 
-    def _table(self, first: Any, second: Any, first_dir: Any, second_dir: Any) -> tuple[Any, Any]:
+    def _table(self, angles: Mapping[str, Any], turned: Mapping[str, Any]) -> tuple[Any, Any]:
         """Rotation and offset of the table in the machine frame."""
-        ca, e = self.ca, self._unknown
-        sin, cos = ca.sin(second), ca.cos(second)
-        sin2, cos2 = ca.sin(2 * second), ca.cos(2 * second)
+        rotation, offset = self.ca.SX.eye(3), self.ca.SX.zeros(3)
+        for axis in self.axes.table:
+            motion = self._motion(axis.letter, angles[axis.letter], turned[axis.letter])
+            rotation, offset = self._carried(axis, rotation, offset, *motion)
+        if self.axes.table:
+            offset = offset - rotation @ self.ca.DM(self.axes.table[-1].origin)
+        return rotation, offset
 
-        def harmonic(id_: str, one: str, other: str, c: Any, s: Any) -> Any:
-            return self._effect(id_, one) * c + self._effect(id_, other) * s
+    def _head(self, angles: Mapping[str, Any]) -> Any:
+        """Return what a head's errors add to the position of its ball."""
+        ends = []
+        for errors in (True, False):
+            rotation, offset = self.ca.SX.eye(3), self.ca.SX.zeros(3)
+            for axis in self.axes.head:
+                still = (angles[axis.letter], [0.0] * 6)
+                rotation, offset = self._carried(axis, rotation, offset, *still, errors=errors)
+            if self.axes.head:
+                offset = offset - rotation @ self.ca.DM(self.axes.head[-1].origin)
+            ends.append(offset)
+        return ends[0] - ends[1]
 
-        move = ca.vertcat(
-            harmonic("c_radial_2", "ax_um", "bx_um", cos2, sin2),
-            harmonic("c_radial_2", "ay_um", "by_um", cos2, sin2),
-            harmonic("c_axial", "a1_um", "b1_um", cos, sin)
-            + harmonic("c_axial_2", "a2_um", "b2_um", cos2, sin2),
-        )
-        tilt_x = harmonic("c_wobble_2", "ax_arcsec", "bx_arcsec", cos2, sin2)
-        tilt_y = harmonic("c_wobble_2", "ay_arcsec", "by_arcsec", cos2, sin2)
-        turned = (
-            second
-            + harmonic("c_positioning", "a1_arcsec", "b1_arcsec", cos - 1, sin)
-            + harmonic("c_positioning_2", "a2_arcsec", "b2_arcsec", cos2 - 1, sin2)
-            - self._effect("c_backlash", "b_arcsec") / 2 * second_dir
-        )
-        spin = self._turn(2, turned)
+    def _carried(
+        self,
+        axis: RotaryAxis,
+        rotation: Any,
+        offset: Any,
+        angle: Any,
+        motion: list[Any],
+        *,
+        errors: bool = True,
+    ) -> tuple[Any, Any]:
+        """Rotation and origin behind the turn of an axis on what has these."""
+        ca, known = self.ca, {name: self._unknown(name) for name in self.error_names}
+        amounts = axis.amounts(known) if errors else [0.0] * 6
+        x, y, z, a, b, c = (own + more for own, more in zip(amounts, motion, strict=True))
+        offset = offset + rotation @ (ca.DM(axis.offset) + ca.vertcat(x, y, z))
+        skew = ca.skew(ca.DM(axis.direction))
+        turn = ca.DM.eye(3) + ca.sin(angle) * skew + (1 - ca.cos(angle)) * (skew @ skew)
+        return rotation @ self._tilts(a, b, c) @ turn, offset
 
-        letter = "A" if self.preset == "trt-ca" else "B"
-        x, y, z = self.setup.axis_points().get(letter, (0.0, 0.0, 0.0))
-        if self.preset == "trt-ca":
-            s_a, c_a = ca.sin(first), ca.cos(first)
-            origin = ca.vertcat(
-                0,
-                y + e("EY0A") + self._effect("a_sag", "ky_um") * s_a,
-                z + e("EZ0A") - self._effect("a_sag", "kz_um") * (1 - c_a),
-            )
-            twist = self._effect("a_twist", "k_arcsec") * s_a
+    def _motion(self, letter: str, angle: Any, sense: Any) -> tuple[Any, list[Any]]:
+        """Angle that an axis really turns by, and the six components of its error motions."""
+        f, s, c = self._effect, self.ca.sin(angle), self.ca.cos(angle)
+        if letter == "A":
             tipped = (
-                first
-                + self._effect("a_positioning", "k_arcsec") * s_a
-                + self._effect("a_scale", "k_arcsec") * first / (np.pi / 2)
-                - self._effect("a_backlash", "b_arcsec") / 2 * first_dir
+                angle
+                + f("a_positioning", "k_arcsec") * s
+                + f("a_scale", "k_arcsec") * angle / (np.pi / 2)
+                - f("a_backlash", "b_arcsec") / 2 * sense
             )
-            cradle = self._tilts(e("EA0A"), e("EB0A") + twist, e("EC0A")) @ self._turn(0, tipped)
-            centre = ca.vertcat(e("EX0C"), e("EY0C") - e("EY0A") - y, -z) + move
-            lean = self._tilts(tilt_x, e("EB0C") - e("EB0A") + tilt_y, 0)
-            return cradle @ lean @ spin, origin + cradle @ centre
-        if self.preset == "trt-bc":
-            origin = ca.vertcat(x + e("EX0B"), 0, z + e("EZ0B"))
-            cradle = self._tilts(e("EA0B"), e("EB0B"), e("EC0B")) @ self._turn(1, first)
-            centre = ca.vertcat(e("EX0C") - e("EX0B") - x, e("EY0C"), -z) + move
-            lean = self._tilts(e("EA0C") - e("EA0B") + tilt_x, tilt_y, 0)
-            return cradle @ lean @ spin, origin + cradle @ centre
-        centre = ca.vertcat(e("EX0C"), e("EY0C"), 0) + move
-        return self._tilts(e("EA0C") + tilt_x, e("EB0C") + tilt_y, 0) @ spin, centre
+            sag = [f("a_sag", "ky_um") * s, -f("a_sag", "kz_um") * (1 - c)]
+            return tipped, [0.0, *sag, 0.0, f("a_twist", "k_arcsec") * s, 0.0]
+        if letter != "C":
+            return angle, [0.0] * 6
+        s2, c2 = self.ca.sin(2 * angle), self.ca.cos(2 * angle)
 
-    def _head(self, b: Any) -> Any:
-        """Return what a swivelling head's errors add to the position of its ball."""
-        if self.preset != "table-c-head-b":
-            return self.ca.SX.zeros(3)
-        e = self._unknown
-        length = self.setup.probe.length_mm
-        x, _, _ = self.setup.axis_points().get("B", (0.0, 0.0, length))
-        hanging = self._turn(1, b) @ self.ca.vertcat(-x, 0, -length)
-        wrong = self._tilts(e("EA0B"), e("EB0B"), e("EC0B")) @ hanging
-        return self.ca.vertcat(e("EX0B"), 0, e("EZ0B")) + wrong - hanging
+        def harmonic(id_: str, one: str, other: str, cosine: Any, sine: Any) -> Any:
+            return f(id_, one) * cosine + f(id_, other) * sine
+
+        turned = (
+            angle
+            + harmonic("c_positioning", "a1_arcsec", "b1_arcsec", c - 1, s)
+            + harmonic("c_positioning_2", "a2_arcsec", "b2_arcsec", c2 - 1, s2)
+            - f("c_backlash", "b_arcsec") / 2 * sense
+        )
+        return turned, [
+            harmonic("c_radial_2", "ax_um", "bx_um", c2, s2),
+            harmonic("c_radial_2", "ay_um", "by_um", c2, s2),
+            harmonic("c_axial", "a1_um", "b1_um", c, s)
+            + harmonic("c_axial_2", "a2_um", "b2_um", c2, s2),
+            harmonic("c_wobble_2", "ax_arcsec", "bx_arcsec", c2, s2),
+            harmonic("c_wobble_2", "ay_arcsec", "by_arcsec", c2, s2),
+            0.0,
+        ]
 
     def _linear_axes(self, side: Any, time: Any) -> tuple[Any, Any]:
         """Λ and δ (mm) of the recorded position."""

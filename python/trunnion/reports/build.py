@@ -8,17 +8,26 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
-from trunnion.base.report import Result
+from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.diagnosis.records import chance
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
 from trunnion.models.changes import MachineComparison
+from trunnion.plot.dispatch import PICTURES
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.diagnosis import diagnosis_document
 from trunnion.reports.document import Document, Item, Mark, Points, Section
-from trunnion.reports.results import Figure, figures_table, location_errors, of_interest
+from trunnion.reports.results import (
+    EXPANDED,
+    Figure,
+    figures_table,
+    location_errors,
+    of_interest,
+    with_expanded,
+)
 from trunnion.reports.source import Source
-from trunnion.reports.standard import drawn, figures_of
+from trunnion.reports.standard import drawn, figures_of, of_errors
 
 MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
 CONFORMITY = {
@@ -90,7 +99,7 @@ def _estimate(result: Estimate, source: Source) -> Document:
     if doubts := result.derived().get("doubts"):
         mark, text = Mark.BAD, f"{doubts[0]} {text}"
     sentences = tuple(result.sentences())
-    shown = drawn(result)
+    shown = [*of_errors(result.errors, result.std_errors), *_own(result)]
     sections = (
         Section("What is known of the fit", (Points(sentences),) if sentences else ()),
         Section("Pictures", tuple(shown[1:])),
@@ -101,6 +110,12 @@ def _estimate(result: Estimate, source: Source) -> Document:
         source.section(),
     )
     return Document(result.title(), source.subtitle(), mark, text, (errors, *shown[:1]), sections)
+
+
+def _own(result: Estimate) -> list[Item]:
+    """Pictures of a result beside those of its estimates."""
+    name = next((PICTURES[k.__name__] for k in type(result).__mro__ if k.__name__ in PICTURES), "")
+    return [] if name == "plot_estimates" else drawn(result)
 
 
 def _residuals(result: Estimate) -> list[Item]:
@@ -123,17 +138,30 @@ def _correlation(result: Estimate) -> list[Item]:
 def _comparison(result: MachineComparison, source: Source) -> Document:
     """What changed, with the change and its uncertainty before all else."""
     sentences, tables = list(result.sentences()), list(result.tables())
-    figures = [Figure(q.name, q.called, q.change, q.std_error, q.unit) for q in result.quantities]
-    changed, decisions = figures_table("Changes", figures, source.tolerance)
-    mark, text = verdict_of(sentences[0], decisions, Mark.DOUBT if result.changed else Mark.GOOD)
+    changed = _changes(result)
+    mark = Mark.DOUBT if result.changed else Mark.GOOD
     shown = drawn(result)
     sections = (
         Section("What else is known", (Points(tuple(sentences[1:])),)),
         Section("Pictures", tuple(shown[1:])),
-        Section("Before and after", tuple(tables)),
+        Section("Over time", tuple(tables[1:])),
         source.section(),
     )
-    return Document(result.title(), source.subtitle(), mark, text, (changed, *shown[:1]), sections)
+    return Document(
+        result.title(), source.subtitle(), mark, sentences[0], (changed, *shown[:1]), sections
+    )
+
+
+def _changes(result: MachineComparison) -> Table:
+    """Each quantity before and after, with U (k = 2) of the change."""
+    rows = []
+    for q in result.quantities:
+        value, expanded = with_expanded(q.change, q.std_error)
+        ends = (significant(q.before, 4), significant(q.after, 4))
+        p = Shown(q.p_value, chance(q.p_value).removeprefix("p ").removeprefix("= "))
+        rows.append((q.called, *ends, value, expanded, q.unit, p, "yes" if q.changed else "no"))
+    heads = ("", result.names[0], result.names[-1], "change", EXPANDED, "unit", "p", "changed")
+    return Table.of("What changed", heads, rows)
 
 
 BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, significant
 from trunnion.base.units import unit_of, without_unit
-from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words
+from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
 from trunnion.files.table import places
@@ -22,20 +23,23 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
-from trunnion.plot.picture import Picture
-from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
-from trunnion.reports.standard import drawn, figures_of, standard_results
+from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
+from trunnion.setup.names import error_label
 
 MARKS = {
     "consistent": Mark.GOOD,
     "explained": Mark.NEUTRAL,
     "ambiguous": Mark.DOUBT,
     "unexplained": Mark.BAD,
+}
+NEXT = {
+    "Touches": " (trunnion diagnose --next plans touches that do)",
+    "Diameters": " (trunnion diagnose says which pass does)",
 }
 MAX_OUTLIERS = 50
 MAX_PARAMETERS = 6  # of a cause
@@ -78,9 +82,9 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         (*top, *_to_do(d, source), first),
         (
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
-            Section("Each cause", tuple(others)),
+            Section("Each cause" if d.causes else "Pictures", tuple(others)),
             Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
-            Section("How much each cause explains", tuple(_ladder(d))),
+            Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
             Section("What the residual looks like", tuple(_diagnostics(d, source))),
@@ -94,6 +98,12 @@ def diagnosis_document(result: Result, source: Source) -> Document:
 
 def _verdict(d: Diagnosis) -> str:
     """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
+    if d.verdict == "consistent":
+        size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
+        return (
+            f"The model explains the readings, what is left is noise of {size}. That nothing else "
+            f"acts, of all causes looked for: {percent(d.none_probability)}."
+        )
     if not d.causes:
         return d.sentences()[0]
     certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
@@ -181,7 +191,7 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
     if d.verdict == "ambiguous":
         lines.append(
             "More than one set of causes fits: act on none that is in doubt before further "
-            "readings have decided (trunnion diagnose --next plans touches that do)."
+            f"readings have decided{NEXT.get(type(d.data).__name__, '')}."
         )
     if d.verdict == "unexplained":
         lines.append(
@@ -193,7 +203,8 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
         lines.append(said if c.probability > 0.5 else f"If it is there: {said}")
     if d.outliers:
         lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
-    if d.errors_after and d.verdict in ("consistent", "explained"):
+    located = any(error_label(name) != name for name in d.errors_after)
+    if located and d.verdict in ("consistent", "explained"):
         lines.append("Enter the new values of the errors in the control (trunnion compensate).")
     if not lines:
         lines.append("Nothing: the readings are as the model says, but for noise.")
@@ -223,25 +234,14 @@ def _outlier_places(rows: Iterable[int], data: tuple[DataTable, ...]) -> list[tu
     return out
 
 
-def _pictures(d: Diagnosis, source: Source) -> list[Picture]:
+def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     """One picture a cause, the strongest first; without a cause what is found, or what is left."""
-    shown = [cause_picture(d, c.id) for c in d.causes]
-    if not shown and d.verdict == "consistent" and d.errors_after:
-        shown = _of_errors(d)
+    shown: list[Any] = [cause_picture(d, c.id) for c in d.causes]
+    if not shown and d.verdict == "consistent":
+        shown = of_errors(d.errors_after, d.errors_std)
     if not shown or d.verdict == "unexplained":
         shown = [residual_picture(d), *shown]
     return [hovered(p, source.data) for p in shown]
-
-
-def _of_errors(d: Diagnosis) -> list[Picture]:
-    units: dict[str, list[str]] = {}
-    for name in d.errors_after:
-        if np.isfinite(d.errors_std.get(name, np.inf)):
-            units.setdefault(d.units.get(name) or unit_of(name), []).append(name)
-    return [
-        estimates_picture(names, d.errors_after, d.errors_std, unit)
-        for unit, names in units.items()
-    ]
 
 
 def _ladder(d: Diagnosis) -> list[Item]:

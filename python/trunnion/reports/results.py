@@ -54,7 +54,7 @@ def figures_table(
     decisions: list[Decision] = []
     rows = []
     for f in listed:
-        value, expanded = _shown(f)
+        value, expanded = with_expanded(f.value, f.std)
         row: list[Cell] = [f.label]
         if has_old:
             row.append(None if f.old is None else significant(f.old, 4))
@@ -73,14 +73,15 @@ def figures_table(
     return Table.of(title, heads, rows), decisions
 
 
-def _shown(f: Figure) -> tuple[Cell, Cell]:
-    if f.std is None or f.std <= 0:
-        return significant(f.value, 4), f.std and COVERAGE * f.std
-    if not np.isfinite(f.std):
-        return Shown(f.value, "–"), f.std
-    expanded = COVERAGE * f.std
+def with_expanded(value: float, std: float | None) -> tuple[Cell, Cell]:
+    """Return a value and its U (k = 2), shown to the two leading digits of the latter."""
+    if std is None or std <= 0:
+        return significant(value, 4), std and COVERAGE * std
+    if not np.isfinite(std):
+        return Shown(value, "–"), std
+    expanded = COVERAGE * std
     digits = int(np.clip(1 - np.floor(np.log10(expanded)), 0, 9))
-    return Shown(f.value, number(f.value, digits)), Shown(expanded, number(expanded, digits))
+    return Shown(value, number(value, digits)), Shown(expanded, number(expanded, digits))
 
 
 def called(name: str) -> str:
@@ -116,7 +117,7 @@ def of_interest(errors: Mapping[str, float], std: Mapping[str, float]) -> str:
     for unit in dict.fromkeys(unit_of(name) for name in known):
         mine = {k: v for k, v in known.items() if unit_of(k) == unit}
         name = max(mine, key=lambda k: abs(mine[k]))
-        value, expanded = _shown(Figure(name, "", mine[name], std.get(name), unit))
+        value, expanded = with_expanded(mine[name], std.get(name))
         shown = f"{value.text if isinstance(value, Shown) else value}"
         half = f" ± {expanded.text}" if isinstance(expanded, Shown) else ""
         parts.append(f"{called(name)} {shown}{half} {unit}")

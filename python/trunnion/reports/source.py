@@ -110,7 +110,7 @@ class Source:
             if getattr(said, name)
         ]
         if self.setup is not None:
-            rows.append(("Chain of axes", self.setup.machine.preset))
+            rows.append(("Chain of axes", self.setup.machine.name))
         times = [t for one in self.data if (t := _span(one))]
         rows += [("Time of the readings", text) for text in times]
         rows += [

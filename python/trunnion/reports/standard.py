@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from trunnion.base.errors import DataError
 from trunnion.base.report import Result
 from trunnion.base.units import unit_of
@@ -12,6 +14,7 @@ from trunnion.data.ballbar import Ballbar
 from trunnion.data.iso230_4 import iso230_4
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
+from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.document import Item, Still
 from trunnion.reports.results import Figure
 
@@ -43,3 +46,12 @@ def figures_of(result: Any) -> list[Figure]:
 def drawn(result: Result) -> list[Item]:
     """Return the pictures of a result: interactive ones, or stills where there are no others."""
     return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
+
+
+def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:
+    """Return bars of location errors with U (k = 2), one picture a unit."""
+    units: dict[str, list[str]] = {}
+    for name in errors:
+        if np.isfinite(std.get(name, np.inf)):
+            units.setdefault(unit_of(name), []).append(name)
+    return [estimates_picture(names, errors, std, unit) for unit, names in units.items()]

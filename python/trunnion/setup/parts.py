@@ -12,15 +12,13 @@ key is an error.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-import trunnion._core as _core
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, entry, instance, named, positive, within
-from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.checks import choose, entry, instance, named
+from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
-from trunnion.base.units import unit_of
 from trunnion.setup.control import ControlSetup
 from trunnion.setup.fields import (
     COORDINATE,
@@ -30,12 +28,12 @@ from trunnion.setup.fields import (
     Number,
     Part,
     Section,
-    Sign,
     Vector,
     key,
     keys_of,
 )
-from trunnion.setup.names import canonical_error_name
+from trunnion.setup.machine import AxisSetup, Machine
+from trunnion.setup.machines import Description
 from trunnion.setup.report import ReportSetup
 from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
 
@@ -57,103 +55,8 @@ STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
 CERTIFICATE = ("calibration_um", "calibration_arcsec", "expansion_ppm_k", "temperature_std_k")
 """Keys that say how well an artefact of any kind is known."""
 
-MAX_ERROR = {"µm": 1e5, "arcsec": 648_000.0}
-"""Location errors beyond a tenth of a metre or half a turn are typos."""
-
 UNCERTAINTY = Number(0.0, 1e4)
-ANGLE = Number(-1e5, 1e5)
 SPEED = Number(1e-3, 1e7)
-
-
-@dataclass(frozen=True)
-class _Presets:
-    """A machine that the core knows."""
-
-    @property
-    def words(self) -> str:
-        return "one of " + ", ".join(_core.presets())
-
-    def __call__(self, what: str, value: Any) -> str:
-        return choose(what, value, _core.presets())
-
-
-@dataclass(frozen=True)
-class _LocationErrors:
-    """Location errors by name, in any spelling."""
-
-    words: str = "a table of location errors, µm and arcsec"
-    positive: bool = False
-
-    def __call__(self, what: str, value: Any) -> FrozenMapping[float]:
-        errors: dict[str, float] = {}
-        for spelling, size in named(what, value, self.words).items():
-            with entry(spelling):
-                name = _canonical(what, spelling)
-                if name in errors:
-                    raise InputError(f"{what}.{name}: got {spelling!r}, expected each error once")
-                limit = MAX_ERROR[unit_of(name)]
-                full = f"{what}.{name}"
-                if self.positive:
-                    positive(full, size)
-                errors[name] = within(full, size, -limit, limit, unit_of(name))
-        return FrozenMapping(errors)
-
-
-def _canonical(what: str, spelling: str) -> str:
-    try:
-        return canonical_error_name(spelling)
-    except UnknownNameError as error:
-        raise UnknownNameError(f"{what}: {error}") from None
-
-
-@dataclass(frozen=True)
-class Machine(Part):
-    """Chain of axes and what is known of its location errors (µm, arcsec; part of the model).
-
-    Results are totals that include the known errors. `tolerance`: of location errors by name, above
-    0; a diagnosis states biases in units of it.
-    """
-
-    table: ClassVar[str] = "machine"
-    preset: str = key("trt-ca", _Presets(), "chain of axes")
-    errors: Mapping[str, float] = key(FrozenMapping({}), _LocationErrors(), "errors known before")
-    tolerance: Mapping[str, float] = key(
-        FrozenMapping({}), _LocationErrors(positive=True), "tolerances of location errors"
-    )
-
-    def __post_init__(self) -> None:
-        """Check every field, and that the machine has these errors."""
-        super().__post_init__()
-        known = [name for name, _ in _core.Machine(self.preset, 1.0, []).location_errors]
-        for table in ("errors", "tolerance"):
-            for name in getattr(self, table):
-                with entry(table, name):
-                    choose(f"machine.{table} of {self.preset}", name, known)
-
-
-@dataclass(frozen=True)
-class AxisSetup(Part):
-    """One axis. `sense` -1: the control counts it against the right-handed turn of the table.
-
-    `point_mm` says where a rotary axis nominally is: any point of it at zero of all axes, in the
-    machine frame, whose origin is the centre of the table top, on the axis of the table. A
-    trunnion whose A axis lies 30 mm below the table top and 5 mm towards +Y has (0, 5, -30).
-
-    A plan or program with a move beyond `range_mm` (linear axes: the ball's centre in the machine
-    frame) or `range_deg` (rotary axes: as the control counts) is refused.
-    """
-
-    table: ClassVar[str] = "axes"
-    sense: int = key(1, Sign(), "-1: the control counts the axis the other way round")
-    point_mm: tuple[float, float, float] | None = key(
-        None, Vector(3, COORDINATE), "nominal point of a rotary axis; else through the origin"
-    )
-    range_mm: tuple[float, float] | None = key(
-        None, Vector(2, COORDINATE), "lowest and highest position of a linear axis, machine frame"
-    )
-    range_deg: tuple[float, float] | None = key(
-        None, Vector(2, ANGLE), "lowest and highest position of a rotary axis"
-    )
 
 
 @dataclass(frozen=True)
@@ -367,9 +270,7 @@ class Setup:
         for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
             instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
         object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
-        for axis, point in self.axis_points().items():
-            with entry("axes", axis, "point_mm"):
-                self._check_point(axis, point)
+        self._check_axes()
         for axis, made in self.axes.items():
             _check_range(axis, made)
         for name in PROCESS_TABLES:
@@ -390,14 +291,50 @@ class Setup:
         stated = {letter: axis.range_mm or axis.range_deg for letter, axis in self.axes.items()}
         return {letter: limits for letter, limits in stated.items() if limits is not None}
 
-    def _check_point(self, axis: str, point: tuple[float, float, float]) -> None:
-        """Refuse a point of an axis that cannot have one or is somewhere else."""
-        if axis in "XYZ":
-            raise InputError(
-                f"axes.{axis}.point_mm: got {list(point)}, expected none: only where a rotary axis "
-                "is matters"
-            )
-        _core.Machine(self.machine.preset, self.probe.length_mm, [], [(axis, point)])
+    def description(self) -> Description:
+        """Return where the axes of the machine are: its chain, and what ``[axes.X]`` says."""
+        known = self.machine.description()
+        stated = {k: a.direction for k, a in self.axes.items() if a.direction is not None}
+        return replace(
+            known,
+            directions={**known.directions, **stated},
+            points_mm={**known.points_mm, **self.axis_points()},
+        )
+
+    def _check_axes(self) -> None:
+        """Refuse axes that the machine has not, and what an axis cannot have."""
+        known = self.machine.description()
+        letters = known.core(1.0).letters
+        for axis, given in self.axes.items():
+            with entry("axes", axis):
+                if axis not in "XYZ" and axis not in letters:
+                    has = ", ".join("XYZ" + letters)
+                    raise InputError(
+                        f"axes.{axis}: got an axis that machine {self.machine.name} has not, "
+                        f"expected one of {has}"
+                    )
+            for name in ("direction", "point_mm"):
+                value = getattr(given, name)
+                with entry("axes", axis, name):
+                    if axis in "XYZ" and value is not None:
+                        raise InputError(
+                            f"axes.{axis}.{name}: got {list(value)}, expected none: linear axes "
+                            "are along X, Y, Z of the machine frame, wherever they are"
+                        )
+                    if axis in letters and value is not None:
+                        self._check_line(axis, name, value)
+        with entry("machine"):
+            self.machine.check_errors(self.description().core(self.probe.length_mm))
+
+    def _check_line(self, axis: str, name: str, value: tuple[float, float, float]) -> None:
+        """Let the core refuse the direction or, with its direction, the point of one axis."""
+        known = self.machine.description()
+        direction = self.axes[axis].direction
+        if direction is not None:
+            known = replace(known, directions={**known.directions, axis: direction})
+        if name == "point_mm":
+            known = replace(known, points_mm={**known.points_mm, axis: value})
+        known.core(self.probe.length_mm)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the tables of the file with plain values; empty ones left out."""

@@ -9,13 +9,13 @@ from typing import Any
 from trunnion.base.arguments import checked
 from trunnion.files.toml import TomlText
 from trunnion.setup.fields import Section, keys_of
+from trunnion.setup.machine import AxisSetup
 from trunnion.setup.parts import (
     AXES,
     DIMENSIONS,
     PARTS,
     PROCESS_TABLES,
     Artefact,
-    AxisSetup,
     Setup,
     TableSetup,
     names_of,

@@ -84,7 +84,7 @@ def headline_of(setup: Setup) -> str:
     size = " × ".join(f"{value:g}" for value in sizes)
     processes = [f"[{name}]" for name in PROCESSES if getattr(setup, name)]
     said = [
-        setup.machine.preset,
+        setup.machine.name,
         "no artefact" if kind == "none" else f"{kind} {size} mm",
         f"ball radius {setup.probe.ball_radius_mm:g} mm",
         *processes,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from trunnion._core import Program, turning_change, turning_correct
 from trunnion.base.arguments import checked
-from trunnion.base.checks import line
+from trunnion.base.checks import floats, line
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Flags, Floats
@@ -271,5 +271,12 @@ def _columns(
                 "the law of a diagnosis"
             )
         return np.array(readings.z_mm), np.array(readings.error_um)
-    z, error = (np.atleast_1d(np.asarray(column, dtype=float)) for column in readings)
+    z, error = (
+        np.atleast_1d(floats(f"readings[{i}]", column)) for i, column in enumerate(readings)
+    )
+    if z.ndim != 1 or z.shape != error.shape:
+        raise InputError(
+            f"readings: got z_mm of shape {z.shape} and error_um of shape {error.shape}, expected "
+            "(n,) both"
+        )
     return z, error

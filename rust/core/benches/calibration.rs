@@ -38,7 +38,7 @@ struct Paper {
 
 impl Paper {
     fn new() -> Outcome<Self> {
-        let machine = Machine::preset("trt-ca", 150.0)?;
+        let machine = Machine::of_code("[w C' A' b X Y Z t]", 150.0)?;
         let artefact = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
         let options = PlanOptions {
             clearance: 5.0,

@@ -44,7 +44,7 @@ fn coupling() -> Coupling {
 
 fn bench(criterion: &mut Criterion) {
     let path = path();
-    let machine = Machine::preset("trt-ca", 1.0).unwrap();
+    let machine = Machine::of_code("[w C' A' b X Y Z t]", 1.0).unwrap();
     let machine = FiveAxis::new(&machine, &Places::default()).unwrap();
     let feed = Feed {
         feed: 1000.0 * MM_PER_MIN,

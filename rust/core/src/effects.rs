@@ -11,7 +11,7 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 
 use crate::artefact::Artefact;
-use crate::machine::{Component, Machine, Place, Places};
+use crate::machine::{Component, Machine, Place, Places, Rotary};
 use crate::pose::Direction;
 use crate::units::Unit;
 use crate::{Error, Result};
@@ -221,10 +221,17 @@ pub fn catalogue(machine: &Machine, artefact: &Artefact) -> Vec<Effect> {
     dimensions(&mut entries, artefact);
     linear_axes(&mut entries);
     for (axis, rotary) in machine.rotary().iter().enumerate() {
-        match rotary.direction {
-            Direction::Z => turning_axis(&mut entries, axis),
-            tilt => tilting_axis(&mut entries, axis, tilt),
+        let motions = AxisMotions { axis, rotary: *rotary };
+        let letter = rotary.letter();
+        if rotary.about() == Direction::Z {
+            motions.add_positioning(&mut entries);
+        } else {
+            motions.add_tilting(&mut entries);
         }
+        if rotary.about() == Direction::Z || machine.carrier_of_work() == Some(axis) {
+            motions.add_turning(&mut entries);
+        }
+        rotary_backlash(&mut entries, axis, letter);
     }
     drift(&mut entries);
     entries.0
@@ -361,92 +368,151 @@ fn linear_axes(entries: &mut Catalogue) {
     }
 }
 
-/// Error motions of a rotary axis about Z (C): they act before the axis's own turn.
-fn turning_axis(entries: &mut Catalogue, axis: usize) {
-    use Direction::{X, Y, Z};
-    use Unit::{Arcsec, Um};
-    let owner = Owner::Machine;
-    let angle = move |t: &Circumstances| t.rotary[axis];
-    for (n, id, names) in [
-        (1.0, "c_positioning", [("a1_arcsec", Arcsec), ("b1_arcsec", Arcsec)]),
-        (2.0, "c_positioning_2", [("a2_arcsec", Arcsec), ("b2_arcsec", Arcsec)]),
-    ] {
-        let title = match id {
-            "c_positioning" => "positioning of C, once a turn",
-            _ => "positioning of C, twice a turn",
+/// Error motions of a rotary axis: they act before the axis's own turn, and an oblique axis has them
+/// in its own frame.
+#[derive(Clone, Copy)]
+struct AxisMotions {
+    axis: usize,
+    rotary: Rotary,
+}
+
+impl AxisMotions {
+    fn id(&self, what: &str) -> String {
+        format!("{}_{what}", self.rotary.letter().to_ascii_lowercase())
+    }
+
+    /// Where a unit of a component in the axis' own frame acts.
+    fn places(&self, component: Component) -> Vec<(Place, f64)> {
+        let Some(own) = self.rotary.own() else {
+            return vec![(Place::frame(self.axis, component), 1.0)];
         };
-        entries.add(id, title, owner, &names, move |t, a| {
-            let (sin, cos) = (n * angle(t)).sin_cos();
+        let (along, made): (_, fn(Direction) -> Component) = match component {
+            Component::Offset(along) => (along, Component::Offset),
+            Component::Tilt(about) => (about, Component::Tilt),
+        };
+        let column = own.column(along.index());
+        let each = Direction::ALL.into_iter();
+        each.map(|d| (Place::frame(self.axis, made(d)), column[d.index()])).collect()
+    }
+
+    /// The two directions square to the axis, in order X, Y, Z.
+    fn across(&self) -> [Direction; 2] {
+        use Direction::{X, Y, Z};
+        match self.rotary.about() {
+            X => [Y, Z],
+            Y => [X, Z],
+            Z => [X, Y],
+        }
+    }
+
+    /// Positioning of an axis about Z (C), once a turn.
+    fn add_positioning(&self, entries: &mut Catalogue) {
+        let (axis, letter) = (self.axis, self.rotary.letter());
+        let names = [("a1_arcsec", Unit::Arcsec), ("b1_arcsec", Unit::Arcsec)];
+        let title = format!("positioning of {letter}, once a turn");
+        entries.add(self.id("positioning"), title, Owner::Machine, &names, move |t, a| {
+            let (sin, cos) = t.rotary[axis].sin_cos();
             a.add(0, Place::turn(axis), cos - 1.0);
             a.add(1, Place::turn(axis), sin);
         });
     }
-    let pairs = |components: [Component; 2]| {
-        move |t: &Circumstances, a: &mut Action| {
+
+    /// Error motions of an axis that turns all round.
+    fn add_turning(&self, entries: &mut Catalogue) {
+        use Unit::{Arcsec, Um};
+        let (axis, letter, owner) = (self.axis, self.rotary.letter(), Owner::Machine);
+        let names = [("a2_arcsec", Arcsec), ("b2_arcsec", Arcsec)];
+        let title = format!("positioning of {letter}, twice a turn");
+        entries.add(self.id("positioning_2"), title, owner, &names, move |t, a| {
             let (sin, cos) = (2.0 * t.rotary[axis]).sin_cos();
-            for (i, component) in components.into_iter().enumerate() {
-                a.add(2 * i, Place::frame(axis, component), cos);
-                a.add(2 * i + 1, Place::frame(axis, component), sin);
+            a.add(0, Place::turn(axis), cos - 1.0);
+            a.add(1, Place::turn(axis), sin);
+        });
+        let pairs = |components: [Component; 2]| {
+            let places = components.map(|component| self.places(component));
+            move |t: &Circumstances, a: &mut Action| {
+                let (sin, cos) = (2.0 * t.rotary[axis]).sin_cos();
+                for (i, places) in places.iter().enumerate() {
+                    for &(place, part) in places {
+                        a.add(2 * i, place, part * cos);
+                        a.add(2 * i + 1, place, part * sin);
+                    }
+                }
             }
-        }
-    };
-    let radial = [("ax_um", Um), ("bx_um", Um), ("ay_um", Um), ("by_um", Um)];
-    let title = "radial error motion of C, twice a turn";
-    entries.add("c_radial_2", title, owner, &radial, pairs([offset(X), offset(Y)]));
-    for (n, id, names) in [
-        (1.0, "c_axial", [("a1_um", Um), ("b1_um", Um)]),
-        (2.0, "c_axial_2", [("a2_um", Um), ("b2_um", Um)]),
-    ] {
-        let title = match id {
-            "c_axial" => "axial error motion of C, once a turn",
-            _ => "axial error motion of C, twice a turn",
         };
-        entries.add(id, title, owner, &names, move |t, a| {
-            let (sin, cos) = (n * angle(t)).sin_cos();
-            a.add(0, Place::frame(axis, offset(Z)), cos);
-            a.add(1, Place::frame(axis, offset(Z)), sin);
+        let across = self.across();
+        let radial = across.map(|d| match d {
+            Direction::X => ["ax_um", "bx_um"],
+            Direction::Y => ["ay_um", "by_um"],
+            Direction::Z => ["az_um", "bz_um"],
+        });
+        let radial = radial.concat().into_iter().map(|name| (name, Um)).collect::<Vec<_>>();
+        let title = format!("radial error motion of {letter}, twice a turn");
+        entries.add(self.id("radial_2"), title, owner, &radial, pairs(across.map(offset)));
+        let along = offset(self.rotary.about());
+        for (n, what, words, names) in [
+            (1.0, "axial", "once", [("a1_um", Um), ("b1_um", Um)]),
+            (2.0, "axial_2", "twice", [("a2_um", Um), ("b2_um", Um)]),
+        ] {
+            let title = format!("axial error motion of {letter}, {words} a turn");
+            let places = self.places(along);
+            entries.add(self.id(what), title, owner, &names, move |t, a| {
+                let (sin, cos) = (n * t.rotary[axis]).sin_cos();
+                for &(place, part) in &places {
+                    a.add(0, place, part * cos);
+                    a.add(1, place, part * sin);
+                }
+            });
+        }
+        let wobble = across.map(|d| match d {
+            Direction::X => ["ax_arcsec", "bx_arcsec"],
+            Direction::Y => ["ay_arcsec", "by_arcsec"],
+            Direction::Z => ["az_arcsec", "bz_arcsec"],
+        });
+        let wobble = wobble.concat().into_iter().map(|name| (name, Arcsec)).collect::<Vec<_>>();
+        let title = format!("tilt error motion of {letter}, twice a turn");
+        entries.add(self.id("wobble_2"), title, owner, &wobble, pairs(across.map(tilt)));
+    }
+
+    /// Error motions of an axis about X (A) or Y (B), which gravity loads.
+    fn add_tilting(&self, entries: &mut Catalogue) {
+        use Unit::{Arcsec, Um};
+        let (axis, letter, owner) = (self.axis, self.rotary.letter(), Owner::Machine);
+        let turn = Place::turn(axis);
+        let angle = move |t: &Circumstances| t.rotary[axis];
+        let k = [("k_arcsec", Arcsec)];
+        let title = format!("positioning of {letter}");
+        entries.add(self.id("positioning"), title, owner, &k, move |t, a| {
+            a.add(0, turn, angle(t).sin());
+        });
+        let title = format!("scale of the {letter} axis");
+        entries.add(self.id("scale"), title, owner, &k, move |t, a| {
+            a.add(0, turn, angle(t) / FRAC_PI_2);
+        });
+        // The direction across: Y for A, X for B, in the plane that the tilting table sags in.
+        let [level, up] = self.across();
+        let names = match level {
+            Direction::X => [("kx_um", Um), ("kz_um", Um)],
+            _ => [("ky_um", Um), ("kz_um", Um)],
+        };
+        let title = format!("sag of the {letter} axis");
+        let places = [level, up].map(|d| self.places(offset(d)));
+        entries.add(self.id("sag"), title, owner, &names, move |t, a| {
+            for &(place, part) in &places[0] {
+                a.add(0, place, part * angle(t).sin());
+            }
+            for &(place, part) in &places[1] {
+                a.add(1, place, part * (angle(t).cos() - 1.0));
+            }
+        });
+        let title = format!("twist of the {letter} axis");
+        let places = self.places(tilt(level));
+        entries.add(self.id("twist"), title, owner, &k, move |t, a| {
+            for &(place, part) in &places {
+                a.add(0, place, part * angle(t).sin());
+            }
         });
     }
-    let wobble = [
-        ("ax_arcsec", Arcsec),
-        ("bx_arcsec", Arcsec),
-        ("ay_arcsec", Arcsec),
-        ("by_arcsec", Arcsec),
-    ];
-    let title = "tilt error motion of C, twice a turn";
-    entries.add("c_wobble_2", title, owner, &wobble, pairs([tilt(X), tilt(Y)]));
-    rotary_backlash(entries, axis, 'C');
-}
-
-/// Error motions of a rotary axis about X (A) or Y (B).
-fn tilting_axis(entries: &mut Catalogue, axis: usize, about: Direction) {
-    use Direction::{X, Y, Z};
-    use Unit::{Arcsec, Um};
-    let owner = Owner::Machine;
-    let letter = about.turn_letter();
-    let id = |what: &str| format!("{}_{what}", letter.to_ascii_lowercase());
-    let turn = Place::turn(axis);
-    let angle = move |t: &Circumstances| t.rotary[axis];
-    let k = [("k_arcsec", Arcsec)];
-    entries.add(id("positioning"), format!("positioning of {letter}"), owner, &k, move |t, a| {
-        a.add(0, turn, angle(t).sin());
-    });
-    entries.add(id("scale"), format!("scale of the {letter} axis"), owner, &k, move |t, a| {
-        a.add(0, turn, angle(t) / FRAC_PI_2);
-    });
-    // The direction across: Y for A, X for B, in the plane that the tilting table sags in.
-    let (across, names) = match about {
-        Y => (X, [("kx_um", Um), ("kz_um", Um)]),
-        X | Z => (Y, [("ky_um", Um), ("kz_um", Um)]),
-    };
-    entries.add(id("sag"), format!("sag of the {letter} axis"), owner, &names, move |t, a| {
-        a.add(0, Place::frame(axis, offset(across)), angle(t).sin());
-        a.add(1, Place::frame(axis, offset(Z)), angle(t).cos() - 1.0);
-    });
-    entries.add(id("twist"), format!("twist of the {letter} axis"), owner, &k, move |t, a| {
-        a.add(0, Place::frame(axis, tilt(across)), angle(t).sin());
-    });
-    rotary_backlash(entries, axis, letter);
 }
 
 fn rotary_backlash(entries: &mut Catalogue, axis: usize, letter: char) {

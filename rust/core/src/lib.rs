@@ -18,7 +18,7 @@
 //! use trunnion_core::touch::TouchModel;
 //!
 //! # fn main() -> trunnion_core::Result<()> {
-//! let machine = Machine::preset("trt-ca", 150.0)?;
+//! let machine = Machine::of_code("[w C' A' b X Y Z t]", 150.0)?;
 //! let cross = Artefact::of("cross", &[100.0, 25.0, 25.0])?;
 //! let model = TouchModel::new(machine, cross, Probe::new(1.0, 0.0)?, vec![]);
 //! // The end of the +X arm, recorded where the nominal artefact is: x = 50 mm + ball radius.

@@ -89,7 +89,7 @@ pub fn nearest(value: f64) -> f64 {
 /// R(α, β, γ) = Rx(α) Ry(β) Rz(γ), angles in rad.
 #[must_use]
 pub fn rotation_xyz(alpha: f64, beta: f64, gamma: f64) -> Matrix3<f64> {
-    let ((sa, ca), (sb, cb), (sg, cg)) = (alpha.sin_cos(), beta.sin_cos(), gamma.sin_cos());
+    let ((sa, ca), (sb, cb), (sg, cg)) = (sin_cos(alpha), sin_cos(beta), sin_cos(gamma));
     Matrix3::new(
         cb * cg,
         -cb * sg,

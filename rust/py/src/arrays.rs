@@ -135,6 +135,11 @@ fn of_width<'a>(
     Ok(view.to_slice().map_or_else(|| view.iter().copied().collect(), Cow::Borrowed))
 }
 
+/// Rows of an (n, `columns`) array, of which there may be none: rows of machines without rotary axes.
+pub fn each_row(values: &[f64], columns: usize, n: usize) -> impl Iterator<Item = &[f64]> {
+    (0..n).map(move |row| values.get(columns * row..columns * (row + 1)).unwrap_or_default())
+}
+
 /// Numbers that come out are numbers: input beyond double precision is refused here.
 fn no_nan(values: &[f64]) -> PyResult<()> {
     if values.iter().any(|value| value.is_nan()) {
@@ -153,6 +158,19 @@ pub fn matrix<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     no_nan(&values)?;
     matrix_with_gaps(py, values, columns)
+}
+
+/// The same with `n` rows, of which each may be empty.
+pub fn matrix_of<'py>(
+    py: Python<'py>,
+    values: Vec<f64>,
+    n: usize,
+    columns: usize,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    no_nan(&values)?;
+    Array2::from_shape_vec((n, columns), values)
+        .map(|array| array.into_pyarray(py))
+        .map_err(|error| pyo3::exceptions::PyRuntimeError::new_err(error.to_string()))
 }
 
 /// The same, in which rows of samples that failed are nan.

@@ -57,9 +57,11 @@ impl MachineModel {
         self.inner.machine().rotary().len()
     }
 
-    fn rotary(&self, rotary_deg: &PyReadonlyArray2<'_, f64>) -> PyResult<Vec<f64>> {
+    /// Rows of rotary positions, rad.
+    fn rotary(&self, rotary_deg: &PyReadonlyArray2<'_, f64>) -> PyResult<RotaryRows> {
         let rotary = rows("rotary positions", rotary_deg, self.axes())?;
-        Ok(rotary.iter().map(|angle| angle * DEG).collect())
+        let values = rotary.iter().map(|angle| angle * DEG).collect();
+        Ok(RotaryRows { values, axes: self.axes(), count: rotary_deg.as_array().nrows() })
     }
 
     /// Does `each` with machine and control at every row of rotary positions.
@@ -67,7 +69,7 @@ impl MachineModel {
         &self,
         control: &Self,
         zeros_arcsec: &[f64],
-        rotary: &[f64],
+        rotary: &RotaryRows,
         each: impl Fn(&ControlledPose) -> T,
     ) -> Result<Vec<T>> {
         let mut zeros = [0.0; MAX_ROTARY];
@@ -75,8 +77,21 @@ impl MachineModel {
             *slot = zero * ARCSEC;
         }
         let control = Control { model: control.inner.clone(), zeros };
-        let poses = rotary.chunks_exact(self.axes());
+        let poses = (0..rotary.count).map(|row| rotary.row(row));
         poses.map(|angles| Ok(each(&ControlledPose::new(&self.inner, &control, angles)?))).collect()
+    }
+}
+
+/// Rows of rotary positions, which are empty on a machine without rotary axes.
+struct RotaryRows {
+    values: Vec<f64>,
+    axes: usize,
+    count: usize,
+}
+
+impl RotaryRows {
+    fn row(&self, row: usize) -> &[f64] {
+        &self.values[self.axes * row..self.axes * (row + 1)]
     }
 }
 
@@ -183,12 +198,12 @@ impl MachineModel {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let points = rows("tool points", &points_mm, 3)?;
         let rotary = self.rotary(&rotary_deg)?;
-        let axes = self.axes();
         let solved = py.detach(|| {
             with_threads(threads, || -> Result<Vec<[f64; 3]>> {
-                let poses = points.par_chunks_exact(3).zip(rotary.par_chunks_exact(axes));
+                let poses = points.par_chunks_exact(3).zip(0..rotary.count);
                 poses
-                    .map(|(p, q)| {
+                    .map(|(p, row)| {
+                        let q = rotary.row(row);
                         let point = Vector3::new(p[0], p[1], p[2]);
                         self.inner.linear_commands(&point, q).map(Into::into)
                     })
@@ -213,9 +228,10 @@ impl MachineModel {
         let axes = self.axes();
         let solved = py.detach(|| {
             with_threads(threads, || -> Result<Vec<Commands>> {
-                let poses = points.par_chunks_exact(3).zip(rotary.par_chunks_exact(axes));
+                let poses = points.par_chunks_exact(3).zip(0..rotary.count);
                 poses
-                    .map(|(p, q)| {
+                    .map(|(p, row)| {
+                        let q = rotary.row(row);
                         let point = Vector3::new(p[0], p[1], p[2]);
                         self.inner.commands(&point, q, largest_turn_deg * DEG)
                     })

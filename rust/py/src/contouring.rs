@@ -9,19 +9,17 @@ use trunnion_core::contouring::{
     Axis, Case, Coupling, Feedback, Gains, Order, OrientationModel, Path, Piece, PositionModel,
     Reference, Simulation, responses, samples, sweep,
 };
-use trunnion_core::machine::{FiveAxis, Machine};
+use trunnion_core::machine::FiveAxis;
 
 use crate::arrays::{array, finite, matrix, rows, rows_with_limits, vector, vector_with_limits};
 use crate::errors::{IntoPy, to_py};
+use crate::machine::Machine;
 use crate::names::choice;
 use crate::threads::in_pieces;
 use crate::user_units::contouring::{
     AXIS_FIELDS, FIGURES, axis, columns, feed, figures, position_unit,
 };
-use crate::user_units::places;
 
-/// Location errors by ISO name, µm and arcsec.
-type Errors = Vec<(String, f64)>;
 /// Contour-error model, orientation-error model, gains (5, 3), order.
 type CouplingArgs<'py> = (String, String, PyReadonlyArray2<'py, f64>, String);
 /// Feed mm/min, acceleration time s, decelerate, normal acceleration mm/s², dwell s.
@@ -106,11 +104,8 @@ impl ContourPath {
     }
 }
 
-fn machine(errors: &Errors) -> PyResult<FiveAxis> {
-    // The length of a tool matters to a head only.
-    let chain = Machine::preset("trt-ca", 1.0).into_py()?;
-    let places = places(&chain, errors).into_py()?;
-    FiveAxis::new(&chain, &places).into_py()
+fn machine(machine: &Machine) -> PyResult<FiveAxis> {
+    FiveAxis::new(&machine.inner, &machine.places).into_py()
 }
 
 fn feedback(name: &str) -> PyResult<Feedback> {
@@ -179,8 +174,8 @@ pub fn contour_simulate<'py>(
     axes: PyReadonlyArray2<'py, f64>,
     feedback: &str,
     coupling: Option<CouplingArgs<'py>>,
-    assumed: Errors,
-    real: Errors,
+    assumed: PyRef<'py, Machine>,
+    real: PyRef<'py, Machine>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let axes = five_axes(&axes, 1)?[0];
     let feedback = self::feedback(feedback)?;
@@ -227,8 +222,8 @@ pub fn contour_sweep<'py>(
     feedback: &str,
     couplings: Vec<Option<CouplingArgs<'py>>>,
     coupling_index: Vec<usize>,
-    assumed: Errors,
-    real: Errors,
+    assumed: PyRef<'py, Machine>,
+    real: PyRef<'py, Machine>,
 ) -> PyResult<(Vec<&'static str>, Bound<'py, PyArray2<f64>>)> {
     let axes = five_axes(&axes, path_index.len())?;
     let feedback = self::feedback(feedback)?;
@@ -300,7 +295,7 @@ pub fn contour_path_margins<'py>(
     axes: PyReadonlyArray2<'py, f64>,
     gains: PyReadonlyArray2<'py, f64>,
     #[pyo3(from_py_with = finite)] period_s: f64,
-    assumed: Errors,
+    assumed: PyRef<'py, Machine>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let axes = five_axes(&axes, 1)?[0];
     let gains = self::gains(&gains)?;

@@ -45,7 +45,7 @@ mod _core {
     #[pymodule_export]
     use crate::compensation::{MachineModel, field_at, field_on_grid, field_statistics};
     #[pymodule_export]
-    use crate::machine::{Machine, presets};
+    use crate::machine::Machine;
     #[pymodule_export]
     use crate::plan::Arrangement;
     #[pymodule_export]

@@ -3,7 +3,6 @@
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use rayon::prelude::*;
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
@@ -11,7 +10,7 @@ use trunnion_core::machine::{self, MAX_ROTARY, Places};
 use trunnion_core::units::{DEG, Unit};
 use trunnion_core::{Error, Result};
 
-use crate::arrays::{matrix, rows, vector};
+use crate::arrays::{each_row, matrix, rows, vector};
 use crate::errors::IntoPy;
 use crate::user_units::places;
 
@@ -54,17 +53,39 @@ fn at_row(row: usize) -> impl Fn(Error) -> Error {
 #[pymethods]
 impl Machine {
     #[new]
-    #[pyo3(signature = (preset, tool_length_mm, errors, points_mm=Vec::new()))]
+    #[pyo3(signature = (
+        chain, tool_length_mm, errors, *, directions=Vec::new(), points_mm=Vec::new(),
+        table_normal=[0.0, 0.0, 1.0]
+    ))]
     fn new(
-        preset: &str,
+        chain: &str,
         tool_length_mm: f64,
         errors: Vec<(String, f64)>,
+        directions: Vec<(char, [f64; 3])>,
         points_mm: Vec<(char, [f64; 3])>,
+        table_normal: [f64; 3],
     ) -> PyResult<Self> {
-        let inner = machine::Machine::preset(preset, tool_length_mm).into_py()?;
-        let inner = inner.through(&points_mm).into_py()?;
+        let mut letters: Vec<char> =
+            directions.iter().chain(&points_mm).map(|(letter, _)| *letter).collect();
+        letters.sort_unstable();
+        letters.dedup();
+        let of = |values: &[(char, [f64; 3])], letter: char| {
+            values.iter().find(|(other, _)| *other == letter).map(|(_, value)| *value)
+        };
+        let lines = letters.into_iter().map(|letter| {
+            let (direction, point) = (of(&directions, letter), of(&points_mm, letter));
+            (letter, machine::Line { direction, point })
+        });
+        let lines: Vec<_> = lines.collect();
+        let inner = machine::Machine::new(chain, tool_length_mm, &lines).into_py()?;
+        let inner = inner.topped(table_normal).into_py()?;
         let places = places(&inner, &errors).into_py()?;
         Ok(Self { inner, places })
+    }
+
+    #[getter]
+    fn chain(&self) -> &str {
+        self.inner.code()
     }
 
     #[getter]
@@ -72,10 +93,39 @@ impl Machine {
         self.inner.rotary().iter().map(machine::Rotary::letter).collect()
     }
 
+    /// "table" or "head" for each rotary axis.
+    #[getter]
+    fn sides(&self) -> Vec<&'static str> {
+        let side = |axis: &machine::Rotary| match axis.side {
+            machine::Side::Workpiece => "table",
+            machine::Side::Tool => "head",
+        };
+        self.inner.rotary().iter().map(side).collect()
+    }
+
+    /// Letters of the axis that turns the workpiece against the tool and of the one that tilts it.
+    #[getter]
+    fn roles(&self) -> (Option<char>, Option<char>) {
+        let letter = |axis: usize| self.inner.rotary()[axis].letter();
+        (self.inner.turning_axis().map(letter), self.inner.tilting_axis().map(letter))
+    }
+
+    /// Position of the tilting axis at which the table top looks to the spindle, degrees.
+    #[getter]
+    fn level_deg(&self) -> f64 {
+        self.inner.level() / DEG
+    }
+
     #[getter]
     fn location_errors(&self) -> Vec<(String, &'static str)> {
         let errors = self.inner.location_errors();
         errors.iter().map(|error| (error.name(), error.unit().symbol())).collect()
+    }
+
+    /// Components that are no location errors, and why.
+    #[getter]
+    fn redundant_errors(&self) -> Vec<(String, String)> {
+        self.inner.redundant_errors()
     }
 
     fn forward<'py>(
@@ -183,7 +233,7 @@ impl Machine {
         let solved = py.detach(|| -> Result<Vec<f64>> {
             let mut all = Vec::with_capacity(points.len());
             for (i, (point, angles)) in
-                points.chunks_exact(3).zip(rotary.chunks_exact(axes)).enumerate()
+                points.chunks_exact(3).zip(each_row(&rotary, axes, points.len() / 3)).enumerate()
             {
                 let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
                 let point = Vector3::new(point[0], point[1], point[2]);
@@ -203,8 +253,9 @@ impl Machine {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let axes = self.inner.rotary().len();
         let rotary = rows("rotary positions", &rotary_deg, axes)?;
-        let mut all = Vec::with_capacity(rotary.len() / axes.max(1) * 12);
-        for angles in rotary.chunks_exact(axes) {
+        let count = rotary_deg.as_array().nrows();
+        let mut all = Vec::with_capacity(count * 12);
+        for angles in each_row(&rotary, axes, count) {
             let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
             let posture = machine::Posture::new(&self.inner, &angles, &self.places);
             for i in 0..3 {
@@ -214,28 +265,4 @@ impl Machine {
         }
         matrix(py, all, 12)
     }
-}
-
-/// A machine that comes with the project: letters of its rotary axes, the side of each ("table",
-/// "head"), and its location errors with units.
-type Preset = (String, Vec<&'static str>, Vec<(String, &'static str)>);
-
-/// The machines that come with the project, by name.
-#[pyfunction]
-pub fn presets(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
-    let all = PyDict::new(py);
-    for preset in machine::PRESETS {
-        let machine = machine::Machine::preset(preset.name, 1.0).into_py()?;
-        let letters = machine.rotary().iter().map(machine::Rotary::letter).collect();
-        let side = |axis: &machine::Rotary| match axis.side {
-            machine::Side::Workpiece => "table",
-            machine::Side::Tool => "head",
-        };
-        let sides = machine.rotary().iter().map(side).collect();
-        let errors = machine.location_errors();
-        let errors = errors.iter().map(|error| (error.name(), error.unit().symbol())).collect();
-        let entry: Preset = (letters, sides, errors);
-        all.set_item(preset.name, entry)?;
-    }
-    Ok(all)
 }

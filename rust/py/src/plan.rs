@@ -11,7 +11,7 @@ use trunnion_core::plan::collision::Stylus;
 use trunnion_core::plan::{PlanOptions, PlanRequest, PlannedTouch};
 use trunnion_core::units::{ARCSEC, DEG, MM_PER_MIN, UM};
 
-use crate::arrays::{array, finite, matrix, rows};
+use crate::arrays::{array, each_row, finite, matrix, matrix_of, rows};
 use crate::artefact::Artefact;
 use crate::errors::IntoPy;
 use crate::machine::Machine;
@@ -69,13 +69,13 @@ impl Arrangement {
 
     /// Touches of a plan; angles in degrees, resolutions in µm and arcsec, feeds in mm/min.
     #[pyo3(signature = (
-        *, c_deg, tilt_deg, pairs_deg, feeds_mm_min, both_senses, repeats, linear_um, rotary_arcsec,
+        *, turn_deg, tilt_deg, pairs_deg, feeds_mm_min, both_senses, repeats, linear_um, rotary_arcsec,
         layout, all_faces
     ))]
     fn plan<'py>(
         &self,
         py: Python<'py>,
-        #[pyo3(from_py_with = finite)] c_deg: Vec<f64>,
+        #[pyo3(from_py_with = finite)] turn_deg: Vec<f64>,
         #[pyo3(from_py_with = finite)] tilt_deg: Vec<f64>,
         pairs_deg: Vec<(f64, f64)>,
         #[pyo3(from_py_with = finite)] feeds_mm_min: Vec<f64>,
@@ -93,7 +93,7 @@ impl Arrangement {
         };
         let degrees = |values: Vec<f64>| values.into_iter().map(|v| v * DEG).collect();
         let request = PlanRequest {
-            turning: degrees(c_deg),
+            turning: degrees(turn_deg),
             tilting: degrees(tilt_deg),
             pairs: pairs_deg.into_iter().map(|(a, c)| (a * DEG, c * DEG)).collect(),
             feeds: feeds_mm_min.into_iter().map(|feed| feed * MM_PER_MIN).collect(),
@@ -121,7 +121,7 @@ impl Arrangement {
     ) -> PyResult<(f64, Bound<'py, PyArray1<f64>>)> {
         let axes = self.inner.machine.rotary().len();
         let rotary = rows("rotary positions", &rotary_deg, axes)?;
-        let levels = rotary.chunks_exact(axes).map(|angles| {
+        let levels = each_row(&rotary, axes, rotary_deg.as_array().nrows()).map(|angles| {
             let angles: Vec<f64> = angles.iter().map(|angle| angle * DEG).collect();
             self.inner.safe_level(&angles, self.above())
         });
@@ -154,8 +154,9 @@ fn columns<'py>(
     };
     let angles = |t: &PlannedTouch| t.rotary[..axes].iter().map(|v| v / DEG).collect();
     let result = PyDict::new(py);
-    result.set_item("rotary_deg", matrix(py, columns(&angles), axes)?)?;
-    result.set_item("sense", matrix(py, columns(&|t| t.sense[..axes].to_vec()), axes)?)?;
+    result.set_item("rotary_deg", matrix_of(py, columns(&angles), touches.len(), axes)?)?;
+    let senses = columns(&|t| t.sense[..axes].to_vec());
+    result.set_item("sense", matrix_of(py, senses, touches.len(), axes)?)?;
     let xyz = |v: &Vector3<f64>| v.iter().copied().collect();
     result.set_item("contact_mm", matrix(py, columns(&|t| xyz(&t.contact)), 3)?)?;
     result.set_item("start_mm", matrix(py, columns(&|t| xyz(&t.start)), 3)?)?;

@@ -42,13 +42,17 @@ fn need_name(machine: &Machine, need: Need) -> String {
 
 /// Every effect that can act on touches of this artefact on this machine.
 #[pyfunction]
-pub fn catalogue(preset: &str, kind: &str, dimensions: Vec<f64>) -> PyResult<Vec<Entry>> {
-    let machine = Machine::preset(preset, 1.0).into_py()?;
+pub fn catalogue(
+    machine: &crate::machine::Machine,
+    kind: &str,
+    dimensions: Vec<f64>,
+) -> PyResult<Vec<Entry>> {
+    let machine = &machine.inner;
     let artefact = Artefact::of(kind, &dimensions).into_py()?;
-    let entries = effects::catalogue(&machine, &artefact).into_iter().map(|effect| {
+    let entries = effects::catalogue(machine, &artefact).into_iter().map(|effect| {
         let parameters = effect.parameters.iter();
         let parameters = parameters.map(|p| (p.name, p.unit.symbol(), kind_name(p.kind))).collect();
-        let needs = effect.needs.iter().map(|need| need_name(&machine, *need)).collect();
+        let needs = effect.needs.iter().map(|need| need_name(machine, *need)).collect();
         (effect.id, effect.title, effect.owner.word(), parameters, needs)
     });
     Ok(entries.collect())

@@ -30,6 +30,7 @@ from trunnion.controls.linuxcnc.present import Present, read_present
 from trunnion.controls.linuxcnc.sign_test import sign_test
 from trunnion.controls.linuxcnc.stock import STOCK, stock
 from trunnion.controls.screws import table_letters
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 NAME = "trunnionkins"
@@ -80,7 +81,7 @@ def linuxcnc_files(
     made = _component(setup, known, now) if own else stock(setup, known, now)
     return control_files(
         setup, estimate, known,
-        f"LinuxCNC with {NAME if own else STOCK[setup.machine.preset]}",
+        f"LinuxCNC with {NAME if own else STOCK[Chain(setup).letters]}",
         {**made.files, "sign_test.ngc": sign_test(setup)},
         made.settings, made.held, left_out=made.left_out, reasons=made.reasons, notes=made.notes,
         between=made.between, seed=seed,

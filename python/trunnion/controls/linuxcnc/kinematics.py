@@ -64,7 +64,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     words = {
         "NAME": name,
         "VERSION": _core.__version__,
-        "MACHINE": setup.machine.preset,
+        "MACHINE": setup.machine.name,
         "COORDINATES": " ".join("XYZ" + letters),
         "AXES": str(len(letters)),
         "CONVENTIONAL": str(int(conventional)),

@@ -17,7 +17,7 @@ from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
-STOCK = {"trt-ca": "xyzac-trt-kins", "trt-bc": "xyzbc-trt-kins"}
+STOCK = {"AC": "xyzac-trt-kins", "BC": "xyzbc-trt-kins"}
 
 
 def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
@@ -28,7 +28,7 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     Raises InputError: rotary axes that count in different senses.
     """
     letters = table_letters(setup, "LinuxCNC kinematics")
-    kins = STOCK[setup.machine.preset]
+    kins = STOCK[letters]
     found = cnc_parameters(setup, known)
     shift = found.centres_um
     tilt = letters[0]

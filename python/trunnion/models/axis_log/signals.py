@@ -348,7 +348,7 @@ class ToolTip:
         if sorted(letter.lower() for letter in letters) != sorted(log.axes):
             raise InputError(
                 f"tool tip in the log: got axes {', '.join(log.axes).upper()}, expected "
-                f"{', '.join(letters)} (machine {setup.machine.preset})"
+                f"{', '.join(letters)} (machine {setup.machine.name})"
             )
         measured = [np.asarray(log.extra[name], dtype=np.float64) for name in TIP_COLUMNS]
         linear = np.stack([log.actual(x) for x in "xyz"], axis=1) * chain.linear_senses()

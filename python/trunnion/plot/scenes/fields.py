@@ -28,6 +28,7 @@ from trunnion.plot.scenes.view import (
     titled,
 )
 from trunnion.plot.style import MUTED
+from trunnion.plot.volumetric import vectors_at
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -35,20 +36,6 @@ if TYPE_CHECKING:
 MAX_ALONG = 7
 """Nodes an axis that are drawn."""
 MAX_POINTS = 2000
-
-
-def section(field: VolumetricError, pose: Mapping[str, float] | None) -> tuple[Floats, str]:
-    """Return the field (nx, ny, nz, 3) at the pose nearest to one (the worst), and its words."""
-    expected = field.worst_pose_deg if pose is None else {k.upper(): v for k, v in pose.items()}
-    index = {
-        letter: int(np.argmin(np.abs(nodes - expected.get(letter, nodes[0]))))
-        for letter, nodes in field.rotary_deg.items()
-    }
-    whole = field.field_um.reshape(
-        *(len(n) for n in field.rotary_deg.values()), *field.grid_shape, 3
-    )
-    said = ", ".join(f"{k} = {field.rotary_deg[k][i]:g}°" for k, i in index.items())
-    return whole[tuple(index.values())], said
 
 
 def volume_figure(
@@ -69,7 +56,7 @@ def volume_figure(
     if len(given) != len(fields):
         raise InputError(f"names: got {len(given)}, expected one a field, {len(fields)}")
     pose = fields[0].worst_pose_deg if pose is None else pose
-    largest = max(float(np.linalg.norm(section(f, pose)[0], axis=-1).max()) for f in fields)
+    largest = max(float(np.linalg.norm(vectors_at(f, pose)[0], axis=-1).max()) for f in fields)
     nodes = [np.asarray(n) for n in (fields[0].x_mm, fields[0].y_mm, fields[0].z_mm)]
     low = np.array([n.min() for n in nodes])
     size = float(np.linalg.norm([np.ptp(n) for n in nodes])) or 1.0
@@ -80,7 +67,7 @@ def volume_figure(
     bar, said = scale_bar(low - [0.0, 0.12 * size, 0.0], scale, largest)
     for k, (field, name) in enumerate(zip(fields, given, strict=True)):
         scene = f"scene{k + 1 if k else ''}"
-        values, at = section(field, pose)
+        values, at = vectors_at(field, pose)
         shown = _volume(field, values, scale, size) + bar
         data += [{**trace, "scene": scene} for trace in shown]
         left, right = k / len(fields), (k + 1) / len(fields)

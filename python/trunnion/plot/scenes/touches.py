@@ -34,7 +34,7 @@ MAX_POSTURES = 24
 def machine_view(setup: Setup, at: Posture) -> View:
     """Return the machine in a posture: table, artefact, rotary and linear axes."""
     reach = 1.4 * setup.table.radius_mm
-    view = View(titled(f"Machine {setup.machine.preset}, {at.label}", _standing(setup)), zoom=1.1)
+    view = View(titled(f"Machine {setup.machine.name}, {at.label}", _standing(setup)), zoom=1.1)
     view.add(machine_traces(setup, at))
     view.add(linear_traces(np.array([-reach, -reach, -reach]), 0.3 * reach))
     return view

@@ -10,7 +10,7 @@ mod sphere;
 
 use nalgebra::Vector3;
 
-use crate::machine::{Component, Place, Places};
+use crate::machine::{Component, Machine, Place, Places};
 use crate::pose::{Direction, Pose};
 use crate::units::Unit;
 use crate::{Error, Result};
@@ -48,12 +48,16 @@ pub struct Fixture {
 
 impl Fixture {
     /// Adds the nominal place and turn of the artefact on the table to the places of a machine.
-    pub fn add_to(&self, places: &mut Places) {
+    pub fn add_to(&self, machine: &Machine, places: &mut Places) {
+        let place = machine.top_rotation() * self.place;
         for along in Direction::ALL {
-            let place = Place::placement(Component::Offset(along));
-            places.add(place, self.place[along.index()]);
+            let target = Place::placement(Component::Offset(along));
+            places.add(target, place[along.index()]);
         }
-        places.add(Place::placement(Component::Tilt(Direction::Z)), self.turn);
+        let [alpha, beta] = *machine.top();
+        for (about, tilt) in Direction::ALL.into_iter().zip([alpha, beta, self.turn]) {
+            places.add(Place::placement(Component::Tilt(about)), tilt);
+        }
     }
 }
 

@@ -353,7 +353,7 @@ impl<'a> ControlledPose<'a> {
                 Side::Workpiece => Vector3::zeros(),
                 Side::Tool => {
                     let joint = &self.nominal.joints[axis];
-                    linear(&self.places) * joint.turn.cross(&self.nominal.tool)
+                    linear(&self.places) * joint.turn.cross(&(self.nominal.tool - joint.origin))
                 }
             };
             turn.shifted(&spare)
@@ -414,7 +414,7 @@ mod tests {
     ];
 
     fn model(errors: &[(&str, f64)]) -> Model {
-        let mut model = Model::nominal(Machine::preset("trt-ca", 150.0).unwrap());
+        let mut model = Model::nominal(Machine::of_code("[w C' A' b X Y Z t]", 150.0).unwrap());
         for (name, value) in errors {
             let error = model.machine().location_error(name).unwrap();
             model.add_error(&error, value * error.unit().to_internal()).unwrap();
@@ -436,7 +436,7 @@ mod tests {
 
     #[test]
     fn errors_set_at_once_are_those_added_by_name() {
-        let machine = Machine::preset("trt-ca", 150.0).unwrap();
+        let machine = Machine::of_code("[w C' A' b X Y Z t]", 150.0).unwrap();
         let named = |name: &str| TABLE_2.iter().find(|(given, _)| *given == name).unwrap().1;
         let amounts: Vec<f64> = machine
             .location_errors()
@@ -484,7 +484,7 @@ mod tests {
 
     #[test]
     fn only_effects_of_the_machine_are_taken() {
-        let machine = Machine::preset("trt-ca", 150.0).unwrap();
+        let machine = Machine::of_code("[w C' A' b X Y Z t]", 150.0).unwrap();
         let artefact = crate::artefact::Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let catalogue = crate::effects::catalogue(&machine, &artefact);
         let mut model = Model::nominal(machine);

@@ -10,9 +10,10 @@ use nalgebra::{Matrix3, SimdComplexField, SimdPartialOrd, SimdValue, Vector3};
 use simba::simd::WideF64x4;
 
 use super::kinematics::MAX_AXES;
+use super::links::{Link, Links};
 use super::posture::linear;
 use super::{Machine, Places, Side};
-use crate::pose::{Direction, rotation_xyz};
+use crate::pose::{Direction, Pose};
 
 type Lanes = WideF64x4;
 
@@ -27,32 +28,59 @@ fn all(value: f64) -> Lanes {
     Lanes::splat(value)
 }
 
-/// A rotary axis with its errors: p ↦ offset + R Turn(position + turn) p.
+/// p ↦ rotation p + offset in every lane.
+#[derive(Clone, Copy)]
+struct Constant {
+    rotation: Matrix3<Lanes>,
+    offset: Vector3<Lanes>,
+}
+
+impl From<Pose> for Constant {
+    fn from(pose: Pose) -> Self {
+        Self { rotation: pose.rotation.map(all), offset: pose.translation.map(all) }
+    }
+}
+
+impl Constant {
+    #[inline]
+    fn apply(&self, point: &Vector3<Lanes>) -> Vector3<Lanes> {
+        self.offset + self.rotation * point
+    }
+
+    #[inline]
+    fn undo(&self, point: &Vector3<Lanes>) -> Vector3<Lanes> {
+        self.rotation.tr_mul(&(point - self.offset))
+    }
+}
+
+/// A rotary axis with what lies before its turn: p ↦ place Turn(position + turn) p.
 struct Axis {
     index: usize,
     about: Direction,
-    offset: Vector3<Lanes>,
-    rotation: Matrix3<Lanes>,
+    place: Constant,
+    nominal: Option<Constant>,
     /// In quarter turns.
     turn: f64,
 }
 
-impl Axis {
-    fn new(index: usize, about: Direction, places: &Places) -> Self {
-        let frame = places.frame(index);
+impl From<&Link> for Axis {
+    fn from(link: &Link) -> Self {
         Self {
-            index,
-            about,
-            offset: Vector3::new(frame[0], frame[1], frame[2]).map(all),
-            rotation: rotation_xyz(frame[3], frame[4], frame[5]).map(all),
-            turn: places.at(super::Place::turn(index)) / FRAC_PI_2,
+            index: link.axis,
+            about: link.about,
+            place: link.place.unwrap_or_else(Pose::identity).into(),
+            nominal: link.nominal.map(Constant::from),
+            turn: link.turn / FRAC_PI_2,
         }
     }
 }
 
 /// Forward kinematics with everything made that the poses have in common.
 pub struct ForwardBatch {
+    /// Tool point and direction of the spindle in the own frame of the head's last axis.
     tool: Vector3<Lanes>,
+    spindle: Vector3<Lanes>,
+    tool_at_zero: Vector3<Lanes>,
     /// From the spindle to the bed.
     head: Vec<Axis>,
     /// I + Λ, δ and the directions of the machine, as the first axis of the table has them: its
@@ -62,31 +90,34 @@ pub struct ForwardBatch {
     directions: Matrix3<Lanes>,
     /// From the bed to the table.
     table: Vec<Axis>,
+    /// Behind the table's last turn.
+    end: Option<Constant>,
 }
 
 impl ForwardBatch {
     /// The machine with errors at `places`.
     #[must_use]
     pub fn new(machine: &Machine, places: &Places) -> Self {
-        let axes = |side: Side| {
-            let numbered = machine.rotary().iter().enumerate();
-            let those = numbered.filter(move |(_, axis)| axis.side == side);
-            those.map(|(index, axis)| Axis::new(index, axis.direction, places))
-        };
-        let table: Vec<Axis> = axes(Side::Workpiece).collect();
+        let [head, table] =
+            [Side::Tool, Side::Workpiece].map(|side| Links::new(machine, side, places));
+        let at_end = head.end.unwrap_or_else(Pose::identity);
+        let axes: Vec<Axis> = table.all.iter().map(Axis::from).collect();
         let gain = (Matrix3::identity() + linear(places)).map(all);
         let offset = Vector3::from_column_slice(places.offset()).map(all);
-        let (directions, origin) = table.first().map_or_else(
+        let (directions, origin) = axes.first().map_or_else(
             || (Matrix3::identity().map(all), Vector3::zeros().map(all)),
-            |first| (first.rotation.transpose(), first.offset),
+            |first| (first.place.rotation.transpose(), first.place.offset),
         );
         Self {
-            tool: machine.tool().map(all),
-            head: axes(Side::Tool).rev().collect(),
+            tool: at_end.apply(machine.tool()).map(all),
+            spindle: at_end.rotation.column(2).map(all),
+            tool_at_zero: machine.tool_at_zero().map(all),
+            head: head.all.iter().rev().map(Axis::from).collect(),
             gain: directions * gain,
             offset: directions * (offset - origin),
             directions,
-            table,
+            table: axes,
+            end: table.end.map(Constant::from),
         }
     }
 
@@ -135,26 +166,33 @@ impl ForwardBatch {
             direction = self.directions.column(2).into_owned();
         } else {
             let (mut real, mut nominal) = (self.tool, self.tool);
-            let mut spindle = Vector3::z().map(all);
+            let mut spindle = self.spindle;
             for axis in &self.head {
                 nominal = turned(axis.about, sin_cos(quarters(axis)), &nominal);
+                if let Some(place) = &axis.nominal {
+                    nominal = place.apply(&nominal);
+                }
                 let turn = sin_cos(quarters(axis) + all(axis.turn));
-                real = axis.offset + axis.rotation * turned(axis.about, turn, &real);
-                spindle = axis.rotation * turned(axis.about, turn, &spindle);
+                real = axis.place.apply(&turned(axis.about, turn, &real));
+                spindle = axis.place.rotation * turned(axis.about, turn, &spindle);
             }
-            point = self.gain * (linear + nominal - self.tool)
+            point = self.gain * (linear + nominal - self.tool_at_zero)
                 + self.offset
                 + self.directions * (real - nominal);
             direction = self.directions * spindle;
         }
         for (i, axis) in self.table.iter().enumerate() {
             if i > 0 {
-                point = axis.rotation.tr_mul(&(point - axis.offset));
-                direction = axis.rotation.tr_mul(&direction);
+                point = axis.place.undo(&point);
+                direction = axis.place.rotation.tr_mul(&direction);
             }
             let (sin, cos) = sin_cos(quarters(axis) + all(axis.turn));
             point = turned(axis.about, (-sin, cos), &point);
             direction = turned(axis.about, (-sin, cos), &direction);
+        }
+        if let Some(end) = &self.end {
+            point = end.undo(&point);
+            direction = end.rotation.tr_mul(&direction);
         }
         for (k, value) in point.iter().chain(&direction).enumerate() {
             let value: [f64; LANES] = (*value).into();
@@ -238,15 +276,14 @@ fn sin_cos_small(x: Lanes) -> (Lanes, Lanes) {
 #[cfg(test)]
 mod tests {
     use super::super::kinematics::AxisPositions;
-    use super::super::{PRESETS, Place};
+    use super::super::{Place, examples};
     use super::*;
     use crate::units::DEG;
 
     #[test]
     fn many_poses_are_the_same_as_one() {
-        for preset in PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 120.0).unwrap();
-            let mut places = Places::default();
+        for machine in examples(120.0) {
+            let mut places = machine.nominal();
             for (i, error) in machine.location_errors().iter().enumerate() {
                 machine.add_location_error(&mut places, error, 1e-4 * (1.0 + i as f64));
             }

@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::kinematics::wrap;
-use super::links::{Directions, Link, direction, in_plane, turn};
+use super::links::{Directions, Links, direction, in_plane, turn};
 use super::posture::linear;
 use super::{Machine, Places, Side};
 use crate::pose::Pose;
@@ -25,11 +25,17 @@ use crate::{Error, Result};
 pub struct FiveAxis {
     letters: [char; 5],
     /// From the bed to the table.
-    table: Vec<Link>,
+    table: Links,
+    /// Axis and a point of it in the table's frame, of the axis that carries it, where they are not
+    /// those of the frame.
+    carrier: Option<[Vector3<f64>; 2]>,
     /// From the bed to the spindle.
-    head: Vec<Link>,
-    /// Tool point from the pivot.
+    head: Links,
+    /// Tool point in the own frame of the head's last axis.
     tool: Vector3<f64>,
+    tool_at_zero: Vector3<f64>,
+    /// Direction of the spindle there; None: Z.
+    spindle: Option<Vector3<f64>>,
     /// I + Λ and its inverse where Λ is not zero.
     gain: Option<[Matrix3<f64>; 2]>,
     offset: Vector3<f64>,
@@ -68,11 +74,7 @@ impl FiveAxis {
     /// Another number of rotary axes than two, the one nearer to the spindle parallel to it, or I + Λ
     /// singular.
     pub fn new(machine: &Machine, places: &Places) -> Result<Self> {
-        let links = |side: Side| -> Vec<Link> {
-            let numbered = machine.rotary().iter().enumerate();
-            let those = numbered.filter(move |(_, axis)| axis.side == side);
-            those.map(|(axis, rotary)| Link::new(axis, rotary.direction, places)).collect()
-        };
+        let links = |side: Side| Links::new(machine, side, places);
         let (table, head) = (links(Side::Workpiece), links(Side::Tool));
         let directions = Directions::new(machine, &table, &head)?;
         let lambda = linear(places);
@@ -89,9 +91,14 @@ impl FiveAxis {
         let letter = |axis: usize| machine.rotary()[axis].letter();
         Ok(Self {
             letters: ['X', 'Y', 'Z', letter(0), letter(1)],
+            carrier: table.end.zip(table.all.last()).map(|(end, last)| {
+                [end.rotation.tr_mul(&last.about.unit()), end.undo(&Vector3::zeros())]
+            }),
             table,
+            tool: head.end.map_or(*machine.tool(), |end| end.apply(machine.tool())),
+            tool_at_zero: *machine.tool_at_zero(),
+            spindle: head.end.map(|end| end.rotation.column(2).into()),
             head,
-            tool: *machine.tool(),
             gain,
             offset: Vector3::from_column_slice(places.offset()),
             directions,
@@ -122,20 +129,26 @@ impl FiveAxis {
     #[must_use]
     #[inline]
     pub fn at(&self, rotary: &[f64; 2]) -> Configuration<'_> {
-        let mut links = self.table.iter();
+        let mut links = self.table.all.iter();
         let mut table = links.next().map_or_else(Pose::identity, |first| first.start(rotary));
         for link in links {
             link.extend(&mut table, rotary);
         }
-        let head = if self.head.is_empty() { None } else { Some(self.head_at(rotary)) };
+        if let Some(end) = &self.table.end {
+            table = table.then(end);
+        }
+        let head = if self.head.all.is_empty() { None } else { Some(self.head_at(rotary)) };
         Configuration { machine: self, table, head }
     }
 
     fn head_at(&self, rotary: &[f64; 2]) -> Head {
         let (mut real, mut nominal) = (Pose::identity(), Pose::identity());
         let mut axes = [[(Vector3::zeros(), Vector3::zeros()); 2]; 2];
-        for link in &self.head {
+        for link in &self.head.all {
             link.extend(&mut real, rotary);
+            if let Some(nominal_place) = &link.nominal {
+                nominal = nominal.then(nominal_place);
+            }
             turn(&mut nominal.rotation, link.about, rotary[link.axis]);
             // A turn leaves its own axis where it is.
             axes[link.axis] =
@@ -147,9 +160,12 @@ impl FiveAxis {
             along.cross(&(tools[which] - through))
         };
         Head {
-            spindle: real.rotation.column(2).into(),
+            spindle: match &self.spindle {
+                None => real.rotation.column(2).into(),
+                Some(spindle) => real.rotation * spindle,
+            },
             shift: tools[0] - tools[1],
-            nominal: tools[1] - self.tool,
+            nominal: tools[1] - self.tool_at_zero,
             rates: [0, 1].map(|axis| [rate(axis, 0), rate(axis, 1)]),
         }
     }
@@ -166,13 +182,8 @@ impl FiveAxis {
         let ends = &self.directions;
         let d = ends.before_second(tool);
         let (along, [x, y]) = in_plane(ends.second, &d);
-        // The part of the tool along the second axis does not change with q₂:
-        // p cos q₁ + q sin q₁ = along - k r. p² + q² - (along - k r)² without cancellation near the
-        // pole:
-        let [k, r] = ends.along;
         let square = x * x + y * y;
-        let rest = square - r * r - k * k + 2.0 * along * k * r;
-        let opening = rest.max(0.0).sqrt().atan2(along - k * r);
+        let opening = ends.opening(along, square);
         let first = ends.base + if positive { opening } else { -opening };
         let mut out = [0.0; 2];
         let [i, j] = ends.axes;
@@ -287,12 +298,13 @@ impl Configuration<'_> {
             }
         }
         let actual = self.actual(linear);
-        for (number, link) in self.machine.table.iter().enumerate() {
+        for (number, link) in self.machine.table.all.iter().enumerate() {
             // The first axis of the table stands still; the last one goes with the table, and its own
             // turn leaves it where it is.
-            let (axis, point) = match number {
-                0 => (link.bed_axis, link.bed_point),
-                _ => (direction(&self.table.rotation, link.about), self.table.translation),
+            let (axis, point) = match (number, &self.machine.carrier) {
+                (0, _) => (link.bed_axis, link.bed_point),
+                (_, None) => (direction(&self.table.rotation, link.about), self.table.translation),
+                (_, Some([axis, point])) => (self.table.rotation * axis, self.table.apply(point)),
             };
             rates[link.axis] = self.commanded(axis.cross(&(actual - point)));
         }
@@ -313,7 +325,7 @@ impl Configuration<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::PRESETS;
+    use super::super::examples;
     use super::super::kinematics::{AxisPositions, Tool};
     use super::*;
     use crate::machine::Place;
@@ -324,9 +336,8 @@ mod tests {
     /// Every preset without errors, with location errors, and with errors of the linear axes as well.
     fn machines() -> Vec<(Machine, Places, FiveAxis)> {
         let mut all = Vec::new();
-        for preset in PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 120.0).unwrap();
-            let mut places = Places::default();
+        for machine in examples(120.0) {
+            let mut places = machine.nominal();
             for stage in 0..3 {
                 for (i, error) in machine.location_errors().iter().enumerate() {
                     let amount = if stage == 1 { 1e-4 * (i as f64 - 3.5) } else { 0.0 };
@@ -421,7 +432,7 @@ mod tests {
 
     #[test]
     fn a_vertical_tool_holds_c_and_c_does_not_jump_by_a_turn() {
-        let machine = Machine::preset("trt-ca", 120.0).unwrap();
+        let machine = Machine::of_code("[w C' A' b X Y Z t]", 120.0).unwrap();
         let five = FiveAxis::new(&machine, &Places::default()).unwrap();
         let up = five.inverse(&Vector3::new(1.0, 2.0, 3.0), &Vector3::z(), 0.8).unwrap();
         assert_eq!([up[3], up[4]], [0.0, 0.8]);

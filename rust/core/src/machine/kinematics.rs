@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use super::posture::linear;
 use super::{FiveAxis, MAX_ROTARY, Machine, Places, Posture, Side};
 use crate::pose::nearest;
+use crate::units::DEG;
 use crate::{Error, Result};
 
 /// Most axes: three linear ones and the rotary ones.
@@ -30,6 +31,12 @@ pub struct AxisPositions {
     pub linear: Vector3<f64>,
     /// Rotary positions in rad, in the machine's order.
     pub rotary: [f64; MAX_ROTARY],
+}
+
+impl AxisPositions {
+    const fn rotary_pair(&self) -> [f64; 2] {
+        [self.rotary[0], self.rotary[1]]
+    }
 }
 
 /// Both branches of the inverse kinematics.
@@ -90,7 +97,7 @@ impl Machine {
                 }
                 Side::Tool => {
                     let nominal_joint = &nominal.joints[axis];
-                    let assumed = nominal_joint.turn.cross(&nominal.tool);
+                    let assumed = nominal_joint.turn.cross(&(nominal.tool - nominal_joint.origin));
                     let real = joint.turn.cross(&(posture.tool - joint.origin));
                     (real + linear(places) * assumed, joint.turn.cross(&spindle))
                 }
@@ -150,6 +157,17 @@ impl Machine {
             let linear = resolved.at(&rotary).to_linear(&tool.point);
             AxisPositions { linear, rotary: [rotary[0], rotary[1], 0.0] }
         });
+        let missed = resolved.at(&positions[0].rotary_pair()).tool() - direction;
+        if missed.norm() > REACHED_RAD {
+            return Err(Error::Kinematics(format!(
+                "no positions of axes {} and {} give the tool direction {:?}: the nearest that this \
+                 machine can take is {:.3}° off",
+                self.rotary()[0].letter(),
+                self.rotary()[1].letter(),
+                direction.as_slice(),
+                missed.norm() / DEG
+            )));
+        }
         // The branch with the axis nearer to the spindle on its positive side comes first.
         let tilt = 1 - free;
         if positions[0].rotary[tilt] < positions[1].rotary[tilt] {
@@ -219,6 +237,8 @@ impl Machine {
     }
 }
 
+/// Directions that are closer (rad) are the same.
+const REACHED_RAD: f64 = 1e-7;
 const LEVER_MM: f64 = 100.0;
 const TOLERANCE_MM: f64 = 1e-12;
 const REST_MM: f64 = 1e-9;
@@ -233,11 +253,11 @@ pub fn wrap(angle: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::PRESETS;
+    use super::super::examples;
     use super::*;
 
     fn places(machine: &Machine, size: f64) -> Places {
-        let mut places = Places::default();
+        let mut places = machine.nominal();
         for (i, error) in machine.location_errors().iter().enumerate() {
             machine.add_location_error(&mut places, error, size * (1.0 + i as f64));
         }
@@ -250,11 +270,11 @@ mod tests {
 
     #[test]
     fn inverse_undoes_forward_on_one_of_both_branches() {
-        for preset in PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 120.0).unwrap();
-            for q in [[0.7, 2.0], [-0.4, -2.9], [1.5, 0.0], [-1.2, 1.0], [1e-6, 0.3]] {
+        for machine in examples(120.0) {
+            let preset = machine.code();
+            for q in [[0.7, 2.0], [-0.4, -2.9], [1.5, 0.2], [-1.2, 1.0], [1e-6, 0.3]] {
                 let there = positions(10.0, -20.0, 30.0, q);
-                let tool = machine.forward(&there, &Places::default());
+                let tool = machine.forward(&there, &machine.nominal());
                 let branches = machine.inverse(&tool, &[0.0, 0.0]).unwrap();
                 assert!(!branches.singular);
                 let best = branches
@@ -268,7 +288,7 @@ mod tests {
                 // The angle about the spindle is worth 1/sin(tilt).
                 assert!(best < 1e-9, "{preset} {q:?}: {best}");
                 for branch in &branches.positions {
-                    let again = machine.forward(branch, &Places::default());
+                    let again = machine.forward(branch, &machine.nominal());
                     assert!((again.point - tool.point).norm() < 1e-11, "{preset} {q:?}");
                     assert!((again.direction - tool.direction).norm() < 1e-12, "{preset}");
                 }
@@ -278,19 +298,19 @@ mod tests {
 
     #[test]
     fn a_vertical_tool_is_singular_and_keeps_the_reference() {
-        let machine = Machine::preset("trt-ca", 120.0).unwrap();
+        let machine = Machine::of_code("[w C' A' b X Y Z t]", 120.0).unwrap();
         let tool = Tool { point: Vector3::new(1.0, 2.0, 3.0), direction: Vector3::z() };
         let branches = machine.inverse(&tool, &[0.0, 0.8]).unwrap();
         assert!(branches.singular);
         assert_eq!(branches.positions[0].rotary[..2], [0.0, 0.8]);
-        let again = machine.forward(&branches.positions[1], &Places::default());
+        let again = machine.forward(&branches.positions[1], &machine.nominal());
         assert!((again.point - tool.point).norm() < 1e-12);
     }
 
     #[test]
     fn the_jacobian_agrees_with_central_differences() {
-        for preset in PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 120.0).unwrap();
+        for machine in examples(120.0) {
+            let preset = machine.code();
             let places = places(&machine, 1e-3);
             let here = positions(10.0, -20.0, 30.0, [0.7, 2.0]);
             let (_, jacobian) = machine.forward_jacobian(&here, &places);
@@ -316,8 +336,8 @@ mod tests {
 
     #[test]
     fn the_inverse_of_the_erroneous_machine_reaches_the_pose() {
-        for preset in PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 120.0).unwrap();
+        for machine in examples(120.0) {
+            let preset = machine.code();
             let places = places(&machine, 1e-4);
             let direction = Vector3::new(0.3, -0.2, 0.9).normalize();
             let tool = Tool { point: Vector3::new(30.0, -10.0, 20.0), direction };

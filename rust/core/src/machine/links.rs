@@ -2,17 +2,20 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::{Machine, Place, Places};
+use super::{Machine, Place, Places, Side, is_parallel};
 use crate::pose::{Direction, Pose, rotation_xyz, sin_cos};
 use crate::{Error, Result};
 
-/// A rotary axis in its chain.
+/// A rotary axis in its chain. What lies between the turns of two axes is constant: the errors of
+/// the outer one, and the rotations from the inner axis' own frame and to the outer one's.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Link {
     pub(super) axis: usize,
     pub(super) about: Direction,
-    /// Its errors; nothing where it has none.
+    /// What lies before its turn; None: nothing.
     pub(super) place: Option<Pose>,
+    /// The same without errors, of an axis of the head.
+    pub(super) nominal: Option<Pose>,
     /// Its axis and a point of it where it is carried by the bed.
     pub(super) bed_axis: Vector3<f64>,
     pub(super) bed_point: Vector3<f64>,
@@ -20,19 +23,56 @@ pub(super) struct Link {
     pub(super) turn: f64,
 }
 
-impl Link {
-    pub(super) fn new(axis: usize, about: Direction, places: &Places) -> Self {
-        let f = places.frame(axis);
-        let errors = Pose {
-            rotation: rotation_xyz(f[3], f[4], f[5]),
-            translation: Vector3::new(f[0], f[1], f[2]),
-        };
-        let place = (errors != Pose::identity()).then_some(errors);
-        let bed_axis = direction(&errors.rotation, about);
-        let turn = places.at(Place::turn(axis));
-        Self { axis, about, place, bed_axis, bed_point: errors.translation, turn }
-    }
+/// The links of one side of a machine from the bed outwards, and what lies behind the last turn.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Links {
+    pub(super) all: Vec<Link>,
+    pub(super) end: Option<Pose>,
+}
 
+impl Links {
+    pub(super) fn new(machine: &Machine, side: Side, places: &Places) -> Self {
+        let mut all = Vec::new();
+        // Undoes the rotation from the own frame of the axis before.
+        let mut undone = Matrix3::identity();
+        for (axis, rotary) in machine.rotary().iter().enumerate() {
+            if rotary.side != side {
+                continue;
+            }
+            let own = rotary.own().copied().unwrap_or_else(Matrix3::identity);
+            let constant = |rotation: Matrix3<f64>, translation: Vector3<f64>| Pose {
+                rotation: undone * rotation * own,
+                translation: undone * translation,
+            };
+            let f = places.frame(axis);
+            let tilts = rotation_xyz(f[3], f[4], f[5]);
+            let errors = constant(tilts, Vector3::new(f[0], f[1], f[2]));
+            let nominal = constant(Matrix3::identity(), *machine.offset(axis));
+            let about = rotary.about();
+            all.push(Link {
+                axis,
+                about,
+                place: some(errors),
+                nominal: some(nominal),
+                bed_axis: direction(&errors.rotation, about),
+                bed_point: errors.translation,
+                turn: places.at(Place::turn(axis)),
+            });
+            undone = own.transpose();
+        }
+        let seat = match side {
+            Side::Workpiece => machine.seat().copied().unwrap_or_default(),
+            Side::Tool => Vector3::zeros(),
+        };
+        Self { all, end: some(Pose { rotation: undone, translation: undone * seat }) }
+    }
+}
+
+fn some(pose: Pose) -> Option<Pose> {
+    (pose != Pose::identity()).then_some(pose)
+}
+
+impl Link {
     /// The pose of what a first link carries.
     #[inline]
     pub(super) fn start(&self, rotary: &[f64; 2]) -> Pose {
@@ -60,6 +100,9 @@ impl Link {
     }
 }
 
+/// Cosines between the axes above which half angles are needed: errors stay far below.
+const OBLIQUE: f64 = 0.1;
+
 /// Equations of the spindle's direction: what they have in common for all directions.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Directions {
@@ -78,28 +121,33 @@ pub(super) struct Directions {
     pub(super) odd: Vector3<f64>,
     /// Parts of the spindle and of the second axis along the first.
     pub(super) along: [f64; 2],
+    /// Angles of the spindle and of the second axis to the first (rad), where one of them is far
+    /// from a right angle.
+    pub(super) oblique: Option<[f64; 2]>,
     /// q₁ at which the tool lies nearest to the second axis.
     pub(super) base: f64,
 }
 
 impl Directions {
-    pub(super) fn new(machine: &Machine, table: &[Link], head: &[Link]) -> Result<Self> {
+    pub(super) fn new(machine: &Machine, table: &Links, head: &Links) -> Result<Self> {
         // From the spindle outwards: the spindle's direction meets the head's last axis first, and on
         // the table's side the axis next to the bed.
-        let mut constant = Matrix3::identity();
+        let behind = |links: &Links| links.end.map_or_else(Matrix3::identity, |end| end.rotation);
+        let mut constant = behind(head);
         let mut met: Vec<(&Link, f64, Matrix3<f64>)> = Vec::new();
-        for link in head.iter().rev() {
+        for link in head.all.iter().rev() {
             met.push((link, 1.0, constant));
             constant = link.tilt();
         }
-        for link in table {
+        for link in &table.all {
             met.push((link, -1.0, link.tilt().transpose() * constant));
             constant = Matrix3::identity();
         }
+        constant = behind(table).transpose() * constant;
         let [(first, first_sign, spindle), (second, sign, between)] = met[..] else {
             return Err(Self::refused(machine));
         };
-        if first.about == Direction::Z {
+        if is_parallel(machine.rotary()[first.axis].direction(), &Vector3::z()) {
             return Err(Self::refused(machine));
         }
         let k0: Vector3<f64> = spindle.column(2).into();
@@ -108,6 +156,7 @@ impl Directions {
         let (k, r_along) = (axis.dot(&k0), axis.dot(&r));
         let even = k0 - axis * k;
         let odd = axis.cross(&k0);
+        let r_off = (r - axis * r_along).norm();
         Ok(Self {
             axes: [first.axis, second.axis],
             turns: [first.turn, second.turn],
@@ -118,8 +167,29 @@ impl Directions {
             even: between * even,
             odd: between * odd,
             along: [k, r_along],
+            oblique: (k.abs().max(r_along.abs()) > OBLIQUE)
+                .then(|| [even.norm().atan2(k), r_off.atan2(r_along)]),
             base: r.dot(&odd).atan2(r.dot(&even)),
         })
+    }
+
+    /// How far the first axis turns from its base so that the tool has this part along the second
+    /// axis and the square of this part square to it.
+    #[inline]
+    pub(super) fn opening(&self, along: f64, square: f64) -> f64 {
+        let Some([kappa, rho]) = self.oblique else {
+            // p cos q₁ + q sin q₁ = along - k r. p² + q² - (along - k r)² without cancellation near
+            // the pole:
+            let [k, r] = self.along;
+            let rest = square - r * r - k * k + 2.0 * along * k * r;
+            return rest.max(0.0).sqrt().atan2(along - k * r);
+        };
+        // cos κ cos ρ + sin κ sin ρ cos φ = cos θ in half angles, which cancel nowhere.
+        let theta = square.sqrt().atan2(along);
+        let half = |angle: f64| (0.5 * angle).sin();
+        let sin = half(theta + kappa - rho) * half(theta - kappa + rho);
+        let cos = half(kappa + rho + theta) * half(kappa + rho - theta);
+        2.0 * sin.max(0.0).sqrt().atan2(cos.max(0.0).sqrt())
     }
 
     fn refused(machine: &Machine) -> Error {

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{MAX_ROTARY, Machine, Places, Side};
-use crate::pose::{Pose, rotation_xyz};
+use crate::pose::{Pose, rotation_xyz, sin_cos};
 
 /// A joint of the chain at a posture: where it is, and about what each of its turns goes.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ impl Frame {
             return Self { offset, rotation: Matrix3::identity(), tilts: Matrix3::identity() };
         }
         let rotation = rotation_xyz(alpha, beta, gamma);
-        let (sin, cos) = alpha.sin_cos();
+        let (sin, cos) = sin_cos(alpha);
         let after_x = Vector3::new(0.0, cos, sin);
         let tilts = Matrix3::from_columns(&[Vector3::x(), after_x, rotation.column(2).into()]);
         Self { offset, rotation, tilts }
@@ -103,9 +103,10 @@ pub struct Posture {
     pub table: Pose,
     /// machine_from_artefact: the table's pose times the placement T_S.
     pub artefact: Pose,
-    /// The head: machine directions from spindle directions, origin in the pivot.
+    /// The head: machine directions from spindle directions; its points are counted from the
+    /// nominal origin of its first axis' frame (the pivot).
     pub head: Pose,
-    /// The tool point in the pivot's frame, with the head as it is.
+    /// The tool point from there, with the head as it is.
     pub tool: Vector3<f64>,
     /// How far the tool point is from where the control with its nominal head has it, mm.
     pub head_shift: Vector3<f64>,
@@ -129,30 +130,34 @@ impl Posture {
     pub fn with_frames(machine: &Machine, positions: &[f64], frames: &Frames) -> Self {
         let mut joints = [Joint::NONE; MAX_ROTARY];
         let mut table = Pose::identity();
-        // The head's frame has its origin in the pivot.
+        // Counted from the first frame of the head.
         let mut head = Pose::identity();
-        let mut nominal_head = Matrix3::identity();
+        let mut nominal_head = Pose::identity();
         for (axis, (rotary, position)) in machine.rotary().iter().zip(positions).enumerate() {
             let chain = match rotary.side {
                 Side::Workpiece => &mut table,
                 Side::Tool => &mut head,
             };
-            let turn = rotary.direction.rotation(position + frames.turns[axis]);
-            joints[axis] = frames.axes[axis].extend(chain, Some((rotary.direction.unit(), turn)));
+            let turn = rotary.rotation(position + frames.turns[axis]);
+            joints[axis] = frames.axes[axis].extend(chain, Some((*rotary.direction(), turn)));
             if rotary.side == Side::Tool {
-                nominal_head *= rotary.direction.rotation(*position);
+                let (rotation, translation) = (rotary.rotation(*position), *machine.offset(axis));
+                nominal_head = nominal_head.then(&Pose { rotation, translation });
             }
+        }
+        if let Some(seat) = machine.seat() {
+            table.translation += table.rotation * seat;
         }
         let mut artefact = table;
         let placement = frames.placement.extend(&mut artefact, None);
-        let tool = *machine.tool();
+        let (tool, nominal) = (head.apply(machine.tool()), nominal_head.apply(machine.tool()));
         Self {
             table,
             artefact,
             head,
-            tool: head.apply(&tool),
-            head_shift: head.apply(&tool) - nominal_head * tool,
-            head_nominal: nominal_head * tool - tool,
+            tool,
+            head_shift: tool - nominal,
+            head_nominal: nominal - machine.tool_at_zero(),
             joints,
             placement,
         }

@@ -45,7 +45,7 @@ impl<'a> Approaches<'a> {
         let posture = approach.posture;
         let (mut origin, mut direction) = (approach.start, approach.direction);
         if let Some(stand) = stand {
-            let table = &posture.table;
+            let table = self.arrangement.table(posture);
             origin = table.apply(&stand.point(&table.undo(&origin)));
             direction = table.rotation * stand.direction(&table.rotation.tr_mul(&direction));
         }
@@ -65,13 +65,14 @@ impl<'a> Approaches<'a> {
         let Approach { posture, start, direction, .. } = approach;
         let (around, stylus) = (&self.arrangement.around, &self.stylus);
         let stem = posture.head.rotation * Vector3::z();
-        let stem_on_table = posture.table.rotation.tr_mul(&stem);
+        let table = self.arrangement.table(posture);
+        let stem_on_table = table.rotation.tr_mul(&stem);
         let way = |from: &Vector3<f64>, to: &Vector3<f64>| Way {
-            from: posture.table.undo(from),
-            to: posture.table.undo(to),
+            from: table.undo(from),
+            to: table.undo(to),
             stem: stem_on_table,
         };
-        let level = around.highest(&posture.table, &stem) + self.above;
+        let level = around.highest(&table, &stem) + self.above;
         let up = start + stem * (level - start.dot(&stem)).max(0.0);
         if !around.is_free(&way(&up, start), stylus) {
             return false;
@@ -85,10 +86,10 @@ impl<'a> Approaches<'a> {
             }
             deepest = deepest.max(travel);
             let short = start + direction * (travel - NEARLY_MM);
-            ends.push((*stand, posture.table.undo(&short)));
+            ends.push((*stand, table.undo(&short)));
         }
         let way = way(start, &(start + direction * (deepest - NEARLY_MM)));
-        around.is_approach_free(&way, &posture.table.undo(contact), &ends, stylus)
+        around.is_approach_free(&way, &table.undo(contact), &ends, stylus)
     }
 }
 

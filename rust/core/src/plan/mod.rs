@@ -17,7 +17,7 @@ use nalgebra::Vector3;
 
 use crate::artefact::{Artefact, Fixture, Layout, Target, View};
 use crate::machine::{MAX_ROTARY, Machine, Places, Posture, Side};
-use crate::pose::Direction;
+use crate::pose::Pose;
 use crate::{Error, Result};
 
 use approach::{Approach, Approaches};
@@ -55,9 +55,10 @@ impl PlanOptions {
 /// What is to be measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanRequest {
-    /// Positions of the axis under the artefact (C) with the tilting axis at zero, rad.
+    /// Positions of the axis under the artefact (C) with the top of the table towards the spindle
+    /// (the tilting axis at zero, or at [`Machine::level`]), rad.
     pub turning: Vec<f64>,
-    /// Positions of the tilting axis (A or B) with C at zero, rad.
+    /// Positions of the tilting axis (A or B) with the other one at zero, rad.
     pub tilting: Vec<f64>,
     /// Pairs (tilting, turning) beyond these two cycles, rad.
     pub pairs: Vec<(f64, f64)>,
@@ -116,7 +117,7 @@ impl Arrangement {
         let [radius, thickness] = table;
         let around = Surroundings::new(&artefact, fixture, radius, thickness)?;
         let mut places = *places;
-        fixture.add_to(&mut places);
+        fixture.add_to(&machine, &mut places);
         Ok(Self { machine, artefact, places, around })
     }
 
@@ -124,12 +125,18 @@ impl Arrangement {
         Posture::new(&self.machine, rotary, &self.places)
     }
 
+    /// The top of the table, its normal along Z: the frame of what stands around.
+    fn table(&self, posture: &Posture) -> Pose {
+        let Pose { rotation, translation } = posture.table;
+        Pose { rotation: rotation * self.machine.top_rotation(), translation }
+    }
+
     /// Coordinate along the stem that is `above` mm over everything with the rotary axes at these
     /// positions, rad.
     #[must_use]
     pub fn safe_level(&self, rotary: &[f64], above: f64) -> f64 {
         let posture = self.posture(rotary);
-        self.around.highest(&posture.table, &(posture.head.rotation * Vector3::z())) + above
+        self.around.highest(&self.table(&posture), &(posture.head.rotation * Vector3::z())) + above
     }
 
     /// Coordinate along the stem that is `above` mm over everything whatever the rotary axes do.
@@ -140,11 +147,12 @@ impl Arrangement {
             (rotary.side == Side::Workpiece).then(|| Vector3::new(frame[0], frame[1], frame[2]))
         });
         let fixed_head = self.machine.rotary().iter().all(|axis| axis.side == Side::Workpiece);
+        let seat = self.machine.seat().map_or(0.0, |seat| seat.norm());
         let reach = offsets.enumerate().map(|(number, offset)| {
             // The first axis stands still in the machine frame.
             if number == 0 && fixed_head { offset.z } else { offset.norm() }
         });
-        self.around.farthest() + reach.sum::<f64>() + above
+        self.around.farthest() + reach.sum::<f64>() + seat + above
     }
 
     /// Checks that approaches start outside of what the artefact's tolerance covers, and search
@@ -176,17 +184,27 @@ struct Position {
 struct PlanAxes {
     turning: Option<usize>,
     tilting: Option<usize>,
+    level: f64,
 }
 
 impl PlanAxes {
     fn of(machine: &Machine) -> Self {
-        let find = |expected: &dyn Fn(Direction, Side) -> bool| {
-            machine.rotary().iter().position(|axis| expected(axis.direction, axis.side))
-        };
-        Self {
-            turning: find(&|direction, _| direction == Direction::Z),
-            tilting: find(&|direction, _| direction != Direction::Z),
+        let (turning, tilting) = (machine.turning_axis(), machine.tilting_axis());
+        Self { turning, tilting, level: machine.level() }
+    }
+
+    /// Refuses angles of an axis that there is not.
+    fn check(&self, request: &PlanRequest) -> Result<()> {
+        let pairs = !request.pairs.is_empty();
+        for (axis, angles, what) in [
+            (self.tilting, &request.tilting, "tilting angles"),
+            (self.turning, &request.turning, "turning angles"),
+        ] {
+            if axis.is_none() && (pairs || !angles.is_empty()) {
+                return Err(Error::input(what, "some", "none: this machine has no such axis"));
+            }
         }
+        Ok(())
     }
 
     fn rotary(&self, position: &Position, resolution: f64) -> [f64; MAX_ROTARY] {
@@ -217,13 +235,11 @@ pub fn plan(
     request: &PlanRequest,
     options: &PlanOptions,
 ) -> Result<Vec<PlannedTouch>> {
-    check(request)?;
+    check(request, arrangement.machine.rotary().is_empty())?;
     arrangement.check(options)?;
     let axes = PlanAxes::of(&arrangement.machine);
-    if axes.tilting.is_none() && (!request.tilting.is_empty() || !request.pairs.is_empty()) {
-        return Err(Error::input("tilting angles", "some", "none: this machine has no such axis"));
-    }
-    let positions = positions(request);
+    axes.check(request)?;
+    let positions = positions(request, &axes);
     let approaches = Approaches::new(arrangement, options.stylus, options.above());
     let planner = Planner { arrangement, options, approaches };
     let mut reached: Vec<Vec<PlannedTouch>> = Vec::with_capacity(positions.len());
@@ -267,7 +283,7 @@ const fn sense_of_round(upward: bool) -> f64 {
     if upward { 1.0 } else { -1.0 }
 }
 
-fn check(request: &PlanRequest) -> Result<()> {
+fn check(request: &PlanRequest, stands_still: bool) -> Result<()> {
     let angles = request.turning.iter().chain(&request.tilting);
     let angles = angles.chain(request.pairs.iter().flat_map(|(a, c)| [a, c]));
     for angle in angles {
@@ -275,7 +291,9 @@ fn check(request: &PlanRequest) -> Result<()> {
             return Err(Error::input("angle of a plan", angle, "a finite number"));
         }
     }
-    if request.turning.is_empty() && request.tilting.is_empty() && request.pairs.is_empty() {
+    let is_empty =
+        request.turning.is_empty() && request.tilting.is_empty() && request.pairs.is_empty();
+    if is_empty && !stands_still {
         return Err(Error::input("angles of a plan", "none", "at least one"));
     }
     if request.feeds.is_empty() {
@@ -290,11 +308,14 @@ fn check(request: &PlanRequest) -> Result<()> {
     Ok(())
 }
 
-fn positions(request: &PlanRequest) -> Vec<Position> {
+fn positions(request: &PlanRequest, axes: &PlanAxes) -> Vec<Position> {
     let mut positions: Vec<Position> = Vec::new();
+    if axes.turning.or(axes.tilting).is_none() {
+        positions.push(Position { tilt: 0.0, turn: 0.0, cycle: 1 });
+    }
     let turning = request.turning.iter().enumerate();
     positions.extend(turning.map(|(i, &turn)| Position {
-        tilt: 0.0,
+        tilt: axes.level,
         turn,
         cycle: if i == 0 { 1 } else { 2 },
     }));
@@ -420,8 +441,8 @@ mod tests {
         }
     }
 
-    fn cross_on(preset: &str) -> Arrangement {
-        let machine = Machine::preset(preset, 150.0).unwrap();
+    fn cross_on(code: &str) -> Arrangement {
+        let machine = Machine::of_code(code, 150.0).unwrap();
         let cross = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
         let places = machine.nominal();
         Arrangement::new(machine, &places, cross, &Fixture::default(), [150.0, 30.0]).unwrap()
@@ -429,7 +450,7 @@ mod tests {
 
     #[test]
     fn the_papers_plan_has_72_touches() {
-        for preset in ["trt-ca", "trt-bc"] {
+        for preset in ["[w C' A' b X Y Z t]", "[w C' B' b X Y Z t]"] {
             let request = request(&[0.0, 90.0, 180.0, 270.0], &[90.0, -90.0]);
             let touches = plan(&cross_on(preset), &request, &options()).unwrap();
             assert_eq!(touches.len(), 72, "{preset}");
@@ -451,7 +472,7 @@ mod tests {
         let mut request = request(&c, &a);
         request.feeds = vec![5.0, 15.0];
         request.both_senses = true;
-        let touches = plan(&cross_on("trt-ca"), &request, &options()).unwrap();
+        let touches = plan(&cross_on("[w C' A' b X Y Z t]"), &request, &options()).unwrap();
         assert!((450..560).contains(&touches.len()), "{}", touches.len());
         assert!(touches.iter().all(|touch| touch.direction.z <= 1e-9));
         for sense in [-1.0, 1.0] {

@@ -66,7 +66,8 @@ impl TouchModel {
             .collect();
         let of_effects: usize = effects.iter().map(|effect| effect.parameters.len()).sum();
         let parameters = errors.len() + Component::ALL.len() + of_effects;
-        let nominal = machine.nominal();
+        let mut nominal = machine.nominal();
+        Fixture::default().add_to(&machine, &mut nominal);
         Self { machine, artefact, probe, errors, effects, nominal, constant, parameters }
     }
 
@@ -75,7 +76,7 @@ impl TouchModel {
     #[must_use]
     pub fn standing(mut self, fixture: &Fixture) -> Self {
         self.nominal = self.machine.nominal();
-        fixture.add_to(&mut self.nominal);
+        fixture.add_to(&self.machine, &mut self.nominal);
         self
     }
 
@@ -313,8 +314,8 @@ mod tests {
     /// Central differences of the whole model against the exact gradient, every effect at once.
     #[test]
     fn gradients_agree_with_central_differences() {
-        for preset in crate::machine::PRESETS.map(|preset| preset.name) {
-            let machine = Machine::preset(preset, 150.0).unwrap();
+        for machine in crate::machine::examples(150.0) {
+            let preset = machine.code().to_owned();
             let artefact = Artefact::of("cross", &[100.0, 25.0, 25.0]).unwrap();
             let effects = catalogue(&machine, &artefact);
             let probe = Probe::new(1.0, 0.0).unwrap();
@@ -334,8 +335,8 @@ mod tests {
             }
             let direction: Vector3<f64> = Vector3::new(0.2, -0.3, -0.9).normalize();
             let on_table = |positions: &[f64], point: [f64; 3]| {
-                let posture = Posture::new(model.machine(), positions, &Places::default());
-                posture.table.apply(&point.into())
+                let posture = Posture::new(model.machine(), positions, model.nominal());
+                posture.artefact.apply(&point.into())
             };
             let face = on_table(&rotary[..2], [37.5, 2.0, 26.0]);
             let edge = on_table(&rotary[2..], [12.9, 37.0, 25.7]);

@@ -1,6 +1,7 @@
 //! Which rows of a measurement are which touches of the paper.
 
 use crate::artefact::{Artefact, Cross};
+use crate::machine::{Machine, Rotary, Side};
 use crate::moves::Moves;
 use crate::touch::TouchModel;
 use crate::units::DEG;
@@ -48,11 +49,11 @@ impl PaperRows {
                 "closed forms: got another artefact, expected the cross".into(),
             ));
         };
-        let letters: String =
-            model.machine().rotary().iter().map(crate::machine::Rotary::letter).collect();
-        if letters != "AC" {
-            let got = format!("rotary axes {letters}");
-            return Err(Error::input("closed forms", got, "a trt-ca machine (A carries C)"));
+        if !is_a_carries_c(model.machine()) {
+            let got = model.machine().code();
+            let expected = "[w C' A' b X Y Z t] (trt-ca) with A along X and C along Z: the formulas \
+                 of Kang, Kim and Jee (2022) are for this chain; identify takes any machine";
+            return Err(Error::input("closed forms: machine", got, expected));
         }
         if labels.len() != moves.len() {
             return Err(Error::input("labels", labels.len(), format!("{} of them", moves.len())));
@@ -202,4 +203,11 @@ pub(super) fn same(a: f64, b: f64) -> bool {
 pub(super) fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
     let count = values.clone().count();
     values.sum::<f64>() / count as f64
+}
+
+/// Whether an A axis along X carries a C axis along Z through the origin, both below the work.
+fn is_a_carries_c(machine: &Machine) -> bool {
+    let plain = |axis: &Rotary| axis.side == Side::Workpiece && axis.own().is_none();
+    let letters: String = machine.rotary().iter().map(Rotary::letter).collect();
+    letters == "AC" && machine.rotary().iter().all(plain) && machine.seat().is_none()
 }

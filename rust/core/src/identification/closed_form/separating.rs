@@ -253,8 +253,8 @@ mod tests {
 
     impl Measurement {
         fn paper(length: f64, width: f64, height: f64, axis: [f64; 3]) -> Self {
-            let machine =
-                Machine::preset("trt-ca", 150.0).unwrap().through(&[('A', axis)]).unwrap();
+            let lines = [('A', crate::machine::Line { direction: None, point: Some(axis) })];
+            let machine = Machine::new("[w C' A' b X Y Z t]", 150.0, &lines).unwrap();
             let artefact = Artefact::of("cross", &[length, width, height]).unwrap();
             let options = PlanOptions {
                 clearance: 5.0,

@@ -1,0 +1,170 @@
+"""Catalogues of effects beside the package's own: files, and what other packages bring."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields
+from importlib.metadata import entry_points
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from trunnion.base.arguments import checked
+from trunnion.base.checks import choose
+from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.output import write_text
+from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.files.toml import TomlText
+from trunnion.machine.effects import Owner, UserEffect
+
+GROUP = "trunnion.effects"
+"""Entry points of packages that bring effects: an effect, a list of them, a function that returns
+one, or the path of a file of effects."""
+_FIELDS = {f.name: f for f in fields(FormulaEffect)}
+_TAKES: dict[str, tuple[Any, str]] = {
+    **dict.fromkeys(("number", "low", "high", "turn"), (int | float, "a number")),
+    "searched": (bool, "true or false"),
+}
+HEAD = """# Effects of one's own, for `trunnion diagnose --effects` and `tn.read_effects`.
+# `data` is the kind of readings that an effect changes, `covariate` what it depends on.
+"""
+
+
+@checked
+def write_effects(path: str | PathLike[str], effects: Iterable[FormulaEffect]) -> Path:
+    """Write effects by formulas to a file; return its path.
+
+    Raises
+    ------
+    InputError
+        Something else than effects by formulas, or two of one id.
+    """
+    given = list(effects)
+    for one in given:
+        if not isinstance(one, FormulaEffect):
+            got = type(one).__name__
+            raise InputError(f"effects: got {got}, expected effects by formulas (draft_effect)")
+    ids = [one.id for one in given]
+    if len(set(ids)) < len(ids):
+        raise InputError(f"effects: got the ids {', '.join(ids)}, expected each once")
+    write_text(path, "\n".join([HEAD, *map(_toml, given)]))
+    return Path(path)
+
+
+def _toml(effect: FormulaEffect) -> str:
+    lines = ["[[effect]]", f"# {effect.formula()}"]
+    for name, f in _FIELDS.items():
+        value = getattr(effect, name)
+        if f.default is MISSING or value != f.default:
+            shown = str(value) if isinstance(value, Owner) else value
+            lines.append(f"{name} = {json.dumps(shown, ensure_ascii=False)}")
+    return "\n".join(lines) + "\n"
+
+
+@checked
+def read_effects(path: str | PathLike[str], data: Any = None) -> tuple[FormulaEffect, ...]:
+    """Read effects from a file, as candidates for :func:`diagnose` (``effects=...``).
+
+    Parameters
+    ----------
+    path
+        File of effects, as :func:`write_effects` writes it.
+    data
+        Measured data: effects on data of other kinds are left out.
+
+    Raises
+    ------
+    FileFormatError
+        A file that is none; with line and column.
+    """
+    text = TomlText.read(path)
+    tables = text.tables.get("effect")
+    if set(text.tables) - {"effect"} or not isinstance(tables, list):
+        got = ", ".join(text.tables) or "nothing"
+        raise FileFormatError(f"{path}: got {got}, expected tables [[effect]]")
+    found = [_effect(text, i, table) for i, table in enumerate(tables)]
+    ids = [one.id for one in found]
+    for i, name in enumerate(ids):
+        if name in ids[:i]:
+            where = ("effect", i, "id")
+            raise text.error(where, f"got {name!r} twice, expected each id once", at_value=True)
+    kinds = {type(data).__name__, *(type(one).__name__ for one in _several(data))}
+    return tuple(one for one in found if data is None or one.data in kinds)
+
+
+def _several(data: Any) -> tuple[Any, ...]:
+    return tuple(data) if isinstance(data, list | tuple) else ()
+
+
+def _effect(text: TomlText, i: int, table: Any) -> FormulaEffect:
+    values: dict[str, Any] = {}
+    if not isinstance(table, Mapping):
+        raise FileFormatError(f"{text.path}: effect: got {table!r}, expected tables [[effect]]")
+    for name, value in table.items():
+        where = ("effect", i, name)
+        if name not in _FIELDS:
+            known = ", ".join(_FIELDS)
+            raise text.error(where, f"got key {name!r}, expected one of {known}", at_value=False)
+        if name == "owner":
+            if value not in list(Owner):
+                expected = f"expected one of {', '.join(Owner)}"
+                raise text.error(where, f"got {value!r}, {expected}", at_value=True)
+            values[name] = Owner(value)
+            continue
+        kind, what = _TAKES.get(name, (str, "a text"))
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise text.error(where, f"got {value!r}, expected {what}", at_value=True)
+        values[name] = float(value) if what == "a number" else value
+    missing = [k for k, f in _FIELDS.items() if f.default is MISSING and k not in values]
+    if missing:
+        raise text.error(("effect", i), f"got no {', '.join(missing)}, expected it", at_value=False)
+    try:
+        return FormulaEffect(**values)
+    except InputError as error:
+        raise text.error(("effect", i), str(error), at_value=False) from error
+
+
+@checked
+def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
+    """Return the effects that installed packages bring, as candidates for :func:`diagnose`.
+
+    A package declares them in its ``pyproject.toml``::
+
+        [project.entry-points."trunnion.effects"]
+        our_lab = "our_package.effects:CATALOGUE"
+
+    ``CATALOGUE``: an effect, a list of effects, a function that returns these, or the path of a
+    file of effects.
+
+    Parameters
+    ----------
+    name
+        Entry point; None: all of them.
+
+    Raises
+    ------
+    UnknownNameError
+        No entry point of this name.
+    InputError
+        One that cannot be loaded, or is no catalogue.
+    """
+    known = {point.name: point for point in entry_points(group=GROUP)}
+    chosen = list(known) if name is None else [choose("entry point", name, known)]
+    found: list[UserEffect] = []
+    for one in chosen:
+        try:
+            loaded = known[one].load()
+            loaded = loaded() if callable(loaded) and not isinstance(loaded, UserEffect) else loaded
+        except Exception as error:  # a package's own code
+            raise InputError(f"entry point {one!r} of {GROUP}: {error}") from error
+        if isinstance(loaded, str | PathLike):
+            loaded = read_effects(loaded)
+        several = [loaded] if isinstance(loaded, UserEffect) else loaded
+        if not isinstance(several, list | tuple) or not all(
+            isinstance(e, UserEffect) for e in several
+        ):
+            got = type(loaded).__name__
+            raise InputError(f"entry point {one!r} of {GROUP}: got {got}, expected effects")
+        found += several
+    return tuple(found)

@@ -1,0 +1,307 @@
+"""Effects that are a formula: a function of one recorded quantity, in one direction.
+
+Unexplained structure is one (:meth:`FormulaEffect.of_term`). It is plain data: it can be named,
+written to a file, and be a candidate for other data of the same kind.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from trunnion.base.arguments import checked
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, suffix_of
+from trunnion.diagnosis.effect import Effect, NamedValues, Parameter, linear, periodic
+from trunnion.diagnosis.scan import Term, ordinal
+from trunnion.machine.effects import Owner
+
+Shape = Literal["harmonic", "polynomial", "wave", "jump", "class"]
+SHAPES: tuple[str, ...] = get_args(Shape)
+PERIODS = (0.8, 1.25)
+"""Between which the period of a wave is sought, in multiples of the one it was found with."""
+WAVES_A_STEP = 0.25
+"""Of the range, by which neighbouring periods of the search differ."""
+LEGENDRE = ("x", "(3x² − 1)/2", "(5x³ − 3x)/2", "(35x⁴ − 30x² + 3)/8")
+
+
+class Described(Protocol):
+    """What a formula asks of a measurement: a model, or what describes data without one."""
+
+    @property
+    def covariates(self) -> Sequence[Any]:
+        """Recorded quantities."""
+        ...
+
+    @property
+    def components(self) -> Mapping[str, Floats]:
+        """How a disturbance enters the readings, by direction."""
+        ...
+
+
+@dataclass(frozen=True)
+class FormulaEffect:
+    """An effect by its formula. ``effect.formula()`` says it in words, ``effect.code()`` in Python.
+
+    Accepted wherever an effect of the user's own is.
+
+    Attributes
+    ----------
+    id, label
+        Name for programs and for people.
+    data
+        Class of the data whose readings it changes: "Touches".
+    covariate, unit
+        The quantity s that it depends on, as `Diagnosis.unexplained` calls it.
+    component
+        Direction in which it enters the readings ("X"); empty: all alike.
+    shape
+        "harmonic" and "wave": a cos + b sin; "polynomial": Legendre polynomials of s over its
+        range; "jump": from `number` on; "class": at one value of s.
+    number
+        Of the harmonic, degree of the polynomial, period of the wave, place of the jump.
+    at
+        Value of s that has an effect by itself ("class").
+    low, high
+        Range of s for which a polynomial was found.
+    turn
+        Length of a turn of s ("harmonic").
+    reading_unit
+        Of the change.
+    owner
+        What it belongs to ("time" where it depends on time or order).
+    searched
+        Whether the period of a wave is a parameter.
+    """
+
+    id: str
+    data: str
+    covariate: str
+    shape: Shape
+    number: float = 0.0
+    component: str = ""
+    unit: str = ""
+    at: str = ""
+    low: float = 0.0
+    high: float = 1.0
+    turn: float = 360.0
+    reading_unit: str = "µm"
+    label: str = ""
+    owner: Owner = Owner.MACHINE
+    searched: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse a formula that is none."""
+        if not self.id.isidentifier():
+            raise InputError(
+                f"id: got {self.id!r}, expected letters, digits and underscores, no digit first"
+            )
+        if self.shape not in SHAPES:
+            raise InputError(f"shape: got {self.shape!r}, expected one of {', '.join(SHAPES)}")
+        whole = {"harmonic": 360, "polynomial": len(LEGENDRE)}.get(self.shape)
+        if whole is not None and self.number not in range(1, whole + 1):
+            expected = f"a whole number from 1 to {whole} for a {self.shape}"
+            raise InputError(f"number: got {self.number:g}, expected {expected}")
+        if self.shape == "wave" and not 0 < self.number < np.inf:
+            raise InputError(f"number: got {self.number:g}, expected the period, above 0")
+        if not (np.isfinite(self.number) and -np.inf < self.low < self.high < np.inf):
+            raise InputError(f"low, high: got {self.low:g}, {self.high:g}, expected low below high")
+        if not 0 < self.turn < np.inf:
+            raise InputError(f"turn: got {self.turn:g}, expected a length above 0")
+
+    @classmethod
+    def of_term(cls, term: Term, model: Any) -> FormulaEffect:
+        """Return the effect that a term of unexplained structure is in a model's data."""
+        v = next(v for v in model.covariates if v.name == term.covariate)
+        enters = model.components.get(term.component)
+        acting = slice(None) if enters is None else np.asarray(enters) != 0
+        unit = model.readings.unit
+        of_reading = unit if isinstance(unit, str) else str(np.asarray(unit)[acting][0])
+        scale = not v.classes
+        values = np.asarray(v.values, dtype=float) if scale else np.zeros(1)
+        where = f"_in_{term.component}" if term.component else ""
+        return cls(
+            id=re.sub(r"\W+", "_", f"{term.kind}_of_{term.covariate}{where}".lower()),
+            data=type(model.data).__name__,
+            covariate=term.covariate,
+            shape=term.kind,  # type: ignore[arg-type]
+            number=float(str(term.number)) if scale else 0.0,
+            component=term.component,
+            unit=term.unit,
+            at="" if scale else str(term.number),
+            low=float(values.min()) if scale else 0.0,
+            high=float(values.max()) if scale else 1.0,
+            turn=float(v.period or 360.0),
+            reading_unit=of_reading,
+            label=f"unexplained, {term.sentence()}",
+            owner=Owner.TIME if v.sequence else Owner.MACHINE,
+        )
+
+    @checked
+    def named(self, id: str, label: str = "") -> FormulaEffect:  # noqa: A002
+        """Return it under a name of its own.
+
+        Raises
+        ------
+        InputError
+            The id is no identifier (letters, digits, underscores).
+        """
+        return replace(self, id=id, label=label or id.replace("_", " "))
+
+    def at_values(self, values: NamedValues) -> tuple[FormulaEffect, dict[str, float]]:
+        """Return it with its period held at a value, and the other values: it is linear then."""
+        if not self._has_period:
+            return self, dict(values)
+        rest = {k: float(v) for k, v in values.items() if k != self._period}
+        number = float(values.get(self._period, self.number))
+        return replace(self, number=number, searched=False), rest
+
+    # --- as an effect
+
+    @property
+    def parameters(self) -> tuple[str | Parameter, ...]:
+        """Names with their units; the period of a wave with the values that are tried."""
+        end = f"_{self._suffix}"
+        match self.shape:
+            case "polynomial":
+                return tuple(f"c{k}{end}" for k in range(1, int(self.number) + 1))
+            case "jump" | "class":
+                return (f"{'step' if self.shape == 'jump' else 'offset'}{end}",)
+        names: tuple[str | Parameter, ...] = (f"a{end}", f"b{end}")
+        return (*names, self._searched_period()) if self._has_period else names
+
+    @property
+    def _suffix(self) -> str:
+        """End of the names of amplitudes."""
+        return suffix_of(self.reading_unit) or "reading"
+
+    @property
+    def _has_period(self) -> bool:
+        return self.shape == "wave" and self.searched
+
+    @property
+    def _period(self) -> str:
+        u = suffix_of(self.unit)
+        return f"period_{u}" if u else "period"
+
+    def _searched_period(self) -> Parameter:
+        low, high = (self.number * share for share in PERIODS)
+        step = 1.0 + WAVES_A_STEP * self.number / max(self.high - self.low, self.number)
+        below = int(np.log(1 / PERIODS[0]) / np.log(step))
+        above = int(np.log(PERIODS[1]) / np.log(step))
+        grid = tuple(float(self.number * step**k) for k in range(-below, above + 1))
+        return Parameter(self._period, self.unit, grid, (low, high))
+
+    def bound(self, data: Any, described: Described | None = None) -> Effect:
+        """Return it bound to data; ``described``: their model, if there is one.
+
+        Raises
+        ------
+        InputError
+            Data of another class, or without the quantity.
+        """
+        if type(data).__name__ != self.data:
+            got = type(data).__name__
+            raise InputError(f"effect {self.id!r}: got {got}, expected {self.data}")
+        if described is None:
+            described = importlib.import_module("trunnion.models.kinds").described(data)
+        place = next((v for v in described.covariates if v.name == self.covariate), None)
+        known = ["", *described.components]
+        if place is None or self.component not in known:
+            names = ", ".join(v.name for v in described.covariates)
+            raise InputError(
+                f"effect {self.id!r}: got data with {names} (in {', '.join(known[1:])}), expected "
+                f"{self.covariate}{self.component and f' in {self.component}'}"
+            )
+        s, enters = np.asarray(place.values), described.components.get(self.component)
+        weight = np.ones(len(s)) if enters is None else np.asarray(enters, dtype=np.float64)
+        more: dict[str, Any] = {"label": self.label, "owner": self.owner}
+        if self._has_period:
+            parts = [(s.astype(float), weight)]
+            return periodic(self.id, self._searched_period(), parts, unit=self._suffix, **more)
+        return linear(self.id, self.parameters, weight[:, None] * self._columns(s), **more)
+
+    def _columns(self, s: Any) -> Floats:
+        """Functions of the quantity, one column a linear parameter."""
+        match self.shape:
+            case "class":
+                return np.asarray(s.astype(str) == self.at, dtype=np.float64)[:, None]
+            case "jump":
+                return np.asarray(s >= self.number, dtype=np.float64)[:, None]
+            case "polynomial":
+                x = 2 * (s - self.low) / (self.high - self.low) - 1
+                return np.asarray(np.polynomial.legendre.legvander(x, int(self.number))[:, 1:])
+        rate = self.number / self.turn if self.shape == "harmonic" else 1 / self.number
+        angle = 2 * np.pi * rate * s
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def change(self, data: Any, values: NamedValues) -> Floats:
+        """Change of each reading, shape (n,), in `reading_unit`."""
+        return np.asarray(self.bound(data).change(values), dtype=np.float64)
+
+    def jacobian(self, data: Any, values: NamedValues) -> Floats:
+        """Derivative of the change by each parameter, shape (n, k)."""
+        return self.bound(data).columns(values)
+
+    # --- in words and as code
+
+    def formula(self) -> str:
+        """Say the formula in words: ``change in X (µm) = a cos(2π s/p) + ..., s = ...``."""
+        s = f"s = {self.covariate}{self.unit and f' ({self.unit})'}"
+        match self.shape:
+            case "harmonic":
+                k = int(self.number)
+                angle = f"{'' if k == 1 else k}s"
+                turn = "" if self.unit == "deg" else f", a turn being {self.turn:g}"
+                text = f"a cos({angle}) + b sin({angle}), {s} ({ordinal(k)} harmonic{turn})"
+            case "wave":
+                p = "p the period" if self.searched else f"p = {self.number:g} {self.unit}".rstrip()
+                text = f"a cos(2π s/p) + b sin(2π s/p), {s}, {p}"
+            case "polynomial":
+                terms = " + ".join(f"c{k + 1} {LEGENDRE[k]}" for k in range(int(self.number)))
+                middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
+                text = f"{terms}, x = (s − {middle:g})/{half:g}, {s}"
+            case "jump":
+                text = f"step from s = {self.number:g} on, {s}"
+            case _:
+                text = f"offset where {self.covariate} is {self.at}"
+        where = f" in {self.component}" if self.component else ""
+        return f"change{where}{f' ({self.reading_unit})' if self.reading_unit else ''} = {text}"
+
+    def code(self) -> str:
+        """Return the formula as the source of a Python function of s, direction and values."""
+        names = [p if isinstance(p, str) else p.name for p in self.parameters]
+        at = [f'values["{name}"]' for name in names]
+        match self.shape:
+            case "polynomial":
+                x = f"x = (s - {(self.high + self.low) / 2!r}) / {(self.high - self.low) / 2!r}"
+                body = f"np.polynomial.legendre.legval(x, [0.0, {', '.join(at)}])"
+            case "jump":
+                x, body = "", f"{at[0]} * (s >= {self.number!r})"
+            case "class":
+                x, body = "", f"{at[0]} * (s.astype(str) == {self.at!r})"
+            case _:
+                period = f"{self.turn / self.number!r}" if self.shape == "harmonic" else at[-1]
+                period = repr(self.number) if self.shape == "wave" and not self.searched else period
+                x = f"angle = 2 * np.pi * s / {period}"
+                body = f"{at[0]} * np.cos(angle) + {at[1]} * np.sin(angle)"
+        unit = self.unit and f" ({self.unit})"
+        along = f"share of a displacement along {self.component}" if self.component else "1"
+        lines = [
+            "import numpy as np",
+            "",
+            "",
+            "def change(s, enters, values):",
+            f'    """Change of each reading{self.reading_unit and f", {self.reading_unit}"}.',
+            "",
+            f"    s: {self.covariate}{unit}, shape (n,); enters: {along}, shape (n,).",
+            '    """',
+            *([f"    {x}"] if x else []),
+            f"    return enters * ({body})",
+        ]
+        return "\n".join(lines) + "\n"

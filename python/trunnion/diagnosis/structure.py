@@ -1,0 +1,159 @@
+"""Unexplained structure as a part of the extended model, with parameters of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from trunnion.base.errors import DataError
+from trunnion.base.report import Result, Table, measured
+from trunnion.base.units import Floats, unit_of
+from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.formula import FormulaEffect
+from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.records import value_in_words
+from trunnion.machine.estimate import Estimate
+
+WHY_NOT = "nobody has named what makes it"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Structure(Result):
+    """Unexplained structure as it is in the extended model.
+
+    Attributes
+    ----------
+    effect:
+        Its formula.
+    parameters, std_errors:
+        By parameter name, in the unit of the name; a standard error of inf: not identifiable.
+    share:
+        Of the variance of what the causes leave.
+    others:
+        What the residual may depend on instead, in words.
+    """
+
+    effect: FormulaEffect
+    parameters: Mapping[str, float]
+    std_errors: Mapping[str, float]
+    share: float
+    others: tuple[str, ...] = ()
+
+    def sentences(self) -> tuple[str, ...]:
+        """Say the formula and its values."""
+        values = ", ".join(
+            f"{name.split('_', 1)[0]} = {value_in_words(v, self.std_errors[name], unit_of(name))}"
+            for name, v in self.parameters.items()
+        )
+        return (f"In the extended model: {self.effect.formula()}; {values}.",)
+
+    def tables(self) -> tuple[Table, ...]:
+        """Parameters with their standard errors."""
+        rows = [
+            (name, *measured(value, self.std_errors[name]), unit_of(name))
+            for name, value in self.parameters.items()
+        ]
+        columns = ("parameter", "value", "standard error", "unit")
+        return (Table.of(self.effect.label, columns, rows),)
+
+
+class _ModelWith:
+    """A model with one more effect, added to its readings; all else is the model's."""
+
+    def __init__(self, model: Model, effect: Effect, source: FormulaEffect) -> None:
+        self.inner, self.more, self.source = model, effect, source
+        self.effects = (*model.effects, effect)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+    def effect(self, name: str) -> Effect:
+        return self.more if name == self.more.id else self.inner.effect(name)
+
+    def _without(self, effects: EffectValues) -> dict[str, Mapping[str, float]]:
+        return {k: v for k, v in effects.items() if k != self.more.id}
+
+    def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        out = self.inner.predict(nuisance, self._without(effects))
+        if self.more.id in effects:
+            out = out + np.asarray(self.more.change(Values(effects[self.more.id])))
+        return out
+
+    def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        return self.inner.jacobian(nuisance, self._without(effects))
+
+    def effect_jacobian(
+        self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
+    ) -> Floats:
+        if effect.id == self.more.id:
+            return effect.columns(values)
+        return self.inner.effect_jacobian(nuisance, effect, values)
+
+    def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
+        return self.inner.location_errors(nuisance, self._without(effects))
+
+    def inputs(self, nuisance: Floats, effects: EffectValues) -> Any:
+        return self.inner.inputs(nuisance, self._without(effects))
+
+    def extended(
+        self, nuisance: Floats, effects: EffectValues, uncertainty: Uncertainty | None = None
+    ) -> Any:
+        made = self.inner.extended(nuisance, self._without(effects), uncertainty)
+        if self.more.id not in effects or not isinstance(made, Estimate):
+            return made
+        fixed, values = self.source.at_values(effects[self.more.id])
+        return replace(
+            made,
+            effects={**made.effects, fixed: values},
+            owners={**made.owners, fixed.id: fixed.owner},
+            not_compensable={**made.not_compensable, fixed.id: WHY_NOT},
+        )
+
+
+def model_with(model: Model, source: FormulaEffect) -> Model:
+    """Return a model with an effect by a formula among its effects."""
+    return cast("Model", _ModelWith(model, source.bound(model.data, model), source))
+
+
+def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, FormulaEffect | None]:
+    """Fit the causes with the structure that is left: the case with it among the effects, the fit.
+
+    ``kept``: without the outliers. Beside a model that is not complete structure is stated only.
+    """
+    if not e.terms or kept.dependent:
+        return kept, f, None
+    source = FormulaEffect.of_term(e.terms[0][0], kept.model)
+    model = model_with(kept.model, source)
+    added = model.effect(source.id)
+    start = added.values(0.0 if p.linear else source.number for p in added.parameters)
+    effects = [kept.model.effect(name) for name in f.effects]
+    values = {**f.effects, source.id: start}
+    try:
+        found = fit(model, kept.rows, [*effects, added], f.nuisance, values, kept.whiten)
+    except DataError:
+        return kept, f, None
+    if found.rss >= f.rss or found.dof < 1:
+        return kept, f, None
+    return replace(kept, model=model), found, source
+
+
+def structure_of(
+    source: FormulaEffect | None, e: Explanation, case: Case, f: Fit, wide: Fit
+) -> Structure | None:
+    """Return the record of structure in a fit; ``wide``: with standard errors."""
+    if source is None:
+        return None
+    std = case.size(case.model.effect(source.id), wide, 1.0)[0]
+    numbers = f.effects[source.id]
+    return Structure(
+        source,
+        {k: float(v) for k, v in numbers.items()},
+        {k: float(s) for k, s in zip(numbers, std, strict=True)},
+        e.terms[0][1],
+        tuple(term.sentence() for term, _ in e.terms[1:]),
+    )

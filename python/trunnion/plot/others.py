@@ -1,0 +1,215 @@
+"""Small pictures: tables of corrections, tolerances, ladders, instruments, what repeats."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.conformity import Conformity, Decision
+from trunnion.base.errors import InputError
+from trunnion.base.units import unit_of
+from trunnion.data.iso230_2 import CompensationTable
+from trunnion.diagnosis.contributions import Ladder
+from trunnion.diagnosis.records import Residuals
+from trunnion.machine.estimate import Estimate
+from trunnion.models.instruments import InstrumentComparison
+from trunnion.models.points import RepeatablePart
+from trunnion.models.rotary import Circle
+from trunnion.plot.picture import Axis, Picture, Series, bars, line, points
+from trunnion.plot.static import panels
+from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, PALETTE, RED, VERMILLION
+from trunnion.plot.touches import estimates_pictures, plot_estimates
+from trunnion.reference.comparison import Comparison
+
+MAX_UNITS = 4
+MAX_NAMES = 24
+DECISIONS = {Decision.PASS: GREEN, Decision.FAIL: RED, Decision.UNDECIDED: OCHRE}
+
+
+def plot_methods(
+    result: Comparison, *, unit: str | None = None, ax: Any = None, **style: Any
+) -> Any:
+    """Draw what each method makes of the location errors, beside the truth where it is known."""
+    return plot_estimates(result.results, result.truth, unit=unit, ax=ax, **style)
+
+
+def methods_pictures(result: Comparison) -> list[Picture]:
+    """Return the estimates of each method, a picture for each unit."""
+    return estimates_pictures(result.results, result.truth)
+
+
+def plot_estimate(
+    result: Estimate, *, ax: Any = None, unit: str | None = None, **style: Any
+) -> Any:
+    """Draw every parameter of an estimate with U (k = 2), a panel for each unit.
+
+    Parameters
+    ----------
+    result
+        An estimate.
+    ax
+        Axes for the parameters of one unit; a new figure unless given.
+    unit
+        Which unit is drawn on `ax`; the first unless given.
+    **style
+        As :meth:`trunnion.plot.picture.Picture.draw` takes it.
+    """
+    pictures = estimate_pictures(result)
+    if unit is not None:
+        pictures = [p for p in pictures if p.x.unit == unit]
+    if not pictures:
+        raise InputError(f"plot_estimate: got no parameter of unit {unit!r}, expected some")
+    if len(pictures) == 1 or ax is not None:
+        return pictures[0].draw(ax, **style)
+    return panels(pictures, columns=2, **style)
+
+
+def estimate_pictures(result: Estimate) -> list[Picture]:
+    """Return the parameters of an estimate, a picture for each unit; at most `MAX_UNITS`."""
+    values, std = result.values, result.std_errors
+    units = list(dict.fromkeys(unit_of(name) for name in values))[:MAX_UNITS]
+    found = []
+    for unit in units:
+        names = [n for n in values if unit_of(n) == unit and np.isfinite(std.get(n, 0.0))]
+        two = np.array([2 * std.get(name, 0.0) for name in names])
+        shown = bars([values[name] for name in names[:MAX_NAMES]], error=two[:MAX_NAMES])
+        x = Axis("Value with U (k = 2)", unit)
+        y = Axis(names=tuple(names[:MAX_NAMES]))
+        if names:
+            found.append(Picture(f"Estimates, {unit}" if unit else "Estimates", x, y, (shown,)))
+    return found
+
+
+def plot_compensation_table(table: CompensationTable, *, ax: Any = None, **style: Any) -> Any:
+    """Draw what is added to commands over the targets, from each direction."""
+    return compensation_table_picture(table).draw(ax, **style)
+
+
+def compensation_table_picture(table: CompensationTable) -> Picture:
+    """Return the corrections over the targets."""
+    series: list[Series] = []
+    for values, label, colour in (
+        (table.forward, "from below ↑", BLUE),
+        (table.backward, "from above ↓", VERMILLION),
+    ):
+        series += [
+            line(table.targets, values, colour=colour),
+            points(table.targets, values, label, colour=colour),
+        ]
+    place = "°" if table.position_unit == "deg" else table.position_unit
+    x, y = Axis("Target position", place), Axis("Correction", table.unit)
+    return Picture("What is added to commanded positions", x, y, tuple(series))
+
+
+def plot_conformity(result: Conformity, *, ax: Any = None, **style: Any) -> Any:
+    """Draw each quantity as a share of its tolerance, with U (k = 2) and its decision."""
+    return conformity_picture(result).draw(ax, **style)
+
+
+def conformity_picture(result: Conformity) -> Picture:
+    """Return each quantity as a share of its tolerance."""
+    names = tuple(one.label or one.name for one in result.judged)
+    size = np.array([100 * abs(one.value) / one.tolerance for one in result.judged])
+    two = np.array([200 * one.std_error / one.tolerance for one in result.judged])
+    series: list[Series] = []
+    for decision, colour in DECISIONS.items():
+        mine = np.array([one.decision is decision for one in result.judged], dtype=bool)
+        if mine.any():
+            error = np.where(mine, two, np.nan)
+            label = decision.value
+            series.append(bars(np.where(mine, size, np.nan), label, colour=colour, error=error))
+    series.append(line([100.0, 100.0], [-0.5, len(names) - 0.5], "tolerance", colour=MUTED))
+    x = Axis("Share with U (k = 2)", "%")
+    return Picture("Quantities against their tolerances", x, Axis(names=names), tuple(series))
+
+
+def plot_ladder(ladder: Ladder, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the rms of the residual of the plain model and after each cause."""
+    return ladder_of_picture(ladder).draw(ax, **style)
+
+
+def ladder_of_picture(ladder: Ladder) -> Picture:
+    """Return the rms of the residual after each cause."""
+    names = ("plain model", *(f"+ {ladder.labels.get(c) or c}" for c in ladder.causes))
+    x = Axis("rms of the residual", ladder.unit)
+    return Picture("Residual rms after each cause", x, Axis(names=names), (bars(ladder.rms_um),))
+
+
+def plot_readings(record: Residuals, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the residuals of the plain model and with the causes, row by row."""
+    return readings_picture(record).draw(ax, **style)
+
+
+def readings_picture(record: Residuals) -> Picture:
+    """Return the residuals before and after by row; outliers as crosses."""
+    kept = record.kept
+    series = [
+        points(record.rows[kept], values[kept], label, colour=colour, opacity=0.6, size=3.5)
+        for values, label, colour in (
+            (record.before, "plain model", VERMILLION),
+            (record.after, "with the causes", BLUE),
+        )
+    ]
+    if not kept.all():
+        out = {"colour": MUTED, "marker": "cross"}
+        series.append(points(record.rows[~kept], record.before[~kept], "left out", **out))
+    x, y = Axis("Data row"), Axis("Residual", record.unit)
+    return Picture("Residuals before and after", x, y, tuple(series))
+
+
+def plot_instruments(result: InstrumentComparison, *, ax: Any = None, **style: Any) -> Any:
+    """Draw what each cause does to the deviations of each instrument, with U (k = 2)."""
+    return instruments_picture(result).draw(ax, **style)
+
+
+def instruments_picture(result: InstrumentComparison) -> Picture:
+    """Return the rms of each cause, one bar an instrument."""
+    rows = [(one, name) for one in result.attributions for name in one.rms]
+    names = tuple(f"{one.label or one.id}, {name}" for one, name in rows)
+    series: list[Series] = []
+    for k, name in enumerate(result.instruments):
+        mine = np.array([other == name for _, other in rows], dtype=bool)
+        size = np.array([one.rms[other] for one, other in rows])
+        two = np.array([2 * one.std_error.get(other, np.nan) for one, other in rows])
+        values = np.where(mine, size, np.nan)
+        colour = PALETTE[k % len(PALETTE)]
+        series.append(bars(values, name, colour=colour, error=np.where(mine, two, np.nan)))
+    x = Axis("rms with U (k = 2)", result.unit)
+    return Picture("Causes by instrument", x, Axis(names=names), tuple(series))
+
+
+def plot_repeatable(result: RepeatablePart, *, ax: Any = None, **style: Any) -> Any:
+    """Draw what of the deviations is there again, and what it is made of."""
+    return repeatable_picture(result).draw(ax, **style)
+
+
+def repeatable_picture(result: RepeatablePart) -> Picture:
+    """Return the rms of what repeats and its parts, and of what does not."""
+    size = result.repeatable_um
+    parts = {
+        "repeatable": size,
+        "  named causes": size * np.sqrt(max(result.named, 0.0)),
+        "  smooth field": size * np.sqrt(max(result.smooth, 0.0)),
+        "  from feature to feature": size * np.sqrt(max(result.hole_by_hole, 0.0)),
+        "not repeatable": result.scatter_um,
+    }
+    x = Axis("rms a coordinate", "µm")
+    values = bars(list(parts.values()))
+    return Picture("What is there again", x, Axis(names=tuple(parts)), (values,))
+
+
+def plot_circle(result: Circle, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the distances of a target from its circle, in and off its plane, in their order."""
+    return circle_picture(result).draw(ax, **style)
+
+
+def circle_picture(result: Circle) -> Picture:
+    """Return radial and axial distances in the order of measurement."""
+    at = np.arange(1, len(result.radial_um) + 1)
+    series = (
+        points(at, result.radial_um, f"radial, rms {result.radial_rms_um:.3g} µm", colour=BLUE),
+        points(at, result.axial_um, f"axial, rms {result.axial_rms_um:.3g} µm", colour=VERMILLION),
+    )
+    title = f"Distances from the circle of radius {result.radius_mm:.4f} mm"
+    return Picture(title, Axis("Position, in order"), Axis("Distance", "µm"), series)

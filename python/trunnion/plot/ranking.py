@@ -1,0 +1,88 @@
+"""Ranked bars: what causes contribute, and how often a diagnosis is right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion.base.errors import InputError
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.plot.picture import Axis, Picture, Series, bars
+from trunnion.plot.style import BLUE, GREEN, MUTED, RED, SKY
+
+RATES = {"found": GREEN, "aliased": SKY, "missed": MUTED, "wrong": RED}
+"""Outcomes of a diagnosis with their colours."""
+
+
+def plot_contributions(d: Diagnosis, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the share of each named cause in what the plain model leaves, in percent."""
+    picture = contributions_picture(d)
+    if picture is None:
+        raise InputError("plot_contributions: got a diagnosis without a cause, expected one with")
+    return picture.draw(ax, **style)
+
+
+def contributions_picture(d: Diagnosis) -> Picture | None:
+    """Return the causes ranked by their share of the residual mean square; None without any."""
+    ranked = sorted(d.contributions, key=lambda c: -c.share)
+    if not ranked:
+        return None
+    left = max(0.0, 1 - sum(c.share for c in ranked))
+    names = (*(f"{c.label} ({c.id})" if c.label else c.id for c in ranked), "noise and the rest")
+    values = 100 * np.array([*(c.share for c in ranked), left])
+    named = np.append(np.ones(len(ranked), dtype=bool), False)
+    unit = ranked[0].unit
+    hover = (*(f"{c.rms_um:.3g} {unit} rms" for c in ranked), "")
+    return Picture(
+        "Causes ranked by what they explain",
+        Axis("Share of mean square", "%", limits=(0.0, 100.0)),
+        Axis(names=names),
+        (
+            bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),
+            bars(np.where(named, np.nan, values), colour=MUTED),
+        ),
+        notes_at=tuple((float(v), float(k), f"{v:.3g} %") for k, v in enumerate(values)),
+    )
+
+
+def plot_rates(
+    names: Sequence[str], rates: Mapping[str, ArrayLike], *, ax: Any = None, **style: Any
+) -> Any:
+    """Draw rates of a power study as bars that add up to 100 %.
+
+    Parameters
+    ----------
+    names
+        Of the effects.
+    rates
+        Outcome → rate of each effect in percent, (n,); outcomes in the order in which they are
+        stacked, such as "found", "aliased", "missed", "wrong".
+    ax, **style
+        As :meth:`trunnion.plot.picture.Picture.draw` takes them.
+    """
+    return rates_picture(names, rates).draw(ax, **style)
+
+
+def rates_picture(
+    names: Sequence[str], rates: Mapping[str, ArrayLike], title: str = "How often it is right"
+) -> Picture:
+    """Return rates as stacked bars."""
+    total = np.zeros(len(names))
+    stacked: list[Series] = []
+    for outcome, values in rates.items():
+        rate = np.asarray(values, dtype=np.float64)
+        if rate.shape != total.shape:
+            raise InputError(
+                f"{outcome}: got shape {rate.shape}, expected one a name, {total.shape}"
+            )
+        total = total + rate
+        stacked.append(bars(total, outcome, colour=RATES.get(outcome, BLUE)))
+    return Picture(
+        title,
+        Axis("Share of the runs", "%", limits=(0.0, 100.0)),
+        Axis(names=tuple(names)),
+        tuple(reversed(stacked)),
+    )

@@ -1,0 +1,230 @@
+"""Unexplained structure is a part of the model, and an effect that can be named and shared."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from power.study import ground
+from promise import kept, needed_runs
+from trunnion.cli import app
+from trunnion.diagnosis.formula import SHAPES
+from trunnion.machine.effects import Owner
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+FOUND = 0.95
+NOISE_UM = 0.3
+PERIOD_MM = 47.0
+
+
+def with_wave(seed: int, size_um: float = 3.0) -> tuple[tn.Touches, tn.Setup, dict[str, float]]:
+    """Touches of the independent generator, X moved by a wave along Y, and the hidden errors."""
+    made, twin, _, read = ground("rich")
+    rng = np.random.default_rng(seed)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng))
+    m = measure(made, twin, truth, noise_um=NOISE_UM, tick_um=0.1, seed=seed)
+    data = tn.Touches(m.columns)
+    y = np.round(2 * data.position_mm[:, 1]) / 2
+    moved = size_um * np.cos(2 * np.pi * y / PERIOD_MM + rng.uniform(0, 6.28))
+    changed = {"x_mm": data.position_mm[:, 0] + 1e-3 * moved}
+    return data.with_columns(**changed), read, dict(truth.errors)
+
+
+@cache
+def first() -> tn.Diagnosis:
+    data, setup, _ = with_wave(1)
+    return tn.diagnose(data, setup)
+
+
+def test_structure_is_a_part_of_the_extended_model() -> None:
+    d = first()
+    assert d.verdict == "unexplained"
+    assert d.structure is not None
+    assert "period" in str(d.unexplained)
+    name = d.structure.effect.id
+    assert d.structure.parameters["period_mm"] == pytest.approx(PERIOD_MM, rel=0.02)
+    assert all(0 < s < 0.5 for s in d.structure.std_errors.values())
+    assert d.gain.rms_after_um == pytest.approx(NOISE_UM, rel=0.15)
+    assert d.gain.heldout_rms_after_um < 0.4 * d.gain.heldout_rms_before_um
+    assert d.contributions[0].id == name
+    assert isinstance(d.model, tn.Estimate)
+    assert {f"{name}.a_um", f"{name}.b_um"} <= set(d.model.values)
+    assert f"{name}.period_mm" in d.model.std_errors
+    assert not d.causes  # nobody has named it
+    again = tn.Diagnosis.from_json(d.to_json())
+    assert again == d
+    assert again.model == d.model
+    assert d.score(with_wave(1)[0]).rms_after_um == pytest.approx(d.gain.rms_after_um, rel=0.05)
+
+
+def test_the_model_predicts_with_it() -> None:
+    data, setup, _ = with_wave(1)
+    d = first()
+    assert tn.identify(data, setup, effects=d.model).rms_um == pytest.approx(
+        d.gain.rms_after_um, rel=0.02
+    )
+    simulated = tn.simulate(data, setup, d.model)
+    off = (simulated.position_mm - data.position_mm) * data.direction
+    assert np.std(np.sum(off, axis=1)) < 1.3e-3 * NOISE_UM
+
+
+def test_location_errors_are_free_of_it_and_their_uncertainty_says_so() -> None:
+    inside, runs = 0, needed_runs(FOUND)
+    for seed in range(runs):
+        data, setup, hidden = with_wave(100 + seed)
+        d = tn.diagnose(data, setup)
+        name = max(hidden, key=lambda k: abs(d.errors_before[k] - d.errors_after[k]))
+        inside += abs(d.errors_after[name] - hidden[name]) < 2 * d.errors_std[name]
+    assert kept(inside, runs, FOUND)
+
+
+def test_a_named_effect_is_found_on_the_next_machine(tmp_path: Path) -> None:
+    named = first().draft_effect("rail_wave", "wave of the Y rail")
+    path = tn.write_effects(tmp_path / "effects.toml", [named])
+    read = tn.read_effects(path, with_wave(1)[0])
+    assert read == (named,)
+    found, runs = 0, needed_runs(FOUND)
+    for seed in range(runs):
+        data, setup, _ = with_wave(300 + seed, 0.6)
+        d = tn.diagnose(data, setup, effects=read)
+        found += d.verdict != "unexplained" and "rail_wave" in d.named
+    assert kept(found, runs, FOUND)
+    without, setup, _ = with_wave(5, 0.0)
+    assert "rail_wave" not in tn.diagnose(without, setup, effects=read).named
+
+
+def example(shape: str) -> tn.FormulaEffect:
+    every: dict[str, dict[str, Any]] = {
+        "harmonic": {"shape": "harmonic", "covariate": "C position", "unit": "deg", "number": 2.0},
+        "wave": {
+            "shape": "wave",
+            "covariate": "Y place",
+            "unit": "mm",
+            "number": 31.0,
+            "low": -50.0,
+            "high": 50.0,
+        },
+        "polynomial": {
+            "shape": "polynomial",
+            "covariate": "time",
+            "unit": "s",
+            "number": 3.0,
+            "high": 900.0,
+        },
+        "jump": {
+            "shape": "jump",
+            "covariate": "order of measurement",
+            "number": 40.0,
+            "owner": Owner.TIME,
+        },
+        "class": {"shape": "class", "covariate": "point", "at": "7"},
+    }
+    return tn.FormulaEffect(f"my_{shape}", "Touches", component="X", **every[shape])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_code_does_what_the_effect_does(shape: str, tmp_path: Path) -> None:
+    effect, data = example(shape), tn.read_touches(tn.sample_path("cross/touches.csv"))
+    values = {p if isinstance(p, str) else p.name: 0.7 + k for k, p in enumerate(effect.parameters)}
+    if "period_mm" in values:
+        values["period_mm"] = 31.5
+    space: dict[str, Any] = {}
+    exec(effect.code(), space)
+    places = {
+        "C position": data.c_deg,
+        "Y place": np.round(2 * data.position_mm[:, 1]) / 2,
+        "time": data.time_s,
+        "order of measurement": np.arange(len(data)),
+        "point": data.point,
+    }
+    expected = space["change"](places[effect.covariate], data.direction[:, 0], values)
+    np.testing.assert_allclose(effect.change(data, values), expected, atol=1e-12)
+    assert np.abs(expected).max() > 0.1
+    # Its derivative by differences.
+    steps = []
+    for name in values:
+        ends = [effect.change(data, {**values, name: values[name] + h}) for h in (1e-5, -1e-5)]
+        steps.append((ends[0] - ends[1]) / 2e-5)
+    np.testing.assert_allclose(effect.jacobian(data, values), np.stack(steps, 1), atol=1e-6)
+    assert effect.covariate in effect.formula()
+    assert tn.read_effects(tn.write_effects(tmp_path / "e.toml", [effect])) == (effect,)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('shape = "spiral"', "2:1: shape: got 'spiral', expected one of harmonic,"),
+        ("number = -3.0", "2:1: number: got -3, expected the period, above 0"),
+        ('number = "long"', "7:10: got 'long', expected a number"),
+        ("colour = 1", "7:1: got key 'colour', expected one of id,"),
+        ('owner = "nobody"', "7:9: got 'nobody', expected one of machine,"),
+    ],
+)
+def test_a_wrong_file_is_refused_at_its_place(line: str, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "effects.toml"
+    base = {"id": '"w"', "data": '"Touches"', "covariate": '"Y place"', "shape": '"wave"'}
+    rows = [f"{k} = {v}" for k, v in base.items() if not line.startswith(k)]
+    numbered = [] if line.startswith("number") else ["number = 30.0"]
+    path.write_text("\n".join(["# mine", "[[effect]]", *rows, *numbered, line]), encoding="utf-8")
+    with pytest.raises(tn.FileFormatError, match=r"effects\.toml") as error:
+        tn.read_effects(path)
+    place, _, rest = said.partition(": ")
+    assert rest in str(error.value)
+    if place.startswith("2"):
+        assert f":{place}:" in str(error.value)
+
+
+def test_an_effect_of_other_data_is_refused_or_left_out(tmp_path: Path) -> None:
+    effect, points = example("wave"), tn.read_points(tn.sample_path("plate/first.csv"))
+    with pytest.raises(tn.InputError, match="got Points, expected Touches"):
+        tn.diagnose(points, effects=[effect])
+    path = tn.write_effects(tmp_path / "effects.toml", [effect])
+    assert tn.read_effects(path, points) == ()
+    with pytest.raises(tn.InputError, match="draft_effect: got nothing is unexplained"):
+        tn.diagnose(*cross_of(5)).draft_effect()
+
+
+def cross_of(seed: int) -> tuple[tn.Touches, tn.Setup]:
+    data, setup, _ = with_wave(seed, 0.0)
+    return data, setup
+
+
+def test_a_package_brings_its_own_catalogue(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "site"
+    info = site / "our_lab-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: our-lab\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[trunnion.effects]\nour_lab = our_lab:CATALOGUE\nbroken = our_lab:MISSING\n"
+    )
+    tn.write_effects(site / "lab.toml", [first().draft_effect("rail_wave")])
+    (site / "our_lab.py").write_text(
+        "from pathlib import Path\nCATALOGUE = Path(__file__).with_name('lab.toml')\n"
+    )
+    monkeypatch.syspath_prepend(str(site))
+    brought = tn.installed_effects("our_lab")
+    assert [e.id for e in brought] == ["rail_wave"]
+    data, setup, _ = with_wave(7)
+    assert "rail_wave" in tn.diagnose(data, setup, effects=brought).named
+    with pytest.raises(tn.InputError, match=r"entry point 'broken' of trunnion\.effects"):
+        tn.installed_effects()
+    with pytest.raises(tn.UnknownNameError, match="entry point"):
+        tn.installed_effects("their_lab")
+    data.to_csv(tmp_path / "touches.csv")
+    (tmp_path / "setup.toml").write_text(setup.to_toml())
+    files = [str(tmp_path / name) for name in ("touches.csv", "setup.toml")]
+    for given in ("our_lab", str(site / "lab.toml")):
+        run = CliRunner().invoke(app, ["diagnose", *files, "--effects", given])
+        assert run.exit_code == 0, run.output
+        assert "rail wave (rail_wave)" in run.output
+    sys.modules.pop("our_lab", None)

@@ -1,0 +1,236 @@
+"""What a report says: results with tolerances, what to do, each cause over its own coordinate."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from plotly.offline import get_plotlyjs
+from typer.testing import CliRunner
+
+import trunnion as tn
+from result_examples import EXAMPLES, cross, diagnosis_of
+from trunnion.base.report import Result
+from trunnion.cli import app
+from trunnion.diagnosis.model import Covariate
+from trunnion.plot.coordinates import Weight, coordinate_of
+from trunnion.plot.diagnosis import Explained, cause_picture, diagnostics
+from trunnion.plot.picture import Form
+from trunnion.plot.statistics import order_picture
+from trunnion.reports.hover import hovered
+from trunnion.setup.names import error_label
+
+MAX_BYTES = 3_000_000
+
+
+def simulated(effects: dict[str, dict[str, float]], seed: int = 1, **plan: Any) -> tn.Touches:
+    setup = cross()[1]
+    planned = tn.plan(setup, **plan)
+    return tn.simulate(planned, setup, {"EX0C": 15.0}, effects=effects, noise_um=0.2, seed=seed)
+
+
+@pytest.mark.parametrize("name", sorted(EXAMPLES))
+def test_every_result_has_a_report_that_needs_nothing_else(name: str, tmp_path: Path) -> None:
+    result = EXAMPLES[name]()
+    if not isinstance(result, Result):
+        pytest.skip("data, not a result")
+    text = result.to_html(tmp_path / "r.html").read_text(encoding="utf-8")
+    own = text.replace(get_plotlyjs(), "")
+    assert own.count("<h1>") == 1
+    assert "Where this comes from" in own
+    named = re.sub(r'xmlns(?::xlink)?="[^"]*"', "", own)  # names, not addresses
+    assert not re.search(r'(?:src|href)="(?!#|data:)|@import|url\((?!#)|https?://', named)
+    if "data-figure" in own:
+        assert text.count(get_plotlyjs()) == 1
+    assert "nan" not in re.sub(r"<script.*?</script>", "", own, flags=re.S).lower().split()
+
+
+# --- results
+
+
+def test_old_values_tolerances_and_decisions(tmp_path: Path) -> None:
+    setup = cross()[1]
+    limits = {"EX0C": 25.0, "EA0A": 5.0, "EY0C": 21.0}
+    machine = tn.Machine(errors={"EX0C": 10.0}, tolerance=limits)
+    known = tn.Setup(artefact=setup.artefact, machine=machine, probe=setup.probe)
+    fit = tn.identify(cross()[0], known)
+    page = fit.to_html(tmp_path / "r.html", setup=known).read_text(encoding="utf-8")
+    rows = {
+        cells[0]: cells[1:]
+        for row in re.findall(r"<tr>(.*?)</tr>", page)
+        if len(cells := [re.sub("<.*?>", "", c) for c in re.findall(r"<t[hd].*?</t[hd]>", row)])
+        == 7
+    }
+    row = rows["offset of the C axis along X (EX0C)"]
+    assert row[0] == "10"
+    assert float(row[1]) == pytest.approx(fit["EX0C"], abs=0.05)
+    assert float(row[2]) == pytest.approx(2 * fit.std_errors["EX0C"], rel=0.1)
+    assert row[4:] == ["± 25", "pass"]
+    assert rows["zero position of the A axis (EA0A)"][-1] == "fail"
+    assert abs(fit["EY0C"] - 21.0) < 1.6 * fit.std_errors["EY0C"]
+    assert rows["offset of the C axis along Y (EY0C)"][-1] == "undecided"
+    assert "A tolerance is exceeded." in page
+    assert 'class="verdict bad"' in page
+
+
+def test_names_of_errors_in_words() -> None:
+    assert error_label("EA0B") == "tilt of the B axis about X"
+    assert error_label("EC0C") == "zero position of the C axis"
+    assert error_label("rb_arcsec") == "turn of the artefact about Y"
+    assert error_label("rate_um_h") == "rate_um_h"
+
+
+def test_the_record_has_files_with_checksums_and_the_command(tmp_path: Path) -> None:
+    data, setup, page = tmp_path / "my touches.csv", tmp_path / "setup.toml", tmp_path / "r.html"
+    cross()[0].to_csv(data)
+    named = tn.ReportSetup(machine="Mill 7", serial="0815", operator="M. Muster", date="2026-11-22")
+    known = tn.Setup(artefact=cross()[1].artefact, probe=cross()[1].probe, report=named)
+    setup.write_text(known.to_toml(comments=True), encoding="utf-8")
+    run = CliRunner().invoke(app, ["diagnose", str(data), str(setup), "--output", str(page)])
+    assert run.exit_code == 0, run.output
+    text = page.read_text(encoding="utf-8")
+    for path in (data, setup):
+        assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}" in text
+    for told in ("Mill 7", "no. 0815", "M. Muster", "2026-11-22", tn.__version__):
+        assert told in text
+    assert f"diagnose &#x27;{data}&#x27; {setup} --output {page}" in text
+    other = tn.identify(tn.read_touches(data), known)
+    again = other.to_html(page, data=tn.read_touches(data), made_by="mine()").read_text("utf-8")
+    assert "mine()" in again
+    assert hashlib.sha256(data.read_bytes()).hexdigest() in again
+    kept = tn.read_touches(data)
+    data.unlink()
+    assert "not there any more" in tn.diagnose(kept, known).to_html(page).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["positioning", "results", "positioning/axis.csv", "--tolerance", "A=20"],
+        ["levels", "results", "levels/plate.csv"],
+        ["estimate", "cross/touches.csv", "cross/setup.toml"],
+        ["compare", "plate/first.csv", "plate/second.csv"],
+    ],
+)
+def test_commands_write_reports(command: list[str], tmp_path: Path) -> None:
+    full = [str(tn.sample_path(c)) if "/" in c else c for c in command]
+    run = CliRunner().invoke(app, [*full, "--html", str(tmp_path / "r.html")])
+    assert run.exit_code == 0, run.output
+    pages = list(tmp_path.glob("*.html"))
+    assert pages
+    for page in pages:
+        assert "trunnion" in page.read_text(encoding="utf-8")
+
+
+# --- each cause over its own coordinate
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "x", "unit"),
+    [
+        ("c_positioning_2", {"a2_arcsec": 2.0, "b2_arcsec": 6.0}, "C position", "arcsec"),
+        ("drift_z", {"rate_um_h": 60.0}, "Time", "µm"),
+        ("backlash_x", {"b_um": 5.0}, "Direction along X", "µm"),
+        ("scale_x", {"ppm": 60.0}, "X place", "µm"),
+    ],
+)
+def test_a_cause_is_drawn_over_what_it_depends_on(
+    effect: str, values: dict[str, float], x: str, unit: str
+) -> None:
+    data = simulated({effect: values}, c_deg=tuple(range(0, 360, 30)))
+    d = tn.diagnose(data, cross()[1])
+    assert d.named == {effect}
+    picture = cause_picture(d, effect)
+    assert picture.x.label == x
+    assert picture.y.unit == unit
+    go.Figure(picture.to_plotly())
+    readings = picture.series[0]
+    fitted = next(s for s in picture.series if s.form is Form.LINE)
+    assert readings.rows is not None
+    if effect == "c_positioning_2":
+        c = np.radians(fitted.x)
+        truth = 2.0 * (np.cos(2 * c) - 1) + 6.0 * np.sin(2 * c)
+        sign = np.sign(fitted.y @ truth)
+        assert np.abs(sign * fitted.y - truth).max() < 1.0
+        assert len(fitted.x) > 100  # a curve, not a line from reading to reading
+    if effect == "drift_z":
+        slope = np.polyfit(fitted.x, fitted.y, 1)[0] * 3600
+        assert abs(slope) == pytest.approx(60.0, abs=5.0)
+
+
+def test_the_band_is_the_uncertainty_of_the_curve() -> None:
+    d = tn.diagnose(simulated({"drift_z": {"rate_um_h": 60.0}}), cross()[1])
+    band = next(s for s in cause_picture(d, "drift_z").series if s.form is Form.BAND)
+    assert band.high is not None
+    hours = (band.x[-1] - 0) / 3600
+    half = (band.high[-1] - band.y[-1]) / 2
+    assert half == pytest.approx(2 * d.causes[0].std_errors["rate_um_h"] * hours, rel=1e-6)
+
+
+def test_a_coordinate_is_found_by_what_explains_a_change() -> None:
+    rng = np.random.default_rng(4)
+    angle, time = rng.uniform(0, 360, 300), np.sort(rng.uniform(0, 1, 300))
+    lever = rng.uniform(-1, 1, 300)
+    covariates = (
+        Covariate("angle", angle, "deg", period=360.0),
+        Covariate("time", time, "h", sequence=True),
+        Covariate("side", rng.integers(0, 2, 300), classes=True),
+    )
+    weights = [Weight("reading", "µm", np.ones(300)), Weight("lever", "arcsec", lever)]
+    every = np.ones(300, dtype=bool)
+
+    def found(change: Any) -> tuple[str, str] | None:
+        made = coordinate_of(change, covariates, weights, every)
+        return (made.x.name, made.weight.name) if made else None
+
+    assert found(np.sin(np.radians(angle))) == ("angle", "reading")
+    assert found(lever * np.sin(np.radians(3 * angle))) == ("angle", "lever")
+    assert found(5.0 * time) == ("time", "reading")
+    assert found(rng.standard_normal(300)) is None
+    assert found(np.zeros(300)) is None
+
+
+def test_of_a_diagnosis_without_its_data_the_picture_is_drawn_all_the_same() -> None:
+    d = diagnosis_of("points")
+    bare = type(d)(**{**{f: getattr(d, f) for f in d.__dataclass_fields__}, "data": None})
+    assert Explained.of(bare, d.causes[0].id).model is None
+    go.Figure(cause_picture(bare, d.causes[0].id).to_plotly())
+
+
+# --- size
+
+
+def test_a_page_of_500_touches_is_small(tmp_path: Path) -> None:
+    effects = {
+        "drift_z": {"rate_um_h": 20.0},
+        "c_positioning_2": {"a2_arcsec": 2.0, "b2_arcsec": 4.0},
+    }
+    data = simulated(effects, c_deg=tuple(range(0, 360, 10)), repeats=1)
+    data = data[np.arange(len(data)) < 500] if len(data) > 500 else data
+    d = tn.diagnose(data, cross()[1])
+    assert len(d.causes) >= 2
+    size = d.to_html(tmp_path / "r.html").stat().st_size - len(get_plotlyjs().encode())
+    assert size < MAX_BYTES
+
+
+def test_a_log_of_25000_rows_is_thinned_and_says_so() -> None:
+    rng = np.random.default_rng(0)
+    rows = np.arange(25_000)
+    data = tn.AxisLog(time_s=rows * 1e-3, x_cmd_mm=rows * 1e-3, x_act_mm=rows * 1e-3)
+    picture = hovered(order_picture(rng.standard_normal(25_000), "µm", rows=rows), (data,))
+    series = picture.series[0]
+    assert len(series.x) == len(series.hover) <= 1600
+    assert "points the least and the largest" in picture.note
+    assert series.rows is not None
+    assert f"time {rows[series.rows[5]] * 1e-3:.7g} s" in series.hover[5]
+
+
+def test_diagnostics_show_each_unit_by_itself() -> None:
+    titles = [p.title for p in diagnostics(diagnosis_of("axislog"))]
+    assert any("µm" in title for title in titles)
+    assert any("arcsec" in title for title in titles)
