@@ -20,7 +20,7 @@ def small(executor: Any = None) -> str:
 
 
 NOT_STARTED = 77
-"""Exit code where the engine itself does not start: Ray gives up on a machine that is overloaded."""
+"""Exit code where the engine does not start: Ray gives up on a machine that is overloaded."""
 
 
 def of_ray() -> str:
