@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any
 
-from trunnion._core import presets
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
 from trunnion.base.units import unit_of
@@ -18,7 +17,9 @@ from trunnion.probing.model import catalogue
 from trunnion.probing.plan import plan
 from trunnion.setup import Artefact, Machine, Setup
 from trunnion.setup.fields import Vector, keys_of
-from trunnion.setup.parts import AXES, PARTS, AxisSetup, names_of
+from trunnion.setup.machine import AxisSetup
+from trunnion.setup.machines import presets
+from trunnion.setup.parts import AXES, PARTS, names_of
 from trunnion.setup.read import setup_of
 from trunnion.studies.study import Parameter, Value, Values
 
