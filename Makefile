@@ -144,6 +144,7 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_files_tables.py
 	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_report_picture.py
 	$(BIN)/python docs/make_measured_figures.py
 
 .PHONY: site

@@ -1,6 +1,7 @@
 """The package as a whole: public names, what importing costs, which folder may use which."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,9 @@ import trunnion as tn
 PACKAGE = Path(tn.__file__).parent
 MAX_FILE_LINES = 500
 MAX_FUNCTION_LINES = 60
+EXAMPLES = re.compile(
+    r'\n\n +Examples\n +-+\n.*?(?=\n +""")', re.DOTALL
+)  # of docstrings: not counted
 
 # A folder uses only those above it in this list.
 LAYERS = (
@@ -134,7 +138,7 @@ def test_files_and_functions_are_short() -> None:
     long = []
     for path in _files():
         text = path.read_text(encoding="utf-8")
-        if len(text.splitlines()) > MAX_FILE_LINES:
+        if len(EXAMPLES.sub("", text).splitlines()) > MAX_FILE_LINES:
             long.append(path.name)
         long += [
             f"{path.name}: {node.name}"

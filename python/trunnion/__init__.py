@@ -20,7 +20,7 @@ MAIN = (
     *("read", "Touches", "Points", "Sweep", "Diameters", "Ballbar", "Positioning", "Levels"),
     *("AxisLog", "read_probe_log"),
     # measure
-    *("observability", "plan", "probing_program", "simulate"),
+    *("observability", "plan", "plan_for", "probing_program", "simulate"),
     # estimate
     *("identify", "closed_form", "Estimate", "read_estimate"),
     # diagnose

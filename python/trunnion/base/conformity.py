@@ -93,6 +93,13 @@ class Conformity(Result):
         One a tolerance.
     probability
         Of conformity, at least, where "pass" is said; of non-conformity where "fail" is.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> axis.iso230_2().conformity(accuracy_um=40.0).decision.value
+    'pass'
     """
 
     judged: tuple[Judged, ...]

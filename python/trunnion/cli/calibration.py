@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, TypedDict, cast
@@ -74,27 +75,55 @@ def plan(
     feeds: Annotated[str, typer.Option(help="feeds of the approaches, mm/min")] = "600",
     both_senses: Annotated[bool, typer.Option(help="approach positions from both senses")] = False,
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
+    for_: Annotated[
+        str,
+        typer.Option("--for", help="location errors to identify, EA0A,EB0C; chooses the angles"),
+    ] = "",
+    criterion: Annotated[
+        Literal["A", "D"], typer.Option(help="of --for: least sum of variances, or determinant")
+    ] = "A",
+    max_minutes: Annotated[float | None, typer.Option(help="of --for: longest program")] = None,
+    max_touches: Annotated[int | None, typer.Option(help="of --for: most touches")] = None,
 ) -> Answer:
-    """Plan the touches of a measurement; the paper's 72 unless angles are given."""
+    """Plan the touches of a measurement; the paper's 72 unless angles or --for are given."""
     from trunnion.machine.chain import Chain
-    from trunnion.probing.notes import plan_notes
 
     made = tn.read_setup(setup)
     chain = Chain(made)
     angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
-    planned = tn.plan(
-        made,
-        feeds_mm_min=numbers("--feeds", feeds),
-        both_senses=both_senses,
-        repeats=repeats,
-        **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]
-    )
+    if for_:
+        feed = numbers("--feeds", feeds)[0]
+        planned = tn.plan_for(
+            made,
+            names(for_),
+            criterion=criterion,
+            max_minutes=max_minutes,
+            max_touches=max_touches,
+            feed_mm_min=feed,
+        )
+    else:
+        planned = tn.plan(
+            made,
+            feeds_mm_min=numbers("--feeds", feeds),
+            both_senses=both_senses,
+            repeats=repeats,
+            **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]
+        )
+    return _planned(planned, made, output, program, log, (output or setup).name)
+
+
+def _planned(
+    planned: Touches, made: Setup, output: Path | None, program: Path | None, log: str, name: str
+) -> Answer:
+    """Write what was asked for, and say what was planned."""
+    from trunnion.probing.design import missing_positions
+    from trunnion.probing.notes import plan_notes
+
     shown = []
     minutes = 0.0 if planned.time_s is None else float(planned.time_s[-1]) / 60
     if output is not None:
         shown.append(save(output, planned.save))
     if program is not None:
-        name = (output or setup).name
         cycle = tn.probing_program(planned, made, log, name=name)
         shown.append(save_program(program, cycle))
         minutes = cycle.seconds / 60
@@ -106,6 +135,8 @@ def plan(
         "notes": list(notes),
     }
     if not shown:
+        for note in missing_positions(planned, made):
+            warnings.warn(note, UserWarning, stacklevel=1)
         return Answer(values, (planned.to_csv().rstrip("\n"),))
     said = f"{len(planned)} touches, about {minutes:.1f} min of moves."
     return Answer(values, (said, *notes, *shown))

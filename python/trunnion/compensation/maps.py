@@ -72,6 +72,16 @@ class ErrorMap(report.Result):
     interpolation_error_um
         Largest length of (table − exact correction) found at nodes and in the middles of all cells,
         rounding included; None for a map that was read from a file.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.error_map(
+    ...     setup, {"EX0C": 15.0}, linear_step_mm=150.0, rotary_step_deg=90.0
+    ... )
+    >>> print(found.headline())
+    Error map: corrections of X, Y, Z up to 15 µm, least step 0.1 µm.
     """
 
     rotary_deg: Mapping[str, Floats]
@@ -274,6 +284,17 @@ def error_map(
     ------
     InputError
         Ranges that are none, a map of more than five million nodes.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.error_map(
+    ...     setup, {"EX0C": 15.0}, linear_step_mm=150.0, rotary_step_deg=90.0
+    ... )
+    >>> found.to_csv("map.csv")
+    >>> tn.read_error_map("map.csv") == found
+    True
     """
     positive("linear_step_mm", linear_step_mm)
     positive("rotary_step_deg", rotary_step_deg)
@@ -458,6 +479,17 @@ def read_error_map(path: str | PathLike[str]) -> ErrorMap:
         If the resolution is not stated, a column is missing or not a number, a node is missing or
         stands twice, or a correction is no multiple of the resolution; the message has file, line
         and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.error_map(
+    ...     setup, {"EX0C": 15.0}, linear_step_mm=150.0, rotary_step_deg=90.0
+    ... )
+    >>> found.to_csv("map.csv")
+    >>> type(tn.read_error_map("map.csv")).__name__
+    'ErrorMap'
     """
     name = str(path)
     resolution = None

@@ -97,6 +97,16 @@ def remeasure(
     Touches
         Rows of the plan with the positions that the control shows. Identified without known
         errors, they give what the compensation has left (and the placement of the artefact).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> errors = {"EX0C": 15.0}
+    >>> known = tn.ModelCompensation(tn.compensation.MachineErrors(errors))
+    >>> shown = tn.remeasure(tn.plan(setup), setup, known, errors)
+    >>> abs(round(tn.identify(shown, setup)["EX0C"], 2))
+    0.0
     """
     instance("plan", plan, Touches, "trunnion.Touches")
     state = MachineErrors.of(setup, errors, effects)

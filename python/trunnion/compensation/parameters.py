@@ -117,6 +117,14 @@ class CncParameters(Result):
         Placement of the work that the control reckons with (`dx_um` ... `rc_arcsec`).
     removable
         What such parameters can remove of each error; empty where it was not asked for.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.cnc_parameters(setup, {"EX0C": 15.0})
+    >>> found.to_dataframe().shape
+    (6, 3)
     """
 
     zeros_arcsec: Mapping[str, float] = field(default_factory=dict)
@@ -221,7 +229,7 @@ def cnc_parameters(
     --------
     >>> import trunnion as tn
     >>> setup = tn.Setup(artefact=tn.Artefact("cross"))
-    >>> found = cnc_parameters(setup, {"EA0A": 20.0, "EX0C": 15.0}, method="direct")
+    >>> found = tn.cnc_parameters(setup, {"EA0A": 20.0, "EX0C": 15.0}, method="direct")
     >>> found.zeros_arcsec["A"], found.centres_um["EX0C"]
     (-20.0, 15.0)
     """
@@ -431,6 +439,13 @@ def printed_zeros(
         E_CRS, the artefact's yaw on the table.
     placement
         `dx_um`, `dy_um`, `dz_um` of the artefact, which the paper adds to the origin offsets.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> errors = dict(EA0A=20.0, EB0C=0.0, EC0A=10.0, EX0C=15.0, EY0C=0.0, EZ0A=0.0)
+    >>> tn.printed_zeros(errors)
+    <PrintedZeros: Equations (22) to (24) as printed: A = +0.005556°, C = +179.9972°.>
     """
     tilts = np.array([float(errors.get(name, 0.0)) for name in ("EA0A", "EB0C", "EC0A")])
     tilts[2] += setup_yaw_arcsec

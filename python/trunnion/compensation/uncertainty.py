@@ -121,6 +121,15 @@ def residual_interval(
         A location error that is not identifiable: no bound can be given.
     InputError
         A covariance of another shape than `names`, not finite or not symmetric.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> found = tn.residual_interval(setup, tn.identify(touches, setup), draws=200)
+    >>> len(found.tables())
+    1
     """
     if not 0 < finite("level", level) < 1:
         raise InputError(f"level: got {level!r}, expected a number between 0 and 1")
@@ -211,6 +220,16 @@ def volumetric_budget(
         A location error that is not identifiable: no uncertainty can be given.
     InputError
         An estimate with an effect outside the catalogue that moves the tool.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> fit = tn.identify(touches, setup)
+    >>> budget = tn.volumetric_budget(setup, fit, a_deg=(-90, 0, 90), c_deg=(0, 90))
+    >>> len(budget.measurands)
+    2
     """
     known = MachineErrors.of(setup, estimate)
     if known.own:

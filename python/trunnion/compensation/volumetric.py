@@ -115,6 +115,14 @@ class VolumetricError(Result):
     idle
         Ids of given effects of the machine that move nothing at these poses: lost motion without
         `approach` and `senses`, a harmonic at its zero.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.volumetric_error(setup, {"EX0C": 15.0})
+    >>> round(found.max_um, 1), round(found.rms_um, 1)
+    (15.0, 15.0)
     """
 
     max_um: float
@@ -310,7 +318,7 @@ def volumetric_error(
     --------
     >>> import trunnion as tn
     >>> setup = tn.Setup(artefact=tn.Artefact("cross"))
-    >>> round(volumetric_error(setup, {"EX0C": 15.0, "EZ0A": 20.0}).max_um, 6)
+    >>> round(tn.volumetric_error(setup, {"EX0C": 15.0, "EZ0A": 20.0}).max_um, 6)
     25.0
     """
     task = _Task.of(
@@ -338,7 +346,16 @@ def error_fields(
     threads: int | None = None,
     **where: Unpack[Where],
 ) -> Iterator[PoseField]:
-    """Fields pose by pose, for grids that do not fit in memory; arguments as `volumetric_error`."""
+    """Fields pose by pose, for grids that do not fit in memory; arguments as `volumetric_error`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> fields = tn.error_fields(setup, {"EX0C": 15.0}, points=(3, 3, 2))
+    >>> next(iter(fields)).field_um.shape
+    (3, 3, 2, 3)
+    """
     task = _Task.of(
         setup,
         MachineErrors.of(setup, errors, effects, placement),

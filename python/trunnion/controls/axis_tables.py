@@ -114,7 +114,7 @@ def axis_tables(
     left: dict[str, str] = {}
     ranges, chain = setup.axis_ranges(), Chain(setup)
     for over, of, mine in _groups(effects, "XYZ" + chain.letters, scales, squareness):
-        limits = ranges.get(over, (0.0, 360.0) if over == "C" else None)
+        limits = ranges.get(over, (0.0, 360.0) if over == chain.turning else None)
         linear = over in "XYZ"
         if limits is None:
             key = "range_mm" if linear else "range_deg"

@@ -20,6 +20,13 @@ class AxisLog(Table):
     """Samples of the position loop, in order of time within each run.
 
     Every axis that is there has its commanded and its actual position.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> log = tn.AxisLog(time_s=[0, 0.001], x_cmd_mm=[0, 0.01], x_act_mm=[0, 0.009])
+    >>> log.commanded("x"), log.actual("x")
+    (array([0.  , 0.01]), array([0.   , 0.009]))
     """
 
     choice = "x_cmd_mm, x_act_mm or those of another axis"
@@ -89,5 +96,11 @@ def read_axis_log(path: str | PathLike[str]) -> AxisLog:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.read_axis_log(tn.sample_path("contour/axislog.csv")).axes
+    ('x', 'y', 'z', 'a', 'c')
     """
     return read_table(path, AxisLog)

@@ -22,6 +22,13 @@ class Ballbar(Table):
 
     The positions are coordinates (X and Y, or X, Y and Z) or the joints of the hybrid machine: leg
     lengths `l1_mm` to `l3_mm`, wrist angles `q4_deg` and `q5_deg`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> test = tn.read_ballbar(tn.sample_path("ballbar/circle.csv"))
+    >>> test[test.sense > 0].length_mm[:2].round(3)
+    array([99.984, 99.984])
     """
 
     choice = "x_mm, y_mm[, z_mm] or l1_mm, l2_mm, l3_mm, q4_deg, q5_deg"
@@ -73,5 +80,11 @@ def read_ballbar(path: str | PathLike[str]) -> Ballbar:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> len(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))
+    720
     """
     return read_table(path, Ballbar)

@@ -44,6 +44,15 @@ class ClockOffset(Result):
         Of the speeds, at the offset.
     rms
         What the affine function leaves, in the first signal's unit.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 20.0, 0.05)
+    >>> signal = np.sin(time) + 0.3 * np.sin(2.7 * time)
+    >>> round(tn.align_clocks(time, signal, time + 0.2, signal).offset_s, 3)
+    -0.2
     """
 
     offset_s: float
@@ -85,6 +94,16 @@ def align_clocks(
         Times that do not rise, other lengths, fewer than 30 samples.
     DataError
         Signals that do not move, do not agree at any offset, or agree at several.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> import numpy as np
+    >>> time = np.arange(0.0, 20.0, 0.05)
+    >>> signal = np.sin(time) + 0.3 * np.sin(2.7 * time)
+    >>> found = tn.align_clocks(time, signal, time + 0.2, signal)
+    >>> round(found.offset_s, 3)
+    -0.2
     """
     first, second = _Recording.of("a", time_a_s, a), _Recording.of("b", time_b_s, b)
     step = max(first.step, second.step)

@@ -12,6 +12,12 @@ class Diameters(Table):
 
     The label of the pass is the attribute `pass_`, as ``pass`` is a word of Python; the column is
     ``pass``, in a file and in a mapping.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Diameters(z_mm=[10, 20, 30], error_um=[1.0, 2.1, 2.9]).error_um
+    array([1. , 2.1, 2.9])
     """
 
     in_order = False
@@ -34,5 +40,11 @@ def read_diameters(path: str | PathLike[str]) -> Diameters:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.read_diameters(tn.sample_path("turning/diameters.csv"))
+    Diameters(111 rows: z_mm, error_um, pass, feed_sign, depth_mm)
     """
     return read_table(path, Diameters)

@@ -210,6 +210,14 @@ class Straightness(Result):
         Whether each reading stood where its neighbour stood; otherwise the trapezoidal rule.
     notes
         What a reader should know.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> bed = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    >>> line = bed.straightness()
+    >>> round(line.minimum_zone_um, 1)
+    18.0
     """
 
     GRID = dict.fromkeys(("heights_um", "heights_std_um"), ("positions_mm",))
@@ -306,6 +314,13 @@ class Flatness(Result):
         Of one reading, along and across, and where it is from.
     notes
         What a reader should know.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> plate = tn.read_levels(tn.sample_path("levels/plate.csv"))
+    >>> round(plate.flatness().flatness_um, 1)
+    4.5
     """
 
     GRID = dict.fromkeys(("x_mm", "y_mm", "heights_um", "heights_std_um"), ("place",))
@@ -398,6 +413,13 @@ class Twist(Result):
         What a constant twist leaves of the slopes, rms.
     noise_um_m, noise_source
         Of one reading, and where it is from.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> bed = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    >>> round(bed.twist().twist_um_m_m, 1)
+    39.9
     """
 
     twist_um_m_m: float

@@ -51,6 +51,13 @@ class Iso2304(Result):
         H; None with one path.
     radial_max_um, radial_min_um
         F, with the length of the bar as measured.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> found = tn.iso230_4(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))[0]
+    >>> round(found.hysteresis_um, 1)
+    3.6
     """
 
     setup: str

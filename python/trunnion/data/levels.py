@@ -35,6 +35,13 @@ class Levels(Table):
     +x), positive where it rises; ``across`` the slope at right angles to it, to the left of the
     line (on a grid in +y). An instrument turned by 180 degrees shows both with the other sign, and
     its zero with the same.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> bed = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    >>> round(bed.straightness().minimum_zone_um, 1)
+    18.0
     """
 
     choice = "position_mm or x_mm, y_mm; along_um_m, across_um_m or both"
@@ -275,5 +282,11 @@ def read_levels(path: str | PathLike[str]) -> Levels:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.read_levels(tn.sample_path("levels/bed.csv"))
+    Levels(48 rows: position_mm, along_um_m, across_um_m, turn_deg, time_s)
     """
     return read_table(path, Levels)

@@ -84,6 +84,15 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         were planned, a rotary position differs from the plan's by more than 0.001 deg, an axis
         that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one. The
         message names line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> from pathlib import Path
+    >>> plan = tn.plan(tn.Setup(tn.Artefact("cross")))[:1]
+    >>> _ = Path("touches.log").write_text("0.0 -37.5 26.002 0.0 0.0 0.0 0.0 0.0 0.0")
+    >>> tn.read_probe_log("touches.log", plan).z_mm
+    array([26.002])
     """
     name = str(path)
     lines = decode(name, Path(path).read_bytes()).split("\n")

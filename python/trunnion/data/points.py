@@ -9,7 +9,14 @@ from trunnion.files.table import Table
 
 
 class Points(Table):
-    """Nominal and measured coordinates, mm, in the plane (X, Y) or in space (X, Y, Z)."""
+    """Nominal and measured coordinates, mm, in the plane (X, Y) or in space (X, Y, Z).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Points(nominal_x_mm=[0, 10], nominal_y_mm=[0, 0], x_mm=[0, 10.01], y_mm=[0, 0])
+    Points(2 rows: nominal_x_mm, nominal_y_mm, x_mm, y_mm)
+    """
 
     nominal_x_mm = Number("programmed X")
     nominal_y_mm = Number("programmed Y")
@@ -46,5 +53,11 @@ def read_points(path: str | PathLike[str]) -> Points:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> len(tn.read_points(tn.sample_path("plate/first.csv")))
+    90
     """
     return read_table(path, Points)

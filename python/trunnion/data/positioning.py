@@ -36,6 +36,13 @@ class Positioning(Table):
 
     Of a linear axis in mm, of a rotary one in degrees. Further columns ``NAME_mm`` (``NAME_deg``)
     are other instruments on the same stop (`instrument`).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> round(axis.iso230_2().accuracy_um, 1)
+    24.2
     """
 
     choice = "target_mm, measured_mm, or target_deg, measured_deg"
@@ -206,5 +213,11 @@ def read_positioning(path: str | PathLike[str]) -> Positioning:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    Positioning(110 rows: target_mm, measured_mm, direction, cycle, time_s)
     """
     return read_table(path, Positioning)

@@ -9,7 +9,17 @@ from trunnion.files.table import Table
 
 
 class Sweep(Table):
-    """Position of each target at each angle of the axis that carries them all."""
+    """Position of each target at each angle of the axis that carries them all.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> import numpy as np
+    >>> angle = np.arange(0.0, 360.0, 30.0)
+    >>> x, y = 100 * np.cos(np.radians(angle)), 100 * np.sin(np.radians(angle))
+    >>> tn.Sweep(angle_deg=angle, target=["ball"] * 12, x_mm=x, y_mm=y, z_mm=0 * x)
+    Sweep(12 rows: angle_deg, target, x_mm, y_mm, z_mm)
+    """
 
     angle_deg = Number("commanded position of the axis")
     target = Label("which target, fixed to the axis")
@@ -31,5 +41,11 @@ def read_sweep(path: str | PathLike[str]) -> Sweep:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> sorted(set(tn.read_sweep(tn.sample_path("axis/sweep.csv")).target.tolist()))
+    [1, 2, 3]
     """
     return read_table(path, Sweep)

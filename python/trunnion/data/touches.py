@@ -33,8 +33,9 @@ class Touches(Table):
 
     Examples
     --------
-    >>> touches = Touches(a_deg=[0.0], c_deg=[90.0], x_mm=[1.0], y_mm=[2.0], z_mm=[26.0],
-    ...                   dir_x=[0.0], dir_y=[0.0], dir_z=[-1.0], point=[1])
+    >>> import trunnion as tn
+    >>> touches = tn.Touches(a_deg=[0.0], c_deg=[90.0], x_mm=[1.0], y_mm=[2.0], z_mm=[26.0],
+    ...                      dir_x=[0.0], dir_y=[0.0], dir_z=[-1.0], point=[1])
     >>> len(touches), touches.position_mm.shape, touches.feed_mm_min
     (1, (1, 3), None)
     """
@@ -121,5 +122,14 @@ def read_touches(path: str | PathLike[str]) -> Touches:
     ------
     FileFormatError
         If the file is not as it should be; the message has file, line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> len(touches)
+    72
+    >>> touches.x_mm[:2]
+    array([ 0.    , 13.5795])
     """
     return read_table(path, Touches)

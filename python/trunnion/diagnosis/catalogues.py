@@ -39,6 +39,17 @@ def write_effects(path: str | PathLike[str], effects: Iterable[FormulaEffect]) -
     ------
     InputError
         Something else than effects by formulas, or two of one id.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> wave = tn.FormulaEffect(
+    ...     "rail_wave", "Touches", covariate="Y place", unit="mm", component="X",
+    ...     shape="wave", number=31.0, low=-50.0, high=50.0,
+    ... )
+    >>> _ = tn.write_effects("effects.toml", [wave])
+    >>> tn.read_effects("effects.toml") == (wave,)
+    True
     """
     given = list(effects)
     for one in given:
@@ -77,6 +88,17 @@ def read_effects(path: str | PathLike[str], data: Any = None) -> tuple[FormulaEf
     ------
     FileFormatError
         A file that is none; with line and column.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> wave = tn.FormulaEffect(
+    ...     "rail_wave", "Touches", covariate="Y place", unit="mm", component="X",
+    ...     shape="wave", number=31.0, low=-50.0, high=50.0,
+    ... )
+    >>> _ = tn.write_effects("effects.toml", [wave])
+    >>> [effect.id for effect in tn.read_effects("effects.toml")]
+    ['rail_wave']
     """
     text = TomlText.read(path)
     tables = text.tables.get("effect")
@@ -148,6 +170,12 @@ def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
         No entry point of this name.
     InputError
         One that cannot be loaded, or is no catalogue.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.installed_effects()
+    ()
     """
     known = {point.name: point for point in entry_points(group=GROUP)}
     chosen = list(known) if name is None else [choose("entry point", name, known)]

@@ -59,6 +59,14 @@ class Contribution(Result):
         Unit of the readings.
     others:
         The same for the readings in other units, where the data mix them.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> [(c.id, round(c.rms_um, 1)) for c in d.contributions]
+    [('c_positioning_2', 0.7), ('drift_z', 0.5)]
     """
 
     id: str
@@ -113,6 +121,14 @@ class Ladder(Result):
         Unit of the readings.
     others:
         The same for the readings in other units, where the data mix them.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> [round(float(rms), 2) for rms in d.ladder.rms_um]
+    [0.87, 0.57, 0.28]
     """
 
     causes: tuple[str, ...]

@@ -77,6 +77,16 @@ class FormulaEffect:
         What it belongs to ("time" where it depends on time or order).
     searched
         Whether the period of a wave is a parameter.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> wave = tn.FormulaEffect(
+    ...     "rail_wave", "Touches", covariate="Y place", unit="mm", component="X",
+    ...     shape="wave", number=31.0, low=-50.0, high=50.0,
+    ... )
+    >>> print(wave.formula())
+    change in X (µm) = a cos(2π s/p) + b sin(2π s/p), s = Y place (mm), p the period
     """
 
     id: str

@@ -58,6 +58,17 @@ class Cause(Result):
         What people call it.
     probability:
         Of all sets of causes that hold it, over all sets that were looked at.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> cause = d.causes[0]
+    >>> cause.label
+    'positioning of C, twice a turn'
+    >>> round(cause.parameters["a2_arcsec"], 1)
+    6.1
     """
 
     id: str
@@ -111,6 +122,14 @@ class Gain(Result):
         Unit of these readings: µm, or arcsec for the rotary axes of a log.
     others:
         The same for the readings in other units, where the data mix them.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> round(d.gain.rms_before_um, 2), round(d.gain.rms_after_um, 2)
+    (0.87, 0.28)
     """
 
     rms_before_um: float
@@ -193,6 +212,14 @@ class Alternative(Result):
     probability:
         That these causes of the catalogue act and no others, over all sets that were looked at,
         the one without a cause included.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> [(sorted(a.causes), round(a.probability, 1)) for a in d.evidence[:2]]
+    [(['c_positioning_2', 'drift_z'], 0.9), (['c_positioning_2', 'warmup_z'], 0.1)]
     """
 
     causes: frozenset[str]

@@ -121,6 +121,18 @@ class Diagnosis(Result):
     data, setup, candidates:
         What :func:`diagnose` was given; None and () for a model of one's own. JSON keeps of a
         user's own candidates the ids only.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> d.verdict
+    'ambiguous'
+    >>> [c.id for c in d.causes]
+    ['c_positioning_2', 'drift_z']
+    >>> round(d.errors_before["EC0A"], 1), round(d.errors_after["EC0A"], 1)
+    (11.6, 17.0)
     """
 
     verdict: Verdict

@@ -36,6 +36,17 @@ class Structure(Result):
         Of the variance of what the causes leave.
     others:
         What the residual may depend on instead, in words.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> wave = tn.FormulaEffect(
+    ...     "rail_wave", "Touches", covariate="Y place", unit="mm", component="X",
+    ...     shape="wave", number=31.0, low=-50.0, high=50.0,
+    ... )
+    >>> found = tn.Structure(wave, {"a_um": 2.0}, {"a_um": 0.1}, 0.6)
+    >>> found.effect.id
+    'rail_wave'
     """
 
     effect: FormulaEffect

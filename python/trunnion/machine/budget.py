@@ -200,6 +200,15 @@ class Budget(Result):
         Largest size allowed, by name, of those that have a tolerance.
     draws, seed
         Of the Monte Carlo method; 0 draws: linear.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> budget = tn.identify(touches, setup).budget()
+    >>> round(budget.expanded["EX0C"], 2)  # U, k = 2, µm
+    0.17
     """
 
     measurands: tuple[Measurand, ...]

@@ -47,6 +47,21 @@ class UserEffect(Protocol):
     Optional members: ``jacobian(data, values)``, the derivative of ``change``, shape (n, k);
     ``motion(pose, values)``, without which it is estimated but not compensated; ``owner``, of
     :class:`Owner`; ``label``, what people call it.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> import numpy as np
+    >>> class Sun:
+    ...     id = "sun"
+    ...     parameters = ("b_um",)
+    ...     def change(self, data, values):
+    ...         return values["b_um"] * (np.arange(len(data)) >= 40)
+    ...
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> round(tn.identify(touches, setup, effects=[Sun()]).effects["sun"]["b_um"], 1)
+    -0.0
     """
 
     @property
@@ -97,6 +112,14 @@ class EffectInfo:
         Columns of the data without which the effect is not looked for.
     codes
         Codes of ISO 230-1 of the errors that it is part of; accepted in the place of the id.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> effect = tn.catalogue(setup)[0]
+    >>> effect.id, effect.label
+    ('probe_radius', 'ball radius of the probe')
     """
 
     id: str

@@ -125,6 +125,15 @@ class Estimate(Result):
         `names`: readings, and what the set-up states of probe and artefact.
     tolerances
         Of location errors, as the set-up states them, µm and arcsec.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> known = tn.Estimate(errors={"EX0C": 15.0}, std_errors={"EX0C": 0.2})
+    >>> known["EX0C"]
+    15.0
+    >>> known.to_dataframe()["estimate"].tolist()
+    [15.0]
     """
 
     errors: dict[str, float] = field(default_factory=dict)
@@ -389,6 +398,13 @@ def read_estimate(path: str | PathLike[str]) -> Estimate:
     ------
     FileFormatError
         If the file is not JSON, or holds neither.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> _ = tn.Estimate(errors={"EX0C": 15.0}).to_json("estimate.json")
+    >>> tn.read_estimate("estimate.json")["EX0C"]
+    15.0
     """
     content, _ = read_json(Path(path))
     expected = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'

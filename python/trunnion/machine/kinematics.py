@@ -55,6 +55,14 @@ def forward_kinematics(
     -------
     point_mm, direction
         (n, 3) each.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> point, direction = tn.forward_kinematics(setup, [10.0, 0.0, 50.0, 0.0, 90.0])
+    >>> point.round(6) + 0.0
+    array([[  0., -10.,  50.]])
     """
     machine = Chain(setup).machine(errors)
     tools = machine.forward(array("axes", axes, 3 + len(machine.letters)))
@@ -72,6 +80,13 @@ def kinematic_jacobian(
     numpy.ndarray
         (n, 6, 5): rows are the tool point (mm) and direction, columns X, Y, Z (per mm) and the
         rotary axes (per degree).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> tn.kinematic_jacobian(setup, [10.0, 0.0, 50.0, 0.0, 90.0]).shape
+    (1, 6, 5)
     """
     machine = Chain(setup).machine(errors)
     width = 3 + len(machine.letters)
@@ -108,6 +123,14 @@ def inverse_kinematics(
     KinematicsError
         A direction the machine cannot take, for instance inside the cone around the second rotary
         axis that a squareness error makes unreachable.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> found = tn.inverse_kinematics(setup, [0.0, 0.0, 50.0], [0.0, 0.6, 0.8])
+    >>> found.axes.round(3) + 0.0
+    array([[  0.  , -30.  ,  40.  ,  36.87,   0.  ]])
     """
     machine = Chain(setup).machine(errors)
     axes_count = len(machine.letters)

@@ -129,6 +129,14 @@ class MachineComparison(Result):
         Chance that anything is said to have changed where nothing did.
     notes
         What else a reader should know.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> worn = axis.with_columns(measured_mm=axis.measured + 2e-3 * axis.direction)
+    >>> sorted(tn.compare(axis, worn).changed)[:2]
+    ['mean_reversal_um', 'reversal.b_um']
     """
 
     names: tuple[str, ...]

@@ -107,6 +107,15 @@ def compare(
     ------
     InputError
         Measurements of different kinds, or dates out of order.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> worn = axis.with_columns(measured_mm=axis.measured + 2e-3 * axis.direction)
+    >>> found = tn.compare(axis, worn)
+    >>> round(found.changes["mean_reversal_um"][0], 1)
+    4.0
     """
     if not 0 < level < 1:
         raise InputError(f"level: got {level:g}, expected a chance between 0 and 1")

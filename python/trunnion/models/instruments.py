@@ -79,6 +79,15 @@ class InstrumentComparison(Result):
         Instruments that look like a counter of what was commanded; they are left out.
     unit
         "µm" or "arcsec".
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> motor = axis.measured - 3e-3 * axis.direction
+    >>> found = tn.whose_error(axis.with_columns(motor_mm=motor))
+    >>> len(found.tables())
+    2
     """
 
     instruments: tuple[str, ...]
@@ -162,6 +171,15 @@ def whose_error(data: Positioning) -> InstrumentComparison:
     ------
     InputError
         One instrument only.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    >>> motor = axis.measured - 3e-3 * axis.direction
+    >>> found = tn.whose_error(axis.with_columns(motor_mm=motor))
+    >>> print(found.headline())
+    scale: axis; reversal: between; cycle_drift: axis; curve: axis
     """
     if not data.instruments:
         raise InputError(

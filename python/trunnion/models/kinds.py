@@ -255,6 +255,12 @@ def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
         No kind of this name.
     InputError, DataError
         As :func:`diagnose`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> [effect.id for effect in tn.catalogue("diameters")][:3]
+    ['tool_heating', 'tool_wear', 'taper']
     """
     if isinstance(of, Setup):
         return touch_catalogue(of)
@@ -294,6 +300,13 @@ def diagnose(
         An effect's id is in no catalogue.
     DataError
         The data cannot belong to the model: too few readings, readings off the surface.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> d = tn.diagnose(tn.read(tn.sample_path("plate/first.csv")))
+    >>> d.verdict, [cause.id for cause in d.causes]
+    ('explained', ['scale_x', 'straightness_y_of_x'])
     """
     if isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset"):
         data = table_of(data)

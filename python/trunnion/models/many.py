@@ -40,6 +40,12 @@ class FailedDiagnosis(Result):
         What was wrong, and where.
     verdict
         "failed".
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.diagnose_many(["none.csv"], workers=1)[0].message
+    'none.csv: no such file or directory'
     """
 
     error: str
@@ -65,6 +71,13 @@ class DiagnosisBatch(Result):
         Files, or "measurement 1" and so on.
     results
         A :class:`Diagnosis` each, or a :class:`FailedDiagnosis`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> files = [tn.sample_path("plate/first.csv"), "none.csv"]
+    >>> [one.verdict for one in tn.diagnose_many(files, workers=1)]
+    ['explained', 'failed']
     """
 
     names: tuple[str, ...]

@@ -38,6 +38,15 @@ class NextPass(Result):
     apart : dict
         For each other explanation (a set of causes) its distance from the named one, in standard
         deviations, once the pass is measured like the first one.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("turning/setup.toml"))
+    >>> data = tn.read_diameters(tn.sample_path("turning/diameters.csv"))
+    >>> best = tn.next_passes(tn.diagnose(data, setup))[0]
+    >>> [sorted(causes) for causes in best.distinguished]
+    [['tool_heating', 'tool_wear']]
     """
 
     label: str
@@ -108,6 +117,14 @@ def next_passes(diagnosis: Diagnosis) -> tuple[NextPass, ...]:
     ------
     trunnion.InputError
         If it is no diagnosis of diameters.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("turning/setup.toml"))
+    >>> data = tn.read_diameters(tn.sample_path("turning/diameters.csv"))
+    >>> len(tn.next_passes(tn.diagnose(data, setup)))
+    5
     """
     if not isinstance(diagnosis.data, Diameters):
         raise InputError("diagnosis: got one of other data, expected a diagnosis of diameters")

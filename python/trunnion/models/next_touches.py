@@ -50,6 +50,15 @@ class ExpectedDiscrimination(Result):
         Pairs of sets that no reachable touch distinguishes.
     std_before, std_after:
         Standard errors of the named causes' parameters ("id.parameter"), now and with the touches.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> found = tn.expected_discrimination(d, 4)
+    >>> len(found.tables())
+    1
     """
 
     plan: Touches
@@ -128,6 +137,14 @@ def next_touches(d: Diagnosis, n: int = 8) -> Touches:
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> len(tn.next_touches(d, 4))
+    4
     """
     return expected_discrimination(d, n).plan
 
@@ -140,6 +157,15 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     ------
     InputError
         The diagnosis is not one of touches, or n is no positive number.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
+    >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
+    >>> found = tn.expected_discrimination(d, 4)
+    >>> len(found.plan)
+    4
     """
     instance("d", d, Diagnosis, "a Diagnosis, as diagnose gives it")
     if not isinstance(d.data, Touches):

@@ -85,8 +85,9 @@ def read(
 
     Examples
     --------
-    >>> log = read({"t": [0.0, 1.0], "Ref": [0.0, 0.001], "Enc": [0.0, 0.001]},
-    ...            columns={"time_s": "t", "x_cmd_mm": ("Ref", "m"), "x_act_mm": "Enc [m]"})
+    >>> import trunnion as tn
+    >>> log = tn.read({"t": [0.0, 1.0], "Ref": [0.0, 0.001], "Enc": [0.0, 0.001]},
+    ...               columns={"time_s": "t", "x_cmd_mm": ("Ref", "m"), "x_act_mm": "Enc [m]"})
     >>> log
     AxisLog(2 rows: time_s, x_cmd_mm, x_act_mm)
     """

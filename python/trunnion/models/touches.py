@@ -37,7 +37,7 @@ from trunnion.diagnosis.model import (
     repeats,
 )
 from trunnion.machine.budget import Input
-from trunnion.machine.effects import EffectInfo, Owner
+from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import identify
 from trunnion.probing.inputs import inputs_of
@@ -111,6 +111,7 @@ class TouchDiagnosisModel(Model):
         self._full = TouchModel(setup, self._ids)
         self._moves = self._full.moves(data)
         self._plain = self._full.names.index("rc_arcsec") + 1
+        self._unknown = np.flatnonzero(self._full.unknown[: self._plain])
         self._columns = {
             i.id: [self._full.names.index(f"{i.id}.{p.name}") for p in i.parameters] for i in infos
         }
@@ -121,7 +122,9 @@ class TouchDiagnosisModel(Model):
                 UNITS.get(unit, unit),
                 Owner.MACHINE if name in self._full.error_names else Owner.PLACEMENT,
             )
-            for name, unit in zip(self._full.names[: self._plain], self._full.units, strict=False)
+            for name, unit in (
+                (self._full.names[i], self._full.units[i]) for i in self._unknown.tolist()
+            )
         )
         self.readings = Readings(
             readings_um(data),
@@ -131,7 +134,7 @@ class TouchDiagnosisModel(Model):
             ticks if np.any(ticks := ticks_um(setup, data)) else None,
             hint=UNKNOWN_TICK,
         )
-        self._start = self._full.values()[: self._plain]
+        self._start = self._full.values()[self._unknown]
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
         self._at: dict[bytes, Floats] = {}
         self._given = tuple(effects)
@@ -170,7 +173,7 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by location errors and placement."""
         ids, values = self._vector(nuisance, effects)
         _, jac = self._model(ids).core.linearise(self._moves, values)
-        return np.asarray(jac[:, : self._plain])
+        return np.asarray(jac[:, self._unknown])
 
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
@@ -195,7 +198,14 @@ class TouchDiagnosisModel(Model):
         """Built-in effects among these, and the core's parameter vector for them."""
         ids = tuple(i for i in self._ids if i in effects)
         names = [self._full.names[c].split(".", 1) for i in ids for c in self._columns[i]]
-        return ids, np.concatenate([nuisance, [float(effects[i][name]) for i, name in names]])
+        own = [float(effects[i][name]) for i, name in names]
+        return ids, np.concatenate([self._whole(nuisance), own])
+
+    def _whole(self, nuisance: Floats) -> Floats:
+        """Location errors and placement, 0 where the placement is no unknown."""
+        values = np.zeros(self._plain)
+        values[self._unknown] = nuisance
+        return values
 
     def _all_columns(self, nuisance: Floats) -> Floats:
         """Return the derivative by every parameter of the catalogue, no effect acting.
@@ -205,7 +215,7 @@ class TouchDiagnosisModel(Model):
         key = nuisance.tobytes()
         if key not in self._at:
             values = np.zeros(len(self._full.names))
-            values[: self._plain] = nuisance
+            values[: self._plain] = self._whole(nuisance)
             values[self._durations] = 1.0
             for n, kind in enumerate(self._full.kinds):
                 if kind == "moment":
@@ -314,7 +324,7 @@ class TouchDiagnosisModel(Model):
         return ExtendedTouchModel(
             setup=self.setup,
             errors={n.name: named[n.name] for n in self.nuisance if n.owner is Owner.MACHINE},
-            placement={n.name: named[n.name] for n in self.nuisance if n.owner.of_setup},
+            placement={name: named.get(name, 0.0) for name in PLACEMENT},
             effects={own.get(k, k): dict(v) for k, v in effects.items()},
             owners={e.id: e.owner for e in self.effects if e.id in effects},
             not_compensable={k: "it has no motion(pose, values)" for k in fixed if k in effects},

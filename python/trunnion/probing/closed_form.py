@@ -72,6 +72,14 @@ def closed_form(
     ----------
     Kang, Kim, Jee (2022), equations (3) to (20); derivation of the separating forms in
     ``docs/explanation/closed-forms.md``.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> round(tn.closed_form(touches, setup, method="separating")["EX0C"], 2)
+    14.95
     """
     is_printed = choose("method", method, ("printed", "separating")) == "printed"
     with mistakes_named(data, setup):

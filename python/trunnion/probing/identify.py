@@ -84,6 +84,15 @@ def identify(
         Useless arguments; an effect that needs a column which is not there.
     DataError
         Fewer touches than parameters, touches off the modelled surface.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> fit = tn.identify(touches, setup)
+    >>> round(fit["EX0C"], 2), round(fit.std_errors["EX0C"], 2)
+    (14.95, 0.08)
     """
     if loss not in ("squares", "huber"):
         raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
@@ -131,7 +140,7 @@ def _sources(
     if plain.sigma_um > 0:
         cofactor = plain.covariance / plain.sigma_um**2
     else:
-        cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.moments).cofactor
+        cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.held).cofactor
     freedom = np.inf if known else float(found.degrees_of_freedom)
     rounding = rounding_um(model.setup, data)
     readings = of_readings(found.covariance, found.sigma_um, "µm", rounding, freedom)
@@ -266,6 +275,17 @@ def identify_many(
     -------
     names, values, std_errors, converged
         Parameter names (p,), estimates (m, p), standard errors (m, p), flags (m,).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> import numpy as np
+    >>> both = np.stack([touches.position_mm, touches.position_mm])
+    >>> names, values, std_errors, converged = tn.identify_many(touches, setup, both)
+    >>> values[:, names.index("EX0C")].round(2)
+    array([14.95, 14.95])
     """
     positions = np.ascontiguousarray(positions_mm, dtype=float)
     if positions.ndim != 3 or positions.shape[1:] != (len(plan), 3):

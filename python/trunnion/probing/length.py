@@ -38,7 +38,8 @@ def smallest_length_mm(linear_um: float = 0.1, rotary_arcsec: float = 0.36) -> f
 
     Examples
     --------
-    >>> round(smallest_length_mm(0.1, 0.36), 2)
+    >>> import trunnion as tn
+    >>> round(tn.smallest_length_mm(0.1, 0.36), 2)
     57.3
     """
     step_mm = positive("linear_um", linear_um) * 1e-3

@@ -76,6 +76,8 @@ class TouchModel:
     setup: Machine, artefact, probe.
     effects: Ids of the catalogue.
     tick_um: Tick of the trigger; the set-up's unless given.
+
+    Its `unknown` (flags, (p,)) leaves out what is none: the rotation of a sphere.
     """
 
     def __init__(
@@ -96,6 +98,12 @@ class TouchModel:
         self.units = tuple(unit for _, unit, _ in self.core.parameters)
         self.kinds = tuple(kind for _, _, kind in self.core.parameters)
         self.error_names = self.names[: self.core.error_count]
+        self.unknown = np.array(self.core.unknown)
+
+    @property
+    def unknown_names(self) -> tuple[str, ...]:
+        """Names of the parameters that are unknowns."""
+        return tuple(name for name, is_one in zip(self.names, self.unknown, strict=True) if is_one)
 
     @property
     def owners(self) -> dict[str, Owner]:

@@ -7,6 +7,7 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.data.touches import Touches
 from trunnion.machine.estimate import in_words, named_combination
+from trunnion.probing.design import missing_positions
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
@@ -25,6 +26,13 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     -------
     tuple of str
         A sentence each, for the user of a program.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> print(tn.plan_notes(tn.plan(setup), setup)[0])
+    Keeps clear as long as the artefact stands within 2 mm and 1 deg of its place.
     """
     return (*assumptions(setup), *_not_identifiable(plan, setup))
 
@@ -53,10 +61,11 @@ def _not_identifiable(plan: Touches, setup: Setup) -> list[str]:
     """Say which location errors the touches cannot tell, with what they are confused."""
     model = TouchModel(setup)
     _, jacobian = model.core.linearise(model.moves(plan), model.values())
-    fit = linear_fit(jacobian, np.zeros(len(jacobian)))
+    fit = linear_fit(jacobian, np.zeros(len(jacobian)), hold=~model.unknown)
     blind = [name for name in model.error_names if np.isinf(fit.std[model.names.index(name)])]
     if not blind:
         return []
     combinations = [named_combination(model.names, row) for row in fit.combinations]
     why = [in_words(c) for c in combinations if set(c) & set(blind)]
-    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}"]
+    advice = missing_positions(plan, setup)
+    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}", *advice]

@@ -16,9 +16,10 @@ from trunnion.base.report import Result, Table
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import split_effects
+from trunnion.machine.effects import PLACEMENT, split_effects
 from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
 from trunnion.machine.unnoticed import unnoticed
+from trunnion.probing.design import missing_positions
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
 from trunnion.setup import Setup
 
@@ -69,6 +70,16 @@ class Observability(Result):
         Id → column that the plan lacks for it.
     share_left
         Id → share of the effect's change of the readings that the plain model does not absorb.
+    missing_positions
+        What would identify the location errors that the plan does not, in words; found by trying.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> seen = tn.observability(tn.plan(setup), setup)
+    >>> round(seen.std_errors["EX0C"], 3)  # µm, at 1 µm a reading
+    0.236
     """
 
     names: tuple[str, ...]
@@ -84,6 +95,7 @@ class Observability(Result):
     alike: tuple[frozenset[str], ...]
     missing_columns: dict[str, str]
     share_left: dict[str, float]
+    missing_positions: tuple[str, ...] = ()
 
     @property
     def not_identifiable(self) -> Combinations:
@@ -101,6 +113,7 @@ class Observability(Result):
         condition = "inf" if np.isinf(self.condition) else f"{self.condition:.3g}"
         lines = [f"Rank {self.rank} of {len(self.names)}, condition {condition} (columns scaled)."]
         lines.extend(self.not_identifiable)
+        lines.extend(self.missing_positions)
         if self.not_identifiable_effects:
             names = ", ".join(self.not_identifiable_effects)
             lines.append(f"Not identifiable beside the location errors and the placement: {names}.")
@@ -162,6 +175,14 @@ def observability(
     ------
     InputError
         Noise not above 0, an effect that needs a column which the plan lacks.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> seen = tn.observability(tn.plan(setup), setup)
+    >>> sorted(seen.not_identifiable_effects)[:2]
+    ['a_twist', 'artefact_height']
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")
@@ -175,13 +196,13 @@ def observability(
         raise InputError("plan: got no touches, expected at least one")
     model = TouchModel(setup, ids)
     _, jacobian = model.core.linearise(model.moves(plan), _reference(model, plan))
-    linear = np.array([kind != "moment" for kind in model.kinds])
+    linear = np.array([kind != "moment" for kind in model.kinds]) & model.unknown
     names = tuple(name for name, keep in zip(model.names, linear, strict=True) if keep)
     jacobian = jacobian[:, linear]
     found = linear_fit(jacobian, np.zeros(len(jacobian)))
     singular = found.singular_values
     missing, columns = _effect_columns(plan, setup)
-    plain = jacobian[:, : len(model.error_names) + 6]
+    plain = jacobian[:, : sum(model.unknown[: len(model.error_names) + len(PLACEMENT)])]
     shares, left = _left_after(plain, columns)
     visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
     hidden = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
@@ -199,6 +220,7 @@ def observability(
         alike=dependent_sets(visible),
         missing_columns=missing,
         share_left=shares,
+        missing_positions=tuple(missing_positions(plan, setup)),
     )
 
 
@@ -267,7 +289,7 @@ def _bias(setup: Setup, plain: Floats, columns: dict[str, Floats], sigma: float)
         units = {name: unit_of(name) for name in linear}
         joined = np.hstack([plain, columns[entry.id]])
         rows = linear_fit(joined, np.zeros(len(joined))).combinations
-        names = (*model.names, *units)
+        names = (*model.unknown_names, *units)
         text = bias_in_words((dict(zip(names, r, strict=True)) for r in rows), units, limits)
         if text:
             said[entry.id] = text
@@ -286,7 +308,9 @@ def _unnoticed(
         if all(p.kind == "linear" for p in entry.parameters):
             names = (f"{entry.id}.{p.name}" for p in entry.parameters)
             single |= dict(zip(names, columns[entry.id].T / sigma, strict=True))
-    return unnoticed(plain / sigma, found.cofactor, model.names, single, std, MIN_SHARE_LEFT)
+    return unnoticed(
+        plain / sigma, found.cofactor, model.unknown_names, single, std, MIN_SHARE_LEFT
+    )
 
 
 def dependent_sets(columns: dict[str, Floats]) -> tuple[frozenset[str], ...]:

@@ -75,10 +75,12 @@ class TouchProblem:
         self.names = own_names(model, own)
         # A moment is searched by the core; the derivative by it is nothing.
         self.moments = np.array([k == "moment" for k in model.kinds] + [False] * self._own_count)
-        if len(data) < len(self.names):
+        known = np.append(~model.unknown, np.zeros(self._own_count, dtype=bool))
+        self.held = self.moments | known
+        unknowns = int(np.sum(~known))
+        if len(data) < unknowns:
             raise DataError(
-                f"got {len(data)} touches for {len(self.names)} parameters, expected at least as "
-                "many"
+                f"got {len(data)} touches for {unknowns} parameters, expected at least as many"
             )
 
     @property
@@ -144,7 +146,7 @@ class TouchProblem:
         x = self._start(loss, max_steps)
         left = self.residuals(x)
         weights = np.ones(len(left))
-        first = self._solve(x, left, weights, loss, self.moments)
+        first = self._solve(x, left, weights, loss, self.held)
         held, last, converged = first.held, first, False
         for _ in range(max_steps):
             last = self._solve(x, left, weights, loss, held)

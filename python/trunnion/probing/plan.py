@@ -92,6 +92,16 @@ def plan(
         clearance or an overtravel within the tolerance of the artefact's place.
     DataError
         No face can be reached; a move beyond the range of an axis in the set-up.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> plan = tn.plan(setup)
+    >>> len(plan)
+    72
+    >>> sorted(set(plan.c_deg.tolist()))
+    [0.0, 90.0, 180.0, 270.0]
     """
     chain = Chain(setup)
     given = {"A": a_deg, "B": b_deg, "C": c_deg}

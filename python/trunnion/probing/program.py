@@ -34,6 +34,14 @@ class ProbingProgram:
     ----------
     cycle
         What it does: steps, levels and speeds.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> program = tn.probing_program(tn.plan(setup)[:4], setup)
+    >>> round(program.seconds)
+    13
     """
 
     cycle: Cycle
@@ -119,6 +127,14 @@ def probing_program(
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
         a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> program = tn.probing_program(tn.plan(setup), setup)
+    >>> print(program.text().splitlines()[1])
+    (machine trt-ca, cross, ball radius 1 mm, clearance 5 mm)
     """
     instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
     instance("setup", setup, Setup, "a Setup, as read_setup gives it")

@@ -103,6 +103,17 @@ class IdentificationResult(Estimate):
         Weight of each reading, below 1 where a robust loss lowered it, (n,).
     lack_of_fit
         Where touches repeat.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> fit = tn.identify(touches, setup)
+    >>> fit.converged, len(fit.residuals_um)
+    (True, 72)
+    >>> round(fit.placement["dx_um"], 1)
+    50.1
     """
 
     method: str
@@ -247,6 +258,15 @@ class ClosedFormResult(IdentificationResult):
         What the method can see and what it cannot, as a sentence.
     slips
         Corrections made to the printed equations, each with its reason; empty for the others.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> found = tn.closed_form(touches, setup, method="separating")
+    >>> round(found["EB0C"], 2), round(found.std_errors["EB0C"], 2)
+    (25.16, 0.69)
     """
 
     per_position: PerPosition = field(default_factory=lambda: PerPosition((), ()))

@@ -80,6 +80,14 @@ def simulate(
     -----
     UserWarning
         No position error reaches 0.1 µm: they may be in mm.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> made = tn.simulate(tn.plan(setup), setup, {"EX0C": 15.0}, noise_um=0.3, seed=1)
+    >>> round(tn.identify(made, setup)["EX0C"], 1)
+    15.0
     """
     if isinstance(errors, Estimate):
         placement = errors.placement if placement is None else placement

@@ -33,6 +33,15 @@ class Comparison(Result):
         Why a method is missing, by method.
     truth
         True location errors where they are known, µm and arcsec.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> found = tn.compare_methods(touches, setup)
+    >>> round(found.results["least squares"]["EX0C"], 2)
+    14.95
     """
 
     results: Mapping[str, ClosedFormResult | IdentificationResult]
@@ -99,6 +108,15 @@ def compare_methods(
     -------
     Comparison
         CasADi stands in `refused` where it is not installed.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    >>> touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    >>> found = tn.compare_methods(touches, setup)
+    >>> sorted(found.results)[:2]
+    ['closed form, printed', 'closed form, separating']
     """
     methods: dict[str, Callable[[], IdentificationResult]] = {
         "closed form, printed": partial(closed_form, data, setup, method="printed"),

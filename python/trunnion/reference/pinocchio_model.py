@@ -70,6 +70,14 @@ def pinocchio_model(setup: Setup, errors: Mapping[str, float] | None = None) -> 
         For a location error that the machine has not.
     ImportError
         Without pinocchio.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("cross"))
+    >>> model = tn.pinocchio_model(setup, {"EX0C": 15.0})
+    >>> list(model.names)[-2:]
+    ['A', 'C']
     """
     pin = optional_module("pinocchio", "trunnion.pinocchio_model", "reference")
     axes, e = Axes.of(setup), _errors(setup, errors or {})

@@ -43,9 +43,10 @@ def figures_of(result: Any) -> list[Figure]:
     ]
 
 
-def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result: interactive ones, or stills where there are no others."""
-    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
+def drawn(of: Result | Table) -> list[Item]:
+    """Return the pictures of a result or of data: interactive ones, or stills without them."""
+    title = of.title() if isinstance(of, Result) else type(of).__name__
+    return [Still(p, title) if isinstance(p, str) else p for p in pictures(of)]
 
 
 def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:

@@ -30,6 +30,12 @@ def sample_path(name: str) -> Path:
     ------
     UnknownNameError
         No sample of this name.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.sample_path("cross/setup.toml").name
+    'setup.toml'
     """
     with as_file(files(__name__)) as folder:
         found = [path for path in folder.glob("*/*") if path.suffix in {".toml", ".csv", ".ngc"}]

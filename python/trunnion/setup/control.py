@@ -46,6 +46,12 @@ class ControlSetup(Part):
 
     The work offset has its origin in that of the machine frame; `centre_mm` says where that is in
     machine coordinates, so that the program can check it. Accelerations are for the planned time.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.ControlSetup(centre_mm=(210.5, 148.2, -301.0)).wcs
+    'G54'
     """
 
     table: ClassVar[str] = "control"

@@ -64,6 +64,12 @@ class Machine(Part):
     them.
     `tolerance`: of location errors by name, above 0; a diagnosis
     states biases in units of it.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Machine("trt-ca", errors={"EX0C": 12.5}).errors["EX0C"]
+    12.5
     """
 
     table: ClassVar[str] = "machine"
@@ -126,6 +132,13 @@ class AxisSetup(Part):
 
     A plan or program with a move beyond `range_mm` (linear axes: the ball's centre in the machine
     frame) or `range_deg` (rotary axes: as the control counts) is refused.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> axis = tn.AxisSetup(point_mm=(0.0, 5.0, -30.0))
+    >>> tn.Setup(tn.Artefact("cross"), axes={"A": axis}).axis_points()
+    {'A': (0.0, 5.0, -30.0)}
     """
 
     table: ClassVar[str] = "axes"

@@ -21,6 +21,12 @@ def canonical_error_name(text: str) -> str:
     ------
     UnknownNameError
         If `text` is not the name of a location error in any of these spellings.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.canonical_error_name("E_XOC")
+    'EX0C'
     """
     match = _SPELLING.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None or ("{" in text) != ("}" in text):

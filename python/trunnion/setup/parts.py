@@ -73,6 +73,13 @@ class Artefact(Part):
     direction) and `tolerance_deg` (about Z) of its place it stands.
 
     What is stated of its calibration and temperature is part of uncertainty budgets.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> ball = tn.Artefact("sphere", diameter_mm=24.0, centre_mm=(60.0, 0.0, 80.0))
+    >>> ball.effective_stem_diameter_mm
+    8.0
     """
 
     table: ClassVar[str] = "artefact"
@@ -149,6 +156,12 @@ class Probe(Part):
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
     collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Probe(servo_period_ms=1.0).ticks_um(600.0)
+    10.0
     """
 
     table: ClassVar[str] = "probe"
@@ -186,7 +199,14 @@ class Probe(Part):
 
 @dataclass(frozen=True)
 class Resolution(Part):
-    """What commands are rounded to; 0 = not rounded. Recorded positions are not rounded."""
+    """What commands are rounded to; 0 = not rounded. Recorded positions are not rounded.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.Resolution(linear_um=1.0).to_dict()
+    {'linear_um': 1.0, 'rotary_arcsec': 0.36}
+    """
 
     table: ClassVar[str] = "resolution"
     linear_um: float = key(0.1, UNCERTAINTY, "step of commands to linear axes; 0: not rounded")
@@ -198,6 +218,12 @@ class TableSetup(Part):
     """The rotary table as a disc, its top in the plane Z = 0 at A = 0, for collision checks.
 
     `is_assumed`: the set-up does not say how large it is.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.TableSetup(radius_mm=200.0).to_dict()
+    {'radius_mm': 200.0, 'thickness_mm': 30.0}
     """
 
     table: ClassVar[str] = "table"
@@ -208,7 +234,14 @@ class TableSetup(Part):
 
 @dataclass(frozen=True)
 class PlanSetup(Part):
-    """How a plan moves: where an approach starts, how far it searches, at what rapid speeds."""
+    """How a plan moves: where an approach starts, how far it searches, at what rapid speeds.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.PlanSetup(slow_feed_mm_min=30.0).slow_feed_mm_min
+    30.0
+    """
 
     table: ClassVar[str] = "plan"
     clearance_mm: float = key(5.0, LENGTH, "from the surface to the ball where an approach starts")
@@ -243,7 +276,8 @@ class Setup:
 
     Examples
     --------
-    >>> setup = Setup(artefact=Artefact("cross"), probe=Probe(ball_radius_mm=1.5))
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(artefact=tn.Artefact("cross"), probe=tn.Probe(ball_radius_mm=1.5))
     >>> setup.sense("C"), setup.probe.effective_stem_radius_mm
     (1, 0.75)
     """

@@ -31,6 +31,12 @@ def read_setup(path: str | PathLike[str]) -> Setup:
     FileFormatError
         If the file is not TOML, has a key that nobody knows or a value that its key does not take;
         the message has file, line and column, what stood there and what is expected.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.read_setup(tn.sample_path("cross/setup.toml"))
+    <Setup: trt-ca, cross 100 × 25 × 25 mm, ball radius 1 mm>
     """
     file = TomlText.read(path)
     return setup_of(file.tables, file)

@@ -40,7 +40,14 @@ class _Day:
 
 @dataclass(frozen=True)
 class ReportSetup(Part):
-    """What a report prints beside its results: which machine, who measured, when, with what."""
+    """What a report prints beside its results: which machine, who measured, when, with what.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> tn.ReportSetup().table
+    'report'
+    """
 
     table: ClassVar[str] = "report"
     machine: str | None = key(None, _Text(), "maker and type of the machine")

@@ -56,6 +56,13 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
     ------
     DataError
         There is neither `path` nor `path.part`, or it is none of a sweep.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> found = tn.sweep("calibration", samples=10, seed=1, path="noise.nc", progress=False)
+    >>> dict(tn.open_sweep("noise.nc").sizes)["sample"]
+    10
     """
     import_xarray()
     target = target_of(path)

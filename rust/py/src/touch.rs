@@ -178,6 +178,11 @@ impl TouchModel {
     }
 
     #[getter]
+    fn unknown(&self) -> Vec<bool> {
+        self.inner.unknown()
+    }
+
+    #[getter]
     fn error_count(&self) -> usize {
         self.inner.errors().len()
     }

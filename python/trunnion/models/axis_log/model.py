@@ -42,6 +42,15 @@ class ExtendedServo(Estimate):
     servo:
         Gain, time constant, delay, Coulomb friction, backlash, cyclic error of each axis as found.
         Offsets of the rotary axes (`rotary_centre`) are location errors, in `errors`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    >>> log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    >>> d = tn.diagnose(log[:400], setup)
+    >>> sorted(d.model.effects)
+    ['backlash_y']
     """
 
     servo: Servo
@@ -68,6 +77,15 @@ class AxisLogModel(Model):
     ------
     InputError, DataError
         The set-up lacks an axis of the log; the log is not one (:mod:`.checks`).
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.read_setup(tn.sample_path("contour/setup.toml"))
+    >>> log = tn.read_axis_log(tn.sample_path("contour/axislog.csv"))
+    >>> model = tn.AxisLogModel(log[:400], setup)
+    >>> len(model.readings)
+    2000
     """
 
     def __init__(

@@ -60,6 +60,13 @@ class BallbarModel(Model):
         run whose readings are not in the order of time.
     KinematicsError
         Joints or points that the hybrid machine cannot take.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> d = tn.diagnose(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))
+    >>> sorted(d.model.effects)
+    ['backlash_y', 'squareness_xy']
     """
 
     def __init__(

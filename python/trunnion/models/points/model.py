@@ -352,6 +352,13 @@ class ExtendedPoints(Estimate):
         Scatter of the features themselves, where they were measured again and differ.
     features_mm, features_um
         Programmed places, (m, d), and what is left at each, (m, d): hole by hole, and noise.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> d = tn.diagnose(tn.read_points(tn.sample_path("plate/first.csv")))
+    >>> round(d.model.effects["scale_x"]["ppm"])
+    40
     """
 
     smooth: SmoothField | None

@@ -42,6 +42,15 @@ class RepeatablePart(Result):
         field, and by both and what was left at each feature.
     features
         How many features both have.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> first = tn.read(tn.sample_path("plate/first.csv"))
+    >>> second = tn.read(tn.sample_path("plate/second.csv"))
+    >>> found = tn.repeatable_part(tn.diagnose(first), second)
+    >>> len(found.tables())
+    2
     """
 
     rms_um: float
@@ -107,6 +116,15 @@ def repeatable_part(d: Diagnosis, other: Points) -> RepeatablePart:
     ------
     InputError
         ``d`` is not of points, or fewer than ten features are in both.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> first = tn.read(tn.sample_path("plate/first.csv"))
+    >>> second = tn.read(tn.sample_path("plate/second.csv"))
+    >>> found = tn.repeatable_part(tn.diagnose(first), second)
+    >>> print(found.headline())
+    90 features measured twice; residuals correlate 0.95 in X, 0.88 in Y.
     """
     extended = d.model
     if not isinstance(d.data, Points) or not isinstance(extended, ExtendedPoints):

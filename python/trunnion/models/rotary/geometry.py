@@ -88,6 +88,13 @@ class Circle(Result):
         Circle in space, instrument frame.
     radial_um, axial_um
         Distance of each position from it, in the plane and off the plane, in the order of rows.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> circles = tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))
+    >>> round(circles[1].radius_mm, 1), circles[1].centre_mm.round(1)
+    (90.0, array([400., 300., 150.]))
     """
 
     radius_mm: float
@@ -136,6 +143,13 @@ def fit_circles(data: Sweep) -> dict[Any, Circle]:
     ------
     DataError
         A target has fewer than four positions.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> circles = tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))
+    >>> round(circles[1].radius_mm, 1)
+    90.0
     """
     labels, target = targets_of(data)
     out = {}
@@ -176,6 +190,14 @@ def targets_of(data: Sweep) -> tuple[list[Any], Integers]:
 
 @checked
 def circles(data: Sweep) -> dict[Any, Circle]:
-    """Fit circles as :func:`fit_circles`, the name of this function since version 0.3."""
+    """Fit circles: the former name of :func:`fit_circles`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> sweep = tn.read_sweep(tn.sample_path("axis/sweep.csv"))
+    >>> len(tn.fit_circles(sweep))
+    3
+    """
     warnings.warn("circles is called fit_circles now", DeprecationWarning, stacklevel=2)
     return fit_circles(data)

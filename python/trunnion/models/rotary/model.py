@@ -360,6 +360,13 @@ class ExtendedSweep(Estimate):
         Directions X, Y, Z of the error motions in the instrument's frame, one a column.
     radius_mm, height_mm
         Of each target.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> d = tn.diagnose(tn.read_sweep(tn.sample_path("axis/sweep.csv")))
+    >>> sorted(d.model.effects)
+    ['axial_2', 'positioning_3']
     """
 
     point_mm: Floats

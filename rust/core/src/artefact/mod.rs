@@ -150,6 +150,10 @@ trait Shape {
     fn outline(&self) -> Vec<Part>;
     /// Name of the face with this outward normal at a point, artefact frame.
     fn face(&self, point: &Vector3<f64>, normal: &Vector3<f64>) -> String;
+    /// Whether a turn about X, Y and Z of its frame is anything else than a shift.
+    fn turns(&self) -> [bool; 3] {
+        [true; 3]
+    }
 }
 
 impl Artefact {
@@ -195,6 +199,12 @@ impl Artefact {
     #[must_use]
     pub fn outline(&self) -> Vec<Part> {
         self.shape().outline()
+    }
+
+    /// Whether a turn about X, Y and Z of its frame is anything else than a shift.
+    #[must_use]
+    pub fn turns(&self) -> [bool; 3] {
+        self.shape().turns()
     }
 
     /// Name of the face with this outward normal at a point, artefact frame.

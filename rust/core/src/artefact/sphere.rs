@@ -59,6 +59,10 @@ impl Shape for Sphere {
         vec![Part::Ball { radius: 0.5 * self.diameter, centre: self.centre.into() }]
     }
 
+    fn turns(&self) -> [bool; 3] {
+        [false; 3]
+    }
+
     fn face(&self, _: &Vector3<f64>, _: &Vector3<f64>) -> String {
         "sphere".to_owned()
     }

@@ -21,11 +21,14 @@ const TOLERANCE_MM: f64 = 1e-11;
 pub struct Workspace {
     n: usize,
     p: usize,
+    /// How many of the parameters are unknowns.
+    unknowns: usize,
     deviations: Vec<f64>,
     jacobian: Vec<f64>,
     weights: Vec<f64>,
     kinds: Vec<Kind>,
-    /// Parameters that steps may change: moments are searched, not stepped.
+    /// Parameters that steps may change: moments are searched, not stepped, and what is no unknown
+    /// stays where it is.
     free: Vec<bool>,
 }
 
@@ -56,10 +59,13 @@ impl Workspace {
     pub fn new(model: &TouchModel, n: usize) -> Self {
         let p = model.parameter_count();
         let kinds: Vec<Kind> = model.parameter_names().iter().map(|name| name.kind).collect();
-        let free = kinds.iter().map(|kind| *kind != Kind::Moment).collect();
+        let unknown = model.unknown();
+        let free = kinds.iter().zip(&unknown).map(|(kind, is)| *is && *kind != Kind::Moment);
+        let free = free.collect();
         Self {
             n,
             p,
+            unknowns: unknown.iter().filter(|is| **is).count(),
             deviations: vec![0.0; n],
             jacobian: vec![0.0; n * p],
             weights: vec![1.0; n],
@@ -89,7 +95,7 @@ impl Workspace {
         row.values.copy_from_slice(&descent.values);
         *row.converged = descent.converged;
         if let Some(variances) = &descent.variances {
-            let sigma = self.sigma(self.p, options);
+            let sigma = self.sigma(self.unknowns, options);
             for (slot, variance) in row.std_errors.iter_mut().zip(variances) {
                 *slot = sigma * variance.sqrt();
             }
@@ -416,7 +422,7 @@ impl Workspace {
     /// Everything there is to say about the fit, by a singular value decomposition.
     pub(super) fn report(&mut self, descent: Descent, options: &Options) -> Fit {
         let Descent { values, converged, steps, unidentified, .. } = descent;
-        let moments = self.free.iter().filter(|free| !**free).count();
+        let moments = self.kinds.iter().filter(|kind| **kind == Kind::Moment).count();
         let free = self.free.clone();
         for &held in &unidentified.held {
             self.free[held] = false;

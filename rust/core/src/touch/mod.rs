@@ -122,6 +122,15 @@ impl TouchModel {
         self.errors.len() + Component::ALL.len()
     }
 
+    /// Which parameters are unknowns: a turn of what looks alike from all sides is none.
+    #[must_use]
+    pub fn unknown(&self) -> Vec<bool> {
+        let mut unknown = vec![true; self.parameters];
+        let tilts = self.errors.len() + 3;
+        unknown[tilts..tilts + 3].copy_from_slice(&self.artefact.turns());
+        unknown
+    }
+
     /// Number of parameters.
     #[must_use]
     pub const fn parameter_count(&self) -> usize {
