@@ -9,13 +9,19 @@ RUST_SOURCES := $(shell find rust -name '*.rs' -o -name 'Cargo.toml') Cargo.toml
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
+# Steps that print a screen of lines nobody reads say what they do, how long it took, and the lines
+# only if they fail. Nothing here minds a path with spaces, or running in the background.
+STEP := sh tools/step.sh
+
 .venv/.installed: requirements.lock
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@$(STEP) "Virtual environment .venv" $(PYTHON) -m venv .venv
+	@$(STEP) "Packages of requirements.lock into .venv (minutes the first time)" \
+		$(BIN)/python -m pip install --disable-pip-version-check -r requirements.lock
 	@touch $@
 
 .venv/.built: .venv/.installed pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --quiet
+	@$(STEP) "Extension module, release mode (minutes the first time)" \
+		$(BIN)/python -m maturin develop --release --quiet
 	@touch $@
 
 .PHONY: build
@@ -23,12 +29,13 @@ build: .venv/.built  ## virtual environment and extension module, release mode
 
 .PHONY: demo
 demo: build  ## the main job: Table 2 of the paper, and a measurement that comes with the package
-	@$(BIN)/trunnion demo
+	@$(BIN)/python -m trunnion demo
 
 .PHONY: test
-test: build  ## everything: cargo tests, then pytest with the notebooks
-	cargo test --workspace --quiet
-	$(BIN)/python -m pytest
+test: build  ## everything: cargo tests, then pytest with the notebooks; a quarter of an hour on two cores
+	@$(STEP) "Tests of the core (cargo)" cargo test --workspace --quiet
+	@echo "Tests of the package (pytest, every core): a quarter of an hour on two cores ..."
+	@$(BIN)/python -m pytest -q
 
 .PHONY: fuzz
 fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000000 for more
@@ -85,9 +92,22 @@ format: .venv/.installed  ## format with rustfmt and ruff
 
 .PHONY: lock
 lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
-	$(BIN)/python -m pip install --quiet pip-tools
-	$(BIN)/pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-trusted-host --no-header \
-		--all-extras --resolver=backtracking --output-file requirements.lock pyproject.toml
+	@$(STEP) "pip-tools" $(BIN)/python -m pip install pip-tools
+	@$(STEP) "requirements.lock" $(BIN)/python -m piptools compile --quiet --strip-extras --no-emit-find-links \
+		--no-emit-index-url --no-emit-trusted-host --no-header --all-extras --unsafe-package trunnion \
+		--resolver=backtracking --output-file requirements.lock pyproject.toml
+
+.PHONY: wheels
+wheels: build  ## wheel (manylinux, every Python from 3.11) and source distribution, tried in fresh environments
+	@$(BIN)/python tools/wheels.py
+
+.PHONY: sbom
+sbom: build  ## what a wheel is made of: dist/sbom.json (CycloneDX), and a check of all licences
+	@$(BIN)/python tools/bom.py
+
+.PHONY: release
+release: build  ## what is left to do for a release; changes nothing (tools/release.py --do does)
+	@$(BIN)/python tools/release.py
 
 .PHONY: power-turning
 power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/results/power-turning.md
