@@ -295,9 +295,10 @@ class Servo:
         values = asdict(self.axes[letter])
         return np.array([ANY(f"servo.{letter}.{name}", size) for name, size in values.items()])
 
-    def rows(self) -> Floats:
-        """Return the numbers of X, Y, Z, A, C, shape (5, 17)."""
-        return np.stack([self.row(letter) for letter in "XYZAC"])
+    @checked
+    def rows(self, letters: str = "XYZAC") -> Floats:
+        """Return the numbers of five axes, shape (5, 17)."""
+        return np.stack([self.row(letter) for letter in letters])
 
 
 @checked

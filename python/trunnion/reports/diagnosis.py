@@ -24,6 +24,7 @@ from trunnion.plot.diagnosis import (
     touched,
 )
 from trunnion.plot.picture import Picture
+from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
@@ -260,7 +261,8 @@ def _ladder(d: Diagnosis) -> list[Item]:
     picture = ladder_picture(d)
     tables = [t for t in d.tables() if t.title not in ("Estimates", "Sets of causes")]
     kept = [t for t in tables if t.title != "Not identifiable"]
-    return [*([picture] if picture else []), *kept]
+    ranked = contributions_picture(d)
+    return [*(p for p in (ranked, picture) if p is not None), *kept]
 
 
 def _alternatives(d: Diagnosis) -> list[Item]:

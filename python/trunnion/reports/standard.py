@@ -15,7 +15,7 @@ from trunnion.data.iso230_4 import iso230_4
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
 from trunnion.plot.statistics import estimates_picture
-from trunnion.reports.document import Item, Still
+from trunnion.reports.document import Item
 from trunnion.reports.results import Figure
 
 
@@ -44,9 +44,11 @@ def figures_of(result: Any) -> list[Figure]:
 
 
 def drawn(of: Result | Table) -> list[Item]:
-    """Return the pictures of a result or of data: interactive ones, or stills without them."""
-    title = of.title() if isinstance(of, Result) else type(of).__name__
-    return [Still(p, title) if isinstance(p, str) else p for p in pictures(of)]
+    """Return the pictures of a result or of data, interactive; none of too few readings."""
+    try:
+        return list(pictures(of))
+    except DataError:
+        return []
 
 
 def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:
