@@ -190,7 +190,8 @@ def _errors(
     setup: Setup, over: str, of: str, effects: Mapping[str, Mapping[str, float]], position: Floats
 ) -> tuple[Floats, float]:
     """Error at positions of the control and width of the reversal, in its sense, mm or degrees."""
-    senses = {letter: float(setup.sense(letter)) for letter in over + of}
+    chain = Chain(setup)
+    senses = {letter: chain.sense_of(letter) for letter in over + of}
     if over not in "XYZ":
         error, width = _rotary(effects, over, senses[over] * position)
         return senses[over] * error, width
