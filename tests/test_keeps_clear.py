@@ -30,8 +30,18 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
         "tolerance_mm": tolerance,
         "tolerance_deg": float(rng.uniform(0.0, 0.8)),
     }
-    kind = str(rng.choice(["cross", "cuboid", "sphere"]))
-    if kind == "sphere":
+    kind = str(rng.choice(["cross", "cuboid", "sphere", "spheres", "ring"]))
+    if rng.uniform() < 0.2:
+        standing["base_mm"] = (*rng.uniform(20, 120, 2), float(rng.uniform(5, 25)))
+    if kind == "ring":
+        bore = float(rng.uniform(25, 80))
+        size = {"diameter_mm": bore, "outer_diameter_mm": bore + float(rng.uniform(10, 30))}
+        size["height_mm"] = float(rng.uniform(12, 30))
+    elif kind == "spheres":
+        along = np.cumsum(rng.uniform(35, 60, int(rng.integers(2, 5))))
+        size = {"diameter_mm": float(rng.uniform(15, 25))}
+        size["spheres_mm"] = [(x, *rng.uniform(-8, 8, 1), rng.uniform(40, 70)) for x in along - 80]
+    elif kind == "sphere":
         centre = (*rng.uniform(-20, 20, 2), float(rng.uniform(40, 100)))
         size = {"diameter_mm": float(rng.uniform(15, 40)), "centre_mm": centre}
         if rng.uniform() < 0.3:
