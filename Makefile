@@ -9,13 +9,19 @@ RUST_SOURCES := $(shell find rust -name '*.rs' -o -name 'Cargo.toml') Cargo.toml
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
+# Steps that print a screen of lines nobody reads say what they do, how long it took, and the lines
+# only if they fail. Nothing here minds a path with spaces, or running in the background.
+STEP := sh tools/step.sh
+
 .venv/.installed: requirements.lock
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@$(STEP) "Virtual environment .venv" $(PYTHON) -m venv .venv
+	@$(STEP) "Packages of requirements.lock into .venv (minutes the first time)" \
+		$(BIN)/python -m pip install --disable-pip-version-check -r requirements.lock
 	@touch $@
 
 .venv/.built: .venv/.installed pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --quiet
+	@$(STEP) "Extension module, release mode (minutes the first time)" \
+		$(BIN)/python -m maturin develop --release --quiet
 	@touch $@
 
 .PHONY: build
@@ -23,12 +29,13 @@ build: .venv/.built  ## virtual environment and extension module, release mode
 
 .PHONY: demo
 demo: build  ## the main job: Table 2 of the paper, and a measurement that comes with the package
-	@$(BIN)/trunnion demo
+	@$(BIN)/python -m trunnion demo
 
 .PHONY: test
-test: build  ## everything: cargo tests, then pytest with the notebooks
-	cargo test --workspace --quiet
-	$(BIN)/python -m pytest
+test: build  ## everything: cargo tests, then pytest with the notebooks; a quarter of an hour on two cores
+	@$(STEP) "Tests of the core (cargo)" cargo test --workspace --quiet
+	@echo "Tests of the package (pytest, every core): a quarter of an hour on two cores ..."
+	@$(BIN)/python -m pytest -q
 
 .PHONY: fuzz
 fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000000 for more
@@ -51,6 +58,10 @@ power-probabilities: build  ## are stated probabilities true: 5,100 cases of all
 .PHONY: power-ballbar
 power-ballbar: build  ## the same for ball-bar tests of hybrid and three-axis machines, ten minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/ballbar_study.py --out docs/results/power-ballbar.md
+
+.PHONY: power-coverage
+power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases, half an hour, into docs/results/power-coverage.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --out ../docs/results/power-coverage.md
 
 .PHONY: power-ticks
 power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/results/power-ticks.md
@@ -81,9 +92,22 @@ format: .venv/.installed  ## format with rustfmt and ruff
 
 .PHONY: lock
 lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
-	$(BIN)/python -m pip install --quiet pip-tools
-	$(BIN)/pip-compile --quiet --strip-extras --no-emit-index-url --no-emit-trusted-host --no-header \
-		--all-extras --resolver=backtracking --output-file requirements.lock pyproject.toml
+	@$(STEP) "pip-tools" $(BIN)/python -m pip install pip-tools
+	@$(STEP) "requirements.lock" $(BIN)/python -m piptools compile --quiet --strip-extras --no-emit-find-links \
+		--no-emit-index-url --no-emit-trusted-host --no-header --all-extras --unsafe-package trunnion \
+		--resolver=backtracking --output-file requirements.lock pyproject.toml
+
+.PHONY: wheels
+wheels: build  ## wheel (manylinux, every Python from 3.11) and source distribution, tried in fresh environments
+	@$(BIN)/python tools/wheels.py
+
+.PHONY: sbom
+sbom: build  ## what a wheel is made of: dist/sbom.json (CycloneDX), and a check of all licences
+	@$(BIN)/python tools/bom.py
+
+.PHONY: release
+release: build  ## what is left to do for a release; changes nothing (tools/release.py --do does)
+	@$(BIN)/python tools/release.py
 
 .PHONY: power-turning
 power-turning: build  ## the same for diameters of turned passes, ten minutes, into docs/results/power-turning.md
@@ -124,7 +148,14 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_files_tables.py
 	$(BIN)/python docs/make_papers.py
 	$(BIN)/python docs/make_figures.py
+	$(BIN)/python docs/make_drawings.py
+	$(BIN)/python docs/make_effect_pictures.py
+	$(BIN)/python docs/make_report_picture.py
 	$(BIN)/python docs/make_measured_figures.py
+
+.PHONY: notebooks
+notebooks: build  ## run the notebooks and keep what they show, five minutes
+	$(BIN)/python docs/make_notebooks.py
 
 .PHONY: site
 site: build  ## the documentation site, into target/site, without a network; warnings are errors

@@ -20,14 +20,19 @@ def tables() -> dict[str, str]:
     return {kind.name: table(tn.catalogue(kind.name)) for kind in kinds() if kind.examples}
 
 
+def alike(e: tn.EffectInfo) -> tuple[object, ...]:
+    """Return what effects have in common that differ in an axis or a number only."""
+    names = tuple(re.sub(r"\d|arcsec|um|mm|deg", "", p.name) for p in e.parameters)
+    return _PLACE.sub("*", e.id), names, e.owner, e.needs
+
+
 def table(effects: Sequence[tn.EffectInfo]) -> str:
     """Markdown of some effects."""
-    alike: dict[tuple[object, ...], list[tn.EffectInfo]] = {}
+    groups: dict[tuple[object, ...], list[tn.EffectInfo]] = {}
     for e in effects:
-        names = tuple(re.sub(r"\d|arcsec|um|mm|deg", "", p.name) for p in e.parameters)
-        alike.setdefault((_PLACE.sub("*", e.id), names, e.owner, e.needs), []).append(e)
+        groups.setdefault(alike(e), []).append(e)
     lines = [f"| {' | '.join(HEAD)} |", "|---" * len(HEAD) + "|"]
-    for group in alike.values():
+    for group in groups.values():
         first = group[0]
         cells = (
             _listed([f"`{e.id}`" for e in group]),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import json
 import shutil
 import sys
@@ -23,6 +24,7 @@ from nbclient import NotebookClient
 NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 PLOTLY = "application/vnd.plotly.v1+json"
 MAX_BYTES = 1_000_000
+COLOURS = 128
 KEPT = ("text/plain", "text/html", "image/png", "image/svg+xml", "text/markdown", "text/latex")
 
 
@@ -65,12 +67,26 @@ def _kept(output: Any) -> Any:
     if "application/vnd.jupyter.widget-view+json" in data:
         return None
     output.data = nbformat.from_dict({k: v for k, v in data.items() if k in KEPT})
+    if "image/png" in output.data:
+        output.data["image/png"] = smaller(output.data["image/png"])
     if "image/png" in output.data or "text/html" in output.data:
         output.data.pop("text/plain", None)
     if "execution_count" in output:
         output.execution_count = None
     output.metadata = nbformat.NotebookNode()
     return output if output.data else None
+
+
+def smaller(picture: str) -> str:
+    """Return a PNG (base64) with a palette: a third of the size, the same to the eye."""
+    from PIL import Image
+
+    image = Image.open(io.BytesIO(base64.b64decode(picture)))
+    flat = Image.new("RGB", image.size, "white")
+    flat.paste(image, mask=image.getchannel("A") if image.mode == "RGBA" else None)
+    buffer = io.BytesIO()
+    flat.quantize(COLOURS).save(buffer, format="png", optimize=True)
+    return base64.b64encode(buffer.getvalue()).decode()
 
 
 def photograph(figure: Any, width: int = 820, height: int = 560) -> str | None:

@@ -31,6 +31,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
     study.write_text('study = "calibration"\nsamples = 3\n[grid]\nnoise_um = [0.1, 0.2]\n')
     (folder / "errors.json").write_text('{"EX0C": 10.0}')
     (folder / "mill.ngc").write_text("G0 X0 Y0 Z9 A0 C0\nG1 X9 A10 F99\nM2\n")
+    (folder / "shape.csv").write_text("z_mm,x_mm\n60,0\n60,20\n0,20\n")
     second = folder / "second.csv"
     shutil.copyfile(TOUCHES, second)
     stops, ball = sample("positioning/axis.csv"), sample("ballbar/circle.csv")
@@ -66,6 +67,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
         "sweep": [["sweep", str(study)], ["sweep", "--parameters", "calibration"]],
         "demo": [["demo"]],
         "schema": [["schema", "diagnose"], ["schema"]],
+        "turning finish": [["turning", "finish", str(folder / "shape.csv")]],
         "turning path": [["turning", "path", part, "--no-chuck"]],
         "turning correct": [["turning", "correct", str(passed), part]],
         "turning diagnose": [["turning", "diagnose", sample("turning/diameters.csv"), sample("turning/setup.toml")]],

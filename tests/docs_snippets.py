@@ -114,7 +114,7 @@ class Session:
         return self._shell(block.text) if block.language == "bash" else self._python(block)
 
     def _shell(self, text: str) -> str:
-        lines = text.replace("\\\n", " ").strip().splitlines()
+        lines = [x for x in text.replace("\\\n", " ").splitlines() if x and x[0] != "#"]
         if all(_PLAIN_COMMAND.fullmatch(line) for line in lines):
             return "".join(map(self._here, lines))
         done = subprocess.run(
@@ -132,7 +132,9 @@ class Session:
     def _here(self, line: str) -> str:
         """Run a command of trunnion in this process, which has imported it."""
         with contextlib.chdir(self.folder):
-            done = CliRunner().invoke(app, shlex.split(line)[1:], env={"COLUMNS": "110"})
+            done = CliRunner().invoke(
+                app, shlex.split(line, comments=True)[1:], env={"COLUMNS": "110"}
+            )
         assert done.exit_code == 0, f"{line}\n{done.output}"
         return done.output
 

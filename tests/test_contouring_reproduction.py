@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import trunnion as tn
 from trunnion import contouring as ct
 
 
@@ -169,3 +170,24 @@ def test_sweep_shows_where_each_model_breaks() -> None:
     assert (swept.proposed_max_arcsec < swept.tangent_max_arcsec)[:, :, k].all()
     one = ct.simulate(ct.Path.circle(2.0, tilt_deg=30.0), feeds[3], controller="proposed")
     assert swept.contour_max_um[1, 3, 2] == one.figures["contour_max_um"]
+
+
+def test_table_1_is_entered_as_it_stands() -> None:
+    axial = {"X": 3.2, "Y": 3.2, "Z": 3.2, "A": 16070.0, "C": 8101.0}
+    times = {"X": 5.76, "Y": 5.77, "Z": 5.50, "A": 5.85, "C": 5.75}
+    at_axis = {"X": 25.40, "Y": 25.17, "Z": 25.37, "A": 0.0051, "C": 0.0101}
+    entered = ct.Servo.of_gains(at_axis, axial, times)
+    assert entered == ct.Servo.paper()
+    # The rotary ones are those of motors behind gears of 1/180 and 1/90.
+    at_motor = at_axis | {"A": 0.0051 * 180, "C": 0.0101 * 90}
+    geared = ct.Servo.of_gains(at_motor, axial, times, gear_ratio={"A": 1 / 180, "c": 1 / 90})
+    for letter, axis in geared.axes.items():
+        assert axis.gain_per_s == pytest.approx(entered.axes[letter].gain_per_s, rel=1e-12)
+    assert at_motor["A"] == pytest.approx(at_motor["C"], rel=0.02)  # two motors of one kind
+    cross = [[22.5, 17.6, 0.0008]] * 3 + [[112491, 78744, 4.0175], [56709, 39696, 2.0253]]
+    coupling = ct.Coupling.of_gains(cross, list(axial.values()))
+    np.testing.assert_allclose(coupling.gains, ct.Coupling().gains, rtol=1e-12)
+    with pytest.raises(
+        tn.InputError, match="expected open-loop gain, axial gain and time constant"
+    ):
+        ct.Servo.of_gains({"X": 1.0}, {"X": 1.0, "Y": 2.0}, {"X": 1.0})

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
-from trunnion.controls import comp_file, iso_table, linuxcnc_files
+from trunnion.controls import comp_file, iso_table, linuxcnc_files, measured_comp_file
 from trunnion.setup.control import ControlSetup
 
 SETUP = tn.Setup(
@@ -44,6 +44,39 @@ def motor(table: str, position: float, forward: bool) -> float:
     rows = np.array([[float(v) for v in line.split()] for line in table.splitlines()])
     actual = rows[:, 1 if forward else 2]
     return position + float(np.interp(position, rows[:, 0], rows[:, 0] - actual))
+
+
+def test_a_measured_axis_is_corrected_over_its_turns(tmp_path: Path) -> None:
+    """A rotary axis with a wave and a reversal, measured every 30°: as a Pocket NC's B."""
+
+    def reached(sent: float, sense: int) -> float:
+        return sent + (40 * np.sin(np.radians(sent)) - 15 * sense) / 3600
+
+    stops = [(t, d, c) for c in (1, 2) for d in (1, -1) for t in np.arange(0.0, 361.0, 30.0)]
+    target, sense, cycle = (np.array(column) for column in zip(*stops, strict=True))
+    measured = [reached(t, d) for t, d, _ in stops]
+    data = tn.Positioning(
+        target_deg=target, measured_deg=measured, direction=sense.astype(int), cycle=cycle
+    )
+    data.to_csv(tmp_path / "b.csv")
+    arguments = ["positioning", "results", str(tmp_path / "b.csv"), "--turns", "9"]
+    arguments += ["--comp-file", str(tmp_path / "comp_b.txt")]
+    done = CliRunner().invoke(app, arguments, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "comp_b.txt").read_text()
+    rows = [line.split() for line in text.splitlines()]
+    assert len(rows) == 19 * 12 <= 256
+    for position in np.linspace(-3200, 3500, 400):
+        for d in (1, -1):
+            left = reached(motor(text, position, d > 0), d) - position
+            # Between nodes a chord leaves 1 - cos 15° of the wave.
+            assert 3600 * abs(left) < 40 * (1 - np.cos(np.radians(15))) + 0.05
+    table = data.iso230_2().compensation_table()
+    with pytest.raises(tn.InputError, match="684 rows, expected at most 256: 4 targets a turn"):
+        measured_comp_file(table, turns=28)
+    linear = tn.read_positioning(tn.sample_path("positioning/axis.csv")).iso230_2()
+    with pytest.raises(tn.InputError, match="turns: got 2 for an axis in mm"):
+        measured_comp_file(linear.compensation_table(), turns=2)
 
 
 @pytest.mark.parametrize("forward", [True, False])

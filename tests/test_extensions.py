@@ -30,7 +30,7 @@ from trunnion.models.kinds import Kind, add_kind, model_of
 from trunnion.models.points import effects as point_effects
 from trunnion.models.points.effects import LinearError
 from trunnion.models.points.geometry import Places
-from trunnion.setup.machines import presets
+from trunnion.setup.machines import descriptions, presets
 
 Floats = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def test_an_effect_of_ones_own_competes_with_the_catalogue() -> None:
     assert pickle.loads(pickle.dumps(d)) == d
 
 
-# --- a machine: one entry of data in the core
+# --- a machine: one entry of data in setup/machines.toml, or the same keys in a set-up
 
 
 @pytest.mark.parametrize("preset", sorted(presets()))
@@ -208,3 +208,58 @@ def test_a_machine_is_its_entry_in_the_table_of_presets(preset: str, tmp_path: P
     assert pickle.loads(pickle.dumps(fit)) == fit
     assert set(errors) <= set(fit.errors)
     assert tn.catalogue(setup)
+
+
+OWN_MACHINE = """
+[machine]
+chain = "[w C' Y' b X Z B (C) t]"
+table_normal = [0, 0.2, 1]
+[axes.B]
+direction = [0, 1, 0.3]
+point_mm = [12, 0, 150]
+range_deg = [-95, 95]
+[axes.C]
+direction = [0.05, 0, 1]
+sense = -1
+[artefact]
+kind = "cuboid"
+length_mm = 80
+width_mm = 60
+height_mm = 40
+[table]
+radius_mm = 70
+"""
+
+
+def test_a_machine_of_ones_own_is_a_few_lines_of_a_set_up(tmp_path: Path) -> None:
+    path = tmp_path / "setup.toml"
+    path.write_text(OWN_MACHINE, encoding="utf-8")
+    setup = tn.read_setup(path)
+    path.write_text(setup.to_toml(comments=True), encoding="utf-8")
+    assert tn.read_setup(path) == setup
+    pairs = [(t, c) for t in (-50, 40) for c in (20, 110, 200, 290)]
+    plan = tn.plan(setup, b_deg=(60, -60), positions_deg=pairs, all_faces=True)
+    errors = {"EA0B": 12.0, "EB0B": 8.0, "EC0B": -9.0, "EX0C": 15.0, "EA0C": 7.0}
+    data = tn.simulate(plan, setup, errors, {"dx_um": 20.0}, noise_um=0.2, seed=4)
+    fit = tn.identify(data, setup)
+    for name, value in errors.items():
+        if np.isfinite(fit.std_errors[name]):
+            assert fit.errors[name] == pytest.approx(value, abs=4 * fit.std_errors[name])
+    # A shift of the head is a shift of the table: the pair of X is not told apart, and is named.
+    assert {"EX0B", "EX0C"} <= {name for name, std in fit.std_errors.items() if np.isinf(std)}
+    assert {"EA0B", "EB0B", "EC0B"} <= {k for k, std in fit.std_errors.items() if np.isfinite(std)}
+    assert tn.diagnose(data, setup).verdict == "consistent"
+
+
+def test_an_entry_of_the_data_file_has_the_same_keys() -> None:
+    text = """
+[mine]
+meaning = "swivel head B behind a rotary table"
+chain = "[w C' Y' b X Z B (C) t]"
+table_normal = [0, 0.2, 1]
+axes.B = { direction = [0, 1, 0.3], point_mm = [12, 0, 150] }
+"""
+    machine = descriptions(text)["mine"].core(150.0)
+    assert (machine.letters, machine.sides) == ("BC", ["head", "table"])
+    with pytest.raises(tn.InputError, match=r"axes\.direction: got"):
+        descriptions(text.replace("[0, 1, 0.3]", "[0, 1]"))

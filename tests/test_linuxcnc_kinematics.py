@@ -10,6 +10,7 @@ from kins_bench import Floats, Kinematics, needs_gcc
 from reference_trt_ca import ARCSEC, table_pose
 from trunnion.compensation import MachineErrors
 from trunnion.controls.linuxcnc.kinematics import component
+from trunnion.controls.screws import screws, steps
 from trunnion.setup.control import ControlSetup
 from trunnion.setup.machines import presets
 
@@ -100,17 +101,26 @@ def test_identity_is_identity_and_other_types_are_refused(tmp_path: Path) -> Non
     np.testing.assert_allclose(kins.inverse(kins.forward(joints)), joints, rtol=0, atol=1e-10)
 
 
-@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc"])
+POINTS = {
+    "trt-ca": {"A": (0.0, 5.5, -42.0)},
+    "trt-bc": {"B": (-3.5, 0.0, 30.0)},
+    "tt-ab": {"A": (0.0, -51.0, 4.0)},  # a Pocket NC
+}
+
+
+@pytest.mark.parametrize("preset", POINTS)
 def test_axes_off_the_table_top_are_those_of_pinocchio(preset: str, tmp_path: Path) -> None:
+    """The component, the lines of the axes and the steps of the chain, each by itself."""
     pin = pytest.importorskip("pinocchio")
     random = np.random.default_rng(7)
-    tilt = "A" if preset == "trt-ca" else "B"
-    point = (0.0, 5.5, -42.0) if tilt == "A" else (-3.5, 0.0, 30.0)
-    setup = setup_of(preset, **{tilt: tn.AxisSetup(point_mm=point)})
+    axes = {letter: tn.AxisSetup(point_mm=point) for letter, point in POINTS[preset].items()}
+    setup = setup_of(preset, **axes)
     errors = random_errors(preset, random)
+    known = MachineErrors.of(setup, errors)
     model = tn.pinocchio_model(setup, errors)
     data = model.createData()
-    kins = Kinematics(component(setup, MachineErrors.of(setup, errors)), tmp_path)
+    kins = Kinematics(component(setup, known), tmp_path)
+    lines, chain = screws(setup, known, "test"), list(steps(setup, known))
     for _ in range(20):
         joints = np.r_[random.uniform(-300, 300, 3), random.uniform(-170, 170, 2)]
         q = np.r_[joints[:3] - CENTRE, np.radians(joints[3:])]
@@ -119,6 +129,21 @@ def test_axes_off_the_table_top_are_those_of_pinocchio(preset: str, tmp_path: Pa
         ball = data.oMf[model.getFrameId("ball")].translation
         found = kins.forward(joints)[:3] - CENTRE
         np.testing.assert_allclose(found, table.actInv(ball), rtol=0, atol=1e-9)
+        at = (lines.zero @ np.append(found + CENTRE, 1.0))[:3]
+        for i in (1, 0):
+            turn = pin.exp3(np.radians(joints[3 + i]) * lines.directions[i])
+            at = lines.points[i] + turn @ (at - lines.points[i])
+        np.testing.assert_allclose(at, joints[:3], rtol=0, atol=1e-7)
+        place = pin.SE3.Identity()
+        angles = dict(zip(kins.letters, joints[3:], strict=True))
+        for step in chain:
+            way = np.eye(3)["XYZABC".index(step.key) % 3]
+            if step.is_axis or step.key in "ABC":
+                angle = step.value * (angles[step.key.lower()] if step.is_axis else 1.0)
+                place *= pin.SE3(pin.exp3(np.radians(angle) * way), np.zeros(3))
+            else:
+                place *= pin.SE3(np.eye(3), step.value * way)
+        np.testing.assert_allclose(place.act(found), ball, rtol=0, atol=1e-9)
 
 
 def test_directions_of_iso_841_are_the_other_sense(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
         path = result.to_html(tmp_path / "report.html", **more)
         page, wrong = context.new_page(), []
         page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
-        page.on("console", lambda said: wrong.append(f"{said.type}: {said.text}"))
+        page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
 
         def asked(dialog: Any) -> None:
             wrong.append("a dialog")

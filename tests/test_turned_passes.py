@@ -60,3 +60,55 @@ def test_wrong_names_and_sizes_are_refused() -> None:
         tn.simulate_diameters(passes(), SETUP, {"bending": {"um": 1.0}})
     with pytest.raises(tn.InputError, match="noise_um: got -1"):
         tn.simulate_diameters(passes(), SETUP, {}, noise_um=-1.0)
+
+
+def stepped() -> tn.Diameters:
+    """One pass over three diameters, from the tailstock to the chuck."""
+    z = np.arange(60.0, 2.0, -0.5)
+    size = np.select([z > 40, z > 20], [30.0, 45.0], 60.0)
+    return tn.Diameters(
+        {"z_mm": z, "error_um": 0.0 * z, "time_s": (60.0 - z) / 1.5, "diameter_mm": size}
+    )
+
+
+def test_a_part_that_grows_shrinks_by_its_diameter() -> None:
+    planned = stepped()
+    causes = {"workpiece_heating": {"amplitude_um": 14.0, "tau_s": 25.0}}
+    made = tn.simulate_diameters(planned, SETUP, causes)
+    t, size = np.asarray(planned["time_s"]), np.asarray(planned["diameter_mm"])
+    expected = -14.0 * size / 30.0 * (1 - np.exp(-t / 25.0))
+    np.testing.assert_allclose(made["error_um"], expected, rtol=0, atol=1e-9)
+    noisy = tn.simulate_diameters(planned, SETUP, causes, noise_um=0.3, seed=4)
+    found = tn.diagnose(noisy, SETUP)
+    assert any("workpiece_heating" in ids for ids in found.alternatives)
+    assert not any(ids == {"tool_heating"} for ids in found.alternatives)
+    # On one diameter it is the growth of the tool: it is no candidate there.
+    one = tn.simulate_diameters(
+        passes(), SETUP, {"tool_heating": {"amplitude_um": 20.0, "tau_s": 20.0}}, noise_um=0.3,
+        seed=1,
+    )  # fmt: skip
+    assert not any("workpiece_heating" in ids for ids in tn.diagnose(one, SETUP).alternatives)
+
+
+def test_acceleration_at_blocks_is_found_where_they_start() -> None:
+    blocks = [50.0, 36.0, 21.0, 9.0]
+    setup = tn.Setup(
+        artefact=tn.Artefact("none"), turning={"overhang_mm": 65.0, "blocks_mm": blocks}
+    )
+    z = np.arange(60.0, 2.0, -0.2)
+    planned = tn.Diameters({"z_mm": z, "error_um": 0.0 * z, "time_s": (60.0 - z) / 1.5})
+    causes = {"block_acceleration": {"amplitude_um": 5.0, "way_mm": 1.5}}
+    made = tn.simulate_diameters(planned, setup, causes)
+    away = np.abs(z[:, None] - np.array(blocks)).min(axis=1)
+    expected = np.where(away < 1.5, -5.0 * (1 - np.sqrt(away / 1.5)), 0.0)
+    np.testing.assert_allclose(made["error_um"], expected, rtol=0, atol=1e-9)
+    noisy = tn.simulate_diameters(planned, setup, causes, noise_um=0.4, seed=3)
+    found = tn.diagnose(noisy, setup)
+    assert {"block_acceleration"} in [set(ids) for ids in found.alternatives]
+    cause = next(c for c in found.causes if c.id == "block_acceleration")
+    assert abs(cause.parameters["amplitude_um"] - 5.0) < 4 * cause.std_errors["amplitude_um"]
+    assert abs(cause.parameters["way_mm"] - 1.5) < 0.5
+    nothing = tn.simulate_diameters(planned, setup, {}, noise_um=0.4, seed=3)
+    assert not tn.diagnose(nothing, setup).causes
+    # Where no blocks are stated, the same readings are not explained by them.
+    assert not any("block_acceleration" in ids for ids in tn.diagnose(noisy, SETUP).alternatives)

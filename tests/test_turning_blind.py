@@ -8,7 +8,8 @@ doubt, and one more with a warm tool does not.
 import pytest
 
 from promise import kept, needed_runs
-from turning_blind import draw, outcome
+from trunnion.models.kinds import diagnose
+from turning_blind import draw, measured, outcome
 
 GOOD = {"quiet", "found", "alternative"}
 BOTH = ("tool_heating", "tool_wear")
@@ -27,6 +28,13 @@ def test_the_answer_is_right() -> None:
     """No cause, one and two in turn: nothing is named, or what is hidden is among the answers."""
     results = [answer(seed, seed % 3) for seed in range(needed_runs(0.95))]
     assert rate(GOOD, results, 0.95), results
+
+
+def test_a_smooth_error_of_no_cause_is_no_sum_of_wrong_names() -> None:
+    """A cubic along the bar is the sum of a taper, a tilted chuck and a bent bar that cancel."""
+    runs = needed_runs(0.95)
+    said = [diagnose(*measured(7000 + i, (), 2 + i % 2, unknown=True)).verdict for i in range(runs)]
+    assert kept(said.count("unexplained"), runs, 0.95), said
 
 
 @pytest.mark.power

@@ -1,6 +1,7 @@
 """``trunnion turning`` on files."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -135,3 +136,67 @@ def test_the_samples_do_what_the_page_says(tmp_path: Path) -> None:
     assert len(answer["inserted"]) == 1
     answer = json.loads(run("diagnose", kept["passes.csv"], kept["setup.toml"], "--json"))
     assert {"bending", "tool_heating"} in [set(s) for s in answer["alternatives"]]
+
+
+SHAPE = """# Fig. 9, z and radius
+z_mm,x_mm,type,radius_mm
+235,0,1,
+235,10,1,
+230,15,1,
+190,15,1,
+155,25,1,
+155,30,1,
+150,35,1,
+125,35,3,5
+125,20,2,
+65,20,2,
+65,35,3,5
+35,35,1,
+35,42,1,
+0,42,1,
+"""
+
+
+def test_from_shape_to_finishing_program(tmp_path: Path) -> None:
+    (tmp_path / "shape.csv").write_text(SHAPE)
+    picture = tmp_path / "part.png"
+    said = run(
+        "finish", tmp_path / "shape.csv", "-o", tmp_path / "part.ngc", "--picture", picture,
+        "--access-z-mm", 92.945, "--nose-mm", 0.8,
+    )  # fmt: skip
+    assert "stretches left out: 1" in said
+    assert picture.stat().st_size > 8_000
+    text = (tmp_path / "part.ngc").read_text()
+    assert "G96 D3000" in text
+    moves = follow(Program.parse(text, "linuxcnc-lathe"))
+    cut = moves.end[moves.code > 0]
+    for z, x in ((230, 15), (190, 15), (155, 30), (125, 30), (65, 20), (35, 42)):
+        assert np.abs(cut[:, [2, 0]] - [z, x]).sum(axis=1).min() < 0.01 or z in (125, 65), (z, x)
+    # Followed by the centre of the nose, a cylinder is larger by its radius on either side.
+    made = run(
+        "finish", tmp_path / "shape.csv", "--dialect", "paper-um", "--follows", "nose-centre",
+        "--nose-mm", 0.8, "--no-face", "--access-z-mm", 92.945,
+    )  # fmt: skip
+    assert {"X 31600", "X 85600"} <= {" ".join(p) for p in _pairs(made)}
+
+
+def _pairs(text: str) -> list[tuple[str, str]]:
+    words = text.split()
+    return list(pairwise(words))
+
+
+def test_arcs_and_reliefs_of_a_shape(tmp_path: Path) -> None:
+    shape = tmp_path / "shape.csv"
+    shape.write_text(
+        "z_mm,x_mm,type,radius_mm\n50,10,1,\n40,10,5,-8\n32,18,6,\n20,18,8,1\n0,18,,\n"
+    )
+    text = run("finish", shape)
+    assert "G2" in text or "G3" in text
+    for row, message in (
+        ("a,1,1,", "line 2, column z_mm: got 'a', expected a number"),
+        ("1,1,9,", "line 2, column type: got '9', expected 1 to 8"),
+    ):
+        shape.write_text(f"z_mm,x_mm,type,radius_mm\n{row}\n")
+        assert message in run("finish", shape, code=2)
+    shape.write_text("z,x\n1,2\n")
+    assert "expected z_mm, x_mm, type, radius_mm" in run("finish", shape, code=2)

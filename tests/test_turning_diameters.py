@@ -16,7 +16,8 @@ def test_tools_of_two_coolants_grow_by_amplitudes_of_their_own() -> None:
     data, setup = measured(1, (), 3)
     coolant = np.where(data.pass_ == 2, "wet", "dry")
     model = build(data.with_columns(coolant=coolant), setup)
-    assert tuple(e.id for e in model.effects) == tuple(CAUSES)
+    shown = [name for name in CAUSES if name not in ("workpiece_heating", "block_acceleration")]
+    assert [e.id for e in model.effects] == shown
     names = [p.name for p in model.effects[0].parameters]
     assert names == ["amplitude_dry_um", "amplitude_wet_um", "tau_s"]
 

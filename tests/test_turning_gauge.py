@@ -46,3 +46,21 @@ def test_beyond_its_range_it_refuses() -> None:
         Gauge().read(Z, -5.0 * (65 - Z), feed_mm_min=100)
     z, _ = Gauge().read(Z, np.full(601, 149.0), feed_mm_min=100)
     assert len(z) > 100
+
+
+def test_places_are_those_of_the_last_cycle_of_the_control() -> None:
+    gauge = Gauge(resolution_um=0.0, response_s=0.0, rate_hz=70.0, cycle_ms=8.0)
+    assert gauge.tick_mm(600.0) == pytest.approx(0.08)
+    z = np.array([60.0, 10.0])
+    at, read = gauge.read(z, np.array([0.0, 50.0]), feed_mm_min=600.0)
+    exact, same = Gauge(resolution_um=0.0, response_s=0.0, rate_hz=70.0).read(
+        z, np.array([0.0, 50.0]), feed_mm_min=600.0
+    )
+    np.testing.assert_array_equal(read, same)
+    behind = at - exact  # z falls along the way: the stored place is above the true one
+    assert behind.min() >= -1e-9
+    assert behind.max() < 0.08
+    assert behind.mean() == pytest.approx(0.04, abs=0.004)
+    np.testing.assert_allclose(np.remainder(60.0 - at + 1e-9, 0.08), 0.0, atol=1e-6)
+    # On a slope of 1 µm/mm the readings seem late by half a tick.
+    assert (read - (60.0 - at)).mean() == pytest.approx(0.04, abs=0.004)

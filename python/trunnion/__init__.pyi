@@ -6,6 +6,7 @@ from . import datasets as datasets
 from . import hybrid as hybrid
 from . import nc as nc
 from . import plot as plot
+from . import studies as studies
 from . import turning as turning
 from ._core import __version__ as __version__
 from .base.conformity import Conformity as Conformity

@@ -42,7 +42,8 @@ class Drawn:
     unknown: bool
 
 
-def _size(rng: Rng, low: float, high: float) -> float:
+def size(rng: Rng, low: float, high: float) -> float:
+    """Draw a size, logarithmically uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
@@ -55,12 +56,12 @@ def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     """Touches of a cross, the paper's plan or a rich one, 0.1 to 2 µm of noise."""
     name = str(rng.choice(["paper", "rich"]))
     plan, setup, _, read = ground(name)
-    noise = _size(rng, 0.1, 2.0)
-    size = noise * (_size(rng, 0.7, 7.0) if name == "paper" else _size(rng, 0.3, 3.0))
+    noise = size(rng, 0.1, 2.0)
+    rms = noise * (size(rng, 0.7, 7.0) if name == "paper" else size(rng, 0.3, 3.0))
     count = int(rng.choice(len(COUNTS), p=COUNTS))
-    hidden = draw_effects(rng, name, count, size) if count else {}
+    hidden = draw_effects(rng, name, count, rms) if count else {}
     unknown = bool(rng.random() < UNKNOWN_SHARE)
-    extra = draw_unknown(rng, name, size) if unknown else None
+    extra = draw_unknown(rng, name, rms) if unknown else None
     truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
     seed = int(rng.integers(1 << 31))
     m = measure(plan, setup, truth, noise_um=noise, tick_um=0.1, unknown=extra, seed=seed)
@@ -72,12 +73,12 @@ def points(rng: Rng, number: int) -> Drawn:
     space = bool(rng.random() < 0.4)
     names = tuple(n for n in (SPACE_EFFECTS if space else POINT_EFFECTS) if n != "field")
     hidden = _some(rng, names)
-    made = make_points(900_000 + number, hidden, _size(rng, 0.5, 5.0), space=space).columns
+    made = make_points(900_000 + number, hidden, size(rng, 0.5, 5.0), space=space).columns
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # one after the other is off, and back again
         n = len(made["x_mm"])
         wave = np.sin(2 * np.pi * rng.uniform(1.5, 4) * np.arange(n) / n + rng.uniform(0, 6.28))
-        made["y_mm"] = made["y_mm"] + 2e-3 * _size(rng, 0.5, 4.0) * wave
+        made["y_mm"] = made["y_mm"] + 2e-3 * size(rng, 0.5, 4.0) * wave
     return Drawn(tn.Points(**made), None, frozenset(hidden), unknown)
 
 
@@ -85,11 +86,11 @@ def sweep(rng: Rng, number: int) -> Drawn:
     """Three targets on a turning axis, or one."""
     hidden = _some(rng, SWEEP_EFFECTS)
     one = {"targets": 1, "step_deg": 5.0} if rng.random() < 0.4 else {}
-    made = make_sweep(900_000 + number, hidden, _size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
+    made = make_sweep(900_000 + number, hidden, size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # a sharp dip at one position
         far = (made["angle_deg"] - made["angle_deg"].mean()) / rng.uniform(8, 15)
-        made["z_mm"] = made["z_mm"] + 4e-3 * _size(rng, 0.5, 4.0) * np.exp(-(far**2))
+        made["z_mm"] = made["z_mm"] + 4e-3 * size(rng, 0.5, 4.0) * np.exp(-(far**2))
     return Drawn(tn.Sweep(**made), None, frozenset(hidden), unknown)
 
 
@@ -102,7 +103,7 @@ def diameters(rng: Rng, number: int) -> Drawn:
         hidden,
         int(rng.integers(2, 4)),
         warm=bool(rng.random() < 0.3),
-        share=_size(rng, 0.3, 1.5),
+        share=size(rng, 0.3, 1.5),
         unknown=unknown,
     )
     return Drawn(data, setup, frozenset(hidden), unknown)
@@ -113,7 +114,7 @@ def ballbar(rng: Rng, number: int) -> Drawn:
     kinds = _some(rng, ballbar_study.CARTESIAN)
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     drawn = [*kinds, "unknown"] if unknown else [*kinds]
-    data, names = ballbar_study.cartesian_cases(drawn, 900_000 + number, _size(rng, 0.15, 1.0))
+    data, names = ballbar_study.cartesian_cases(drawn, 900_000 + number, size(rng, 0.15, 1.0))
     return Drawn(data, None, frozenset(n for n in names if n), unknown)
 
 
@@ -135,7 +136,7 @@ def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     )
     change = np.zeros(len(data))
     for name in [*hidden, "unknown"] if unknown else hidden:
-        change += _size(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
+        change += size(rng, 0.5, 3.0) * positioning_twin.HIDDEN[name](data, rng)
     data = data.with_columns(measured_mm=data.measured + 1e-3 * change)
     return Drawn(data, None, frozenset(hidden), unknown)
 
@@ -154,7 +155,7 @@ def _logs(batch: int) -> list[Drawn]:
     truth = []
     for i in range(BATCH):
         kinds = _some(rng, axis_log_twin.KINDS[1:])
-        share = _size(rng, 0.2, 1.0)
+        share = size(rng, 0.2, 1.0)
         truth.append(frozenset(axis_log_twin.put(cases, i, k, rng, share) for k in kinds))
     actual = [axis_log_twin.actual(c, cases) for c in _commands()]
     out = []
@@ -164,7 +165,7 @@ def _logs(batch: int) -> list[Drawn]:
         if unknown:  # an axis that wanders slowly, as no cause does
             for a in own:
                 t = np.linspace(0, 2 * np.pi * rng.uniform(1.5, 4), len(a))
-                a[:, 0] += 1e-3 * _size(rng, 0.2, 2.0) * np.sin(t)
+                a[:, 0] += 1e-3 * size(rng, 0.2, 2.0) * np.sin(t)
         log = axis_log_twin.log(_commands(), own, rng)
         out.append(Drawn(log, setup, frozenset(h for h in hidden if h), unknown))
     return out

@@ -400,4 +400,5 @@ class Result(Saved):
 
     def _repr_html_(self) -> str:
         lines = "".join(f"<p>{html.escape(line)}</p>" for line in self.sentences())
-        return lines + "".join(table.html() for table in self.tables())
+        picture: str = importlib.import_module("trunnion.plot").thumbnail(self)
+        return lines + picture + "".join(table.html() for table in self.tables())

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, check_outputs, command, one_set_up, save
+from trunnion.cli.command import Answer, Html, check_outputs, command, one_set_up, save
 from trunnion.cli.schema import Of, Printed
 
 if TYPE_CHECKING:
-    from trunnion.base.report import Table
+    from trunnion.base.report import Result, Table
     from trunnion.compensation import (
         Compensation,
         ErrorMap,
@@ -108,6 +108,7 @@ def compensate(
         typer.Option("--range", help="travel of an axis for its table, as X=-200:300"),
     ] = None,
     any_size: AnySize = False,
+    html: Html = None,
 ) -> Answer:
     """Compute corrections: what each kind leaves, and error_map.csv, parameters.json and others.
 
@@ -124,12 +125,22 @@ def compensate(
         made = _for_control(control, setup, estimate, _pairs(stated or ()), linuxcnc, given)
         check_outputs(*(output / name for name in made.files))
         output.mkdir(parents=True, exist_ok=True)
-        return Answer.of(made, *(save(output / name, _text(t)) for name, t in made.files.items()))
+        said = [save(output / name, _text(t)) for name, t in made.files.items()]
+        return Answer.of(made, *said, *_report(html, made, setup))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
     )
-    return _general(setup, estimate, known, table, output, seed)
+    answer = _general(setup, estimate, known, table, output, seed)
+    more = _report(html, tn.cnc_parameters(setup, known), setup) if html is not None else []
+    return Answer(answer.values, (*answer.shown, *more))
+
+
+def _report(html: Path | None, result: Result, setup: Setup) -> list[str]:
+    """Write the report of a compensation where one is wanted."""
+    if html is None:
+        return []
+    return [save(html, functools.partial(result.to_html, setup=setup))]
 
 
 def _general(

@@ -55,6 +55,12 @@ def results(
         float, typer.Option(help="of instrument, alignment and temperature, µm or arcsec")
     ] = 0.0,
     table: Annotated[bool, typer.Option(help="print the corrections of each target")] = False,
+    comp_file: Annotated[
+        Path | None, typer.Option(help="write the corrections as a COMP_FILE of LinuxCNC")
+    ] = None,
+    turns: Annotated[
+        int, typer.Option(help="of a rotary axis: repeat the COMP_FILE so many turns either way")
+    ] = 0,
     html: Html = None,
 ) -> Answer:
     """Print reversal, repeatability, systematic deviation and accuracy of an axis."""
@@ -69,6 +75,11 @@ def results(
     values = found.to_dict()
     values |= {type(one).__name__.lower(): one.to_dict() for one in more}
     said = (*more[:1], found, *more[1:]) if tolerance else (found, *more)
+    if comp_file is not None:
+        from trunnion.controls import measured_comp_file
+
+        text = measured_comp_file(found.compensation_table(), turns=turns)
+        said = (*said, save(comp_file, lambda path: path.write_text(text, encoding="utf-8")))
     if html is not None:
         limits = {j.name: j.tolerance for j in more[0].judged} if tolerance else {}
         report = partial(found.to_html, data=data, tolerance=limits)

@@ -36,7 +36,13 @@ def register(app: typer.Typer) -> None:
 
 def init(
     folder: Folder = Path(),
-    preset: Annotated[str, typer.Option(help="trt-ca, trt-bc or table-c-head-b")] = "trt-ca",
+    preset: Annotated[
+        str,
+        typer.Option(help="trt-ca, trt-bc, table-c-head-b, tt-ab, head-bc, nutating-table, ..."),
+    ] = "trt-ca",
+    chain: Annotated[
+        str, typer.Option(help="kinematic code instead of a preset: \"[w C' A' b X Y Z (C) t]\"")
+    ] = "",
     artefact: Annotated[str, typer.Option(help="cross, cuboid or sphere")] = "cross",
     length_mm: Annotated[float, typer.Option(help="of cross or cuboid along X")] = 100.0,
     width_mm: Annotated[float, typer.Option(help="of the bars of a cross; cuboid: along Y")] = 25.0,
@@ -50,7 +56,7 @@ def init(
     else:
         body = tn.Artefact(artefact, length_mm=length_mm, width_mm=width_mm, height_mm=height_mm)
     setup = tn.Setup(
-        machine=tn.Machine(preset=preset),
+        machine=tn.Machine(chain=chain) if chain else tn.Machine(preset=preset),
         artefact=body,
         probe=tn.Probe(ball_radius_mm=ball_radius_mm),
     )

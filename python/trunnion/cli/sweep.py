@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import signal
 import threading
@@ -75,7 +76,7 @@ def sweep(
 
     target = output or study.with_suffix(".nc")
     try:
-        with _answering_interrupts():
+        with _answering_interrupts(), _said_beforehand():
             found = sweep_file(study, path=target, threads=threads)
     except KeyboardInterrupt:
         typer.echo(
@@ -120,6 +121,22 @@ def _parameters(name: str) -> Answer:
         rows.append((parameter, str(entry.default), entry.unit, bounds.strip()))
     table = Table.of(f"Parameters of {name}", ("", "default", "unit", "values"), rows)
     return Answer({"parameters": [dict(zip(KEYS, row, strict=True)) for row in rows]}, (table,))
+
+
+@contextmanager
+def _said_beforehand() -> Iterator[None]:
+    """Write what a sweep says before it begins, the size of its file, to the error stream."""
+    log, handler = logging.getLogger("trunnion.studies"), logging.StreamHandler()
+    before = log.level
+    log.addHandler(handler)
+    log.setLevel(logging.INFO)
+    log.propagate = False
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+        log.propagate = True
+        log.removeHandler(handler)
 
 
 @contextmanager

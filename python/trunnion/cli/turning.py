@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from trunnion.nc import Program
     from trunnion.turning.correction import Rule
-    from trunnion.turning.profile import Follows
+    from trunnion.turning.profile import Blocks, Follows
 
 ProgramFile = Annotated[Path, typer.Argument(metavar="PROGRAM", help="finishing program")]
 Dialect = Annotated[str, typer.Option(help="dialect of the program")]
@@ -46,6 +46,7 @@ def register(app: typer.Typer) -> None:
         help="Probe a turned part, correct its finishing program, explain its diameter error.",
         no_args_is_help=True,
     )
+    command(group, values=Printed("trunnion.turning.profile:Finishing"))(finish)
     command(group, values=Printed("trunnion.turning.probing:ProbePath", Text))(path)
     command(group, values=Printed("trunnion.turning.correction:Correction"), reads=True)(correct)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("diameters"))
@@ -84,6 +85,64 @@ def _written(program: Program, output: Path | None) -> str:
     if output is None:
         return text.rstrip("\n")
     return save(output, lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def finish(
+    shape: Annotated[
+        Path,
+        typer.Argument(
+            help="input points of the part (CSV): z_mm, x_mm (radius), type (1 to 8), radius_mm"
+        ),
+    ],
+    dialect: Dialect = "linuxcnc-lathe",
+    follows: Holds = "contour",
+    nose_mm: Nose = 0.0,
+    feed: Annotated[float, typer.Option(help="mm a revolution")] = 0.1,
+    speed_m_min: Annotated[float, typer.Option(help="cutting speed")] = 200.0,
+    face: Annotated[bool, typer.Option(help="cut the first line, the face, too")] = True,
+    steepest_fall: Annotated[float, typer.Option(help="largest -dx/dz the tool follows")] = 0.6,
+    access_z_mm: Annotated[
+        list[float] | None, typer.Option(help="where the tool may plunge behind a fall")
+    ] = None,
+    output: Output = None,
+    picture: Picture = None,
+) -> Answer:
+    """Write the finishing program of a part from the points of its shape."""
+    profile = tn.turning.read_shape(shape)
+    head, tail = _frame(dialect, speed_m_min, follows)
+    made = profile.finishing(
+        dialect,
+        follows=cast("Follows", follows),
+        nose_mm=nose_mm,
+        first_element=0 if face else 1,
+        steepest_fall=steepest_fall,
+        access_z_mm=access_z_mm or (),
+        feed=feed,
+        head=head,
+        tail=tail,
+    )
+    shown: list[Any] = [made]
+    if picture is not None:
+        shown.append(_save_picture(picture, tn.plot.plot_profile(profile).figure))
+    shown.append(_written(made.program, output))
+    return Answer(made, tuple(shown))
+
+
+def _frame(dialect: str, speed_m_min: float, follows: str) -> tuple[Blocks, Blocks]:
+    """Blocks before and after the contour: modes, spindle, compensation of the nose; the end."""
+    if dialect == "paper-um":
+        return [], []
+    linuxcnc = dialect == "linuxcnc-lathe"
+    nose = follows == "contour"
+    head: list[list[tuple[str, float]]] = []
+    if linuxcnc:
+        head.append([("G", 7), ("G", 18), ("G", 21), ("G", 90)])
+    head.append([("G", 96), *([("D", 3000.0)] if linuxcnc else []), ("S", speed_m_min), ("M", 3)])
+    head.append([("G", 95 if linuxcnc else 99)])
+    if nose and not linuxcnc:
+        head.append([("G", 42)])
+    tail = [[("G", 40)]] if nose and not linuxcnc else []
+    return head, [*tail, [("M", 5)], [("M", 2 if linuxcnc else 30)]]
 
 
 def path(

@@ -132,6 +132,10 @@ class CncParameters(Result):
     work: Mapping[str, float] = field(default_factory=dict)
     removable: tuple[Removable, ...] = ()
 
+    def title(self) -> str:
+        """Name the result."""
+        return "Compensation by parameters of the control"
+
     def control_model(self, setup: Setup) -> tuple[_core.MachineModel, list[float]]:
         """Return the machine that the control reckons with, and its zeros."""
         core = MachineErrors(errors=self.centres_um, placement=self.work).core(setup)

@@ -97,7 +97,10 @@ def margins(
     period_s = period_ms(servo) * 1e-3
     coupling = coupling_of(controller)
     gains = None if coupling is None else coupling.gains
-    table = _core.contour_axis_margins(servo.rows(), gains, period_s)
+    machine = five_axis_machine(setup, assumed)
+    letters = f"XYZ{machine.letters}"
+    rows = servo.rows(letters)
+    table = _core.contour_axis_margins(rows, gains, period_s)
     points = np.zeros(0)
     along = np.zeros((0, 2))
     if path is not None and gains is not None:
@@ -106,13 +109,13 @@ def margins(
         along = _core.contour_path_margins(
             path.core,
             points,
-            axes=servo.rows(),
+            axes=rows,
             gains=gains,
             period_s=period_s,
-            assumed=five_axis_machine(setup, assumed),
+            assumed=machine,
         )
     return Margins(
-        "XYZAC",
+        letters,
         table[:, 0],
         np.rad2deg(table[:, 1]),
         table[:, 2],

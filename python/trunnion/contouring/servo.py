@@ -176,15 +176,63 @@ class Servo:
         Its rotary open-loop gain 0.0051 has two digits: 0.00505 to 0.00515 would fit as well, and
         with it 5.8 to 8.6 µm of contour error for independent axes at 3 m/min.
         """
-        return cls(
-            {
-                "X": LinearAxis(25.40 * 3.2, 5.76),
-                "Y": LinearAxis(25.17 * 3.2, 5.77),
-                "Z": LinearAxis(25.37 * 3.2, 5.50),
-                "A": RotaryAxis(0.0051 * 16070.0, 5.85),
-                "C": RotaryAxis(0.0101 * 8101.0, 5.75),
-            }
+        return cls.of_gains(
+            {"X": 25.40, "Y": 25.17, "Z": 25.37, "A": 0.0051, "C": 0.0101},
+            dict(zip("XYZAC", _AXIAL.tolist(), strict=True)),
+            {"X": 5.76, "Y": 5.77, "Z": 5.50, "A": 5.85, "C": 5.75},
         )
+
+    @classmethod
+    @checked
+    def of_gains(
+        cls,
+        open_loop_per_s: Mapping[str, float],
+        axial_gain: Mapping[str, float],
+        time_constant_ms: Mapping[str, float],
+        *,
+        gear_ratio: Mapping[str, float] | None = None,
+    ) -> "Servo":
+        """From the gains of a table such as Table 1 of Byun and Jee 2010, by letter of the axis.
+
+        Parameters
+        ----------
+        open_loop_per_s
+            Open-loop gain of the drive; with a `gear_ratio` that of the motor in front of the gear.
+        axial_gain
+            Gain of the axis' controller: velocity command for a unit of position error.
+        time_constant_ms
+            Time constant of the velocity loop.
+        gear_ratio
+            Turns of the axis for a turn of the motor: 1/180 and 1/90 for A and C of the paper, 1
+            where nothing is given. The open-loop gains of the paper's table include them: they are
+            0.918 and 0.909 at the motors.
+
+        Raises
+        ------
+        InputError
+            An axis with one of them and not the others.
+        """
+        ratio = {letter.upper(): value for letter, value in (gear_ratio or {}).items()}
+        given = [
+            {letter.upper(): value for letter, value in each.items()}
+            for each in (open_loop_per_s, axial_gain, time_constant_ms)
+        ]
+        if len({frozenset(each) for each in given}) != 1 or not set(ratio) <= set(given[0]):
+            named = "; ".join(", ".join(each) for each in given)
+            raise InputError(
+                f"gains of axes: got {named}, expected open-loop gain, axial gain and time "
+                "constant of the same axes"
+            )
+        axes: dict[str, Axis] = {}
+        for letter, gain in given[0].items():
+            kind = (
+                LinearAxis
+                if choose("servo axis", letter, (*LINEAR, *ROTARY)) in LINEAR
+                else RotaryAxis
+            )
+            loop = gain * ratio.get(letter, 1.0) * given[1][letter]
+            axes[letter] = kind(loop, given[2][letter])
+        return cls(axes)
 
     @classmethod
     @checked
@@ -247,9 +295,10 @@ class Servo:
         values = asdict(self.axes[letter])
         return np.array([ANY(f"servo.{letter}.{name}", size) for name, size in values.items()])
 
-    def rows(self) -> Floats:
-        """Return the numbers of X, Y, Z, A, C, shape (5, 17)."""
-        return np.stack([self.row(letter) for letter in "XYZAC"])
+    @checked
+    def rows(self, letters: str = "XYZAC") -> Floats:
+        """Return the numbers of five axes, shape (5, 17)."""
+        return np.stack([self.row(letter) for letter in letters])
 
 
 @checked
@@ -318,6 +367,31 @@ class Coupling:
             raise InputError(f"coupling gains: got shape {gains.shape}, expected (5, 3)")
         gains.setflags(write=False)
         object.__setattr__(self, "gains", gains)
+
+    @classmethod
+    @checked
+    def of_gains(cls, cross_gains: ArrayLike, axial_gain: ArrayLike) -> "Coupling":
+        """From gains as a table states them: C_P, C_I, C_D of X, Y, Z, A, C, and axial gains.
+
+        Parameters
+        ----------
+        cross_gains
+            As in Table 1 of Byun and Jee 2010, shape (5, 3).
+        axial_gain
+            Gain of each axis' controller, shape (5,).
+
+        Raises
+        ------
+        InputError
+            Other shapes, or an axial gain of zero.
+        """
+        cross, axial = floats("cross gains", cross_gains), floats("axial gain", axial_gain)
+        if cross.shape != (5, 3) or axial.shape != (5,) or not axial.all():
+            raise InputError(
+                f"gains: got shapes {cross.shape} and {axial.shape}, expected (5, 3) and (5,), "
+                "axial gains other than zero"
+            )
+        return cls(gains=cross / axial[:, None])
 
     @checked
     def scaled(self, factor: ArrayLike) -> "Coupling":

@@ -21,7 +21,6 @@ from trunnion.data.axis_log import AxisLog
 from trunnion.machine.chain import Chain
 from trunnion.setup import Artefact, Setup
 
-AXES = ("x_mm", "y_mm", "z_mm", "a_deg", "c_deg")
 ERRORS = (
     "contour_um",
     "orientation_arcsec",
@@ -110,7 +109,7 @@ class ContourRun(Result):
     point_mm, tip_mm:
         Reference and actual tool tip in the part's frame, shape (n, 3).
     reference, commanded, actual:
-        Axis positions X, Y, Z (mm), A, C (deg), shape (n, 5): of the path, those commanded to the
+        Positions of the five `axes` (mm, deg), shape (n, 5): of the path, those commanded to the
         position loops (with what the coupling adds), and the actual ones.
     foot_u:
         Path parameter of the true foot point of the tool tip: solved, not sampled.
@@ -125,6 +124,8 @@ class ContourRun(Result):
     proposed_arcsec, tangent_arcsec:
         How far the tool axes of the two orientation-error models are from the true one. The models
         are evaluated along this run, whatever controlled it; 0 at the first two samples.
+    axes:
+        Letters of the axes: X, Y, Z and the machine's rotary axes.
     """
 
     controller: str
@@ -145,6 +146,7 @@ class ContourRun(Result):
     tangent_um: Floats
     proposed_arcsec: Floats
     tangent_arcsec: Floats
+    axes: str = "XYZAC"
 
     def __len__(self) -> int:
         """Count of control periods."""
@@ -208,7 +210,8 @@ class ContourRun(Result):
         sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600.0] * 2)
         actual = actual + sigma * rng.standard_normal(actual.shape)
         columns: dict[str, Any] = {"time_s": self.time_s}
-        for i, (axis, unit) in enumerate(name.split("_") for name in AXES):
+        for i, letter in enumerate(self.axes):
+            axis, unit = letter.lower(), "mm" if letter in "XYZ" else "deg"
             columns[f"{axis}_cmd_{unit}"] = self.commanded[:, i]
             columns[f"{axis}_act_{unit}"] = actual[:, i]
         if run is not None:
@@ -277,14 +280,20 @@ def _earlier(time_s: Floats, values: Floats, delay_s: float) -> Floats:
 
 
 def five_axis_machine(setup: Setup | None, errors: Mapping[str, float] | None) -> _core.Machine:
-    """Return the machine of a set-up (by default a ``trt-ca``) with exactly these errors.
+    """Return the machine of a set-up (by default a ``trt-ca``) with these errors or its own.
 
-    Raises InputError: another number of rotary axes than two.
+    Raises InputError: another number of rotary axes than two; an axis that counts the other way.
     """
     chain = Chain(Setup(artefact=Artefact("none")) if setup is None else setup)
     if chain.count != 2:
         raise InputError(f"setup: got {chain.name}, expected one with two rotary axes")
-    return chain.machine(numbers("location errors", errors))
+    for letter, sense in zip(chain.letters, chain.senses, strict=True):
+        if sense < 0:
+            raise InputError(
+                f"axes.{letter}.sense: got -1, expected 1: a simulation of contouring counts every "
+                "axis right-handed"
+            )
+    return chain.machine(None if errors is None else numbers("location errors", errors))
 
 
 def _path(path: Path) -> Path:
@@ -332,10 +341,11 @@ def simulate(
         Axes; by default those of the paper's Table 1.
     errors:
         Location errors of the machine as it is (ISO names, µm and arcsec). They enter the true
-        errors of the tool on the part.
+        errors of the tool on the part. None: those that the set-up has.
     assumed:
         Location errors that the control knows: its reference axis positions and its error models
-        use the machine with them. Identified ones take out what ``errors`` do.
+        use the machine with them. Identified ones take out what ``errors`` do. None: those that
+        the set-up has.
     setup:
         The machine: any with two rotary axes; by default a ``trt-ca``.
 
@@ -347,18 +357,20 @@ def simulate(
     servo = Servo.paper() if servo is None else servo
     coupling = coupling_of(controller)
     period = period_ms(servo)
+    real, known = five_axis_machine(setup, errors), five_axis_machine(setup, assumed)
+    letters = f"XYZ{real.letters}"
     columns = _core.contour_simulate(
         _path(path).core,
         (feed if isinstance(feed, Feed) else Feed(feed)).core,
         period_s=period * 1e-3,
-        axes=servo.rows(),
+        axes=servo.rows(letters),
         feedback=servo.feedback,
         coupling=None if coupling is None else coupling.core,
-        assumed=five_axis_machine(setup, assumed),
-        real=five_axis_machine(setup, errors),
+        assumed=known,
+        real=real,
     )
     arrays: dict[str, Any] = dict(columns)
-    return ContourRun(controller=_name(controller), period_ms=period, **arrays)
+    return ContourRun(controller=_name(controller), period_ms=period, axes=letters, **arrays)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -458,17 +470,19 @@ def sweep(
     index = list(np.ndindex(*shape))
     couplings = [coupling_of(c) for c in controllers]
     feeds = [replace(common, feed_mm_min=f).core for f in feeds_mm_min]
+    real, known = five_axis_machine(setup, errors), five_axis_machine(setup, assumed)
+    rows = servo.rows(f"XYZ{real.letters}")
     names, values = _core.contour_sweep(
         [_path(p).core for p in paths],
         path_index=[i for i, _, _ in index],
         feeds=[feeds[j] for _, j, _ in index],
         period_s=period_ms(servo) * 1e-3,
-        axes=np.tile(servo.rows(), (len(index), 1)),
+        axes=np.tile(rows, (len(index), 1)),
         feedback=servo.feedback,
         couplings=[None if c is None else c.core for c in couplings],
         coupling_index=[k for _, _, k in index],
-        assumed=five_axis_machine(setup, assumed),
-        real=five_axis_machine(setup, errors),
+        assumed=known,
+        real=real,
     )
     kinds: dict[str, type] = {"steps": np.int64, "diverged": bool}
     columns: dict[str, Any] = {

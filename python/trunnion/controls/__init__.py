@@ -14,6 +14,7 @@ from trunnion.controls.isg import isg_files as isg_files
 from trunnion.controls.isg import twincat_files as twincat_files
 from trunnion.controls.iso import iso_table as iso_table
 from trunnion.controls.linuxcnc.comp_file import comp_file as comp_file
+from trunnion.controls.linuxcnc.comp_file import measured_comp_file as measured_comp_file
 from trunnion.controls.linuxcnc.files import linuxcnc_files as linuxcnc_files
 from trunnion.controls.part_program import CorrectedProgram as CorrectedProgram
 from trunnion.controls.part_program import correct_program as correct_program

@@ -114,7 +114,7 @@ def axis_tables(
     left: dict[str, str] = {}
     ranges, chain = setup.axis_ranges(), Chain(setup)
     for over, of, mine in _groups(effects, "XYZ" + chain.letters, scales, squareness):
-        limits = ranges.get(over, (0.0, 360.0) if over == "C" else None)
+        limits = ranges.get(over, (0.0, 360.0) if over == chain.turning else None)
         linear = over in "XYZ"
         if limits is None:
             key = "range_mm" if linear else "range_deg"
@@ -190,7 +190,8 @@ def _errors(
     setup: Setup, over: str, of: str, effects: Mapping[str, Mapping[str, float]], position: Floats
 ) -> tuple[Floats, float]:
     """Error at positions of the control and width of the reversal, in its sense, mm or degrees."""
-    senses = {letter: float(setup.sense(letter)) for letter in over + of}
+    chain = Chain(setup)
+    senses = {letter: chain.sense_of(letter) for letter in over + of}
     if over not in "XYZ":
         error, width = _rotary(effects, over, senses[over] * position)
         return senses[over] * error, width

@@ -12,6 +12,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import Cell, Result, Shown, Table
 
+SHOWN = 1e-3
+"""µm and arcsec: less is no number for people."""
 SETTINGS = "settings.csv"
 """Name of the file with every setting, for people."""
 
@@ -105,6 +107,8 @@ class ControlFiles(Result):
                 f"With the uncertainty of the estimate: {low:.3g} to {high:.3g} µm (95 %)."
             )
         for name, left in (self.between_nodes or {}).items():
+            if left < SHOWN:
+                continue
             unit = "µm" if name[0] in "xyz" else "arcsec"
             lines.append(f"Between the nodes of table {name}: up to {left:.2g} {unit} more.")
         lines += [f"Not compensated: {text}." for text in self.left_out]
@@ -141,7 +145,7 @@ def settings_text(settings: Sequence[Setting]) -> str:
     names = ("name", "where", "old", "new", "unit", "sign", "meaning", "why", "holds")
     writer.writerow(names)
     for one in settings:
-        numbers = ("" if one.old is None else f"{one.old:.6f}", f"{one.new:.6f}")
+        numbers = ("" if one.old is None else f"{one.old:.9f}", f"{one.new:.9f}")
         writer.writerow(
             (one.name, one.where, *numbers, one.unit, one.sign, one.meaning, one.why, one.holds)
         )
@@ -162,7 +166,8 @@ def _table(settings: Sequence[Setting]) -> Table:
     used = {name: cells for name, cells in texts.items() if any(cells)}
     rows: list[tuple[Cell, ...]] = []
     for i, one in enumerate(settings):
-        old = "" if one.old is None else Shown(one.old, f"{one.old:+.4f}")
-        new = Shown(one.new, f"{one.new:+.4f}")
+        places = 4 if one.unit else 7  # a direction has no unit
+        old = "" if one.old is None else Shown(one.old, f"{one.old:+.{places}f}")
+        new = Shown(one.new, f"{one.new:+.{places}f}")
         rows.append((one.name, one.where, old, new, one.unit, *(c[i] for c in used.values())))
     return Table.of("What to set", ("", "in", "old", "new", "unit", *used), rows)

@@ -93,11 +93,11 @@ def control_files(
 
 
 def rotary_range(setup: Setup) -> dict[str, Any]:
-    """Rotary positions for the forecast: the stated ranges, else ±90° of A or B and a turn of C."""
-    ranges = setup.axis_ranges()
+    """Rotary positions for the forecast: the stated ranges, else ±90°, a turn of the table."""
+    ranges, chain = setup.axis_ranges(), Chain(setup)
     out: dict[str, Any] = {"a_deg": 0, "b_deg": None}
-    for letter in Chain(setup).letters:
-        low, high = ranges.get(letter, (0.0, 360.0) if letter == "C" else (-90.0, 90.0))
+    for letter in chain.letters:
+        low, high = ranges.get(letter, (0.0, 360.0) if letter == chain.turning else (-90.0, 90.0))
         count = min(int((high - low) / 15) + 2, 36)
         out[f"{letter.lower()}_deg"] = tuple(np.linspace(low, high, count).tolist())
     return out

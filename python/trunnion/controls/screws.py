@@ -13,13 +13,13 @@ from trunnion.compensation.machine import MachineErrors
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-TABLES = ("AC", "BC")
+TABLES = ("AC", "BC", "AB")
 AXIS = {"A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)}
 _COMPONENTS = ("X", "Y", "Z", "A", "B", "C")
 
 
 def table_letters(setup: Setup, control: str) -> str:
-    """Return the letters of the rotary axes, of which A or B carries C under the table.
+    """Return the letters of the rotary axes, two that carry the table: AC, BC or AB.
 
     Raises InputError: another machine; a set-up that does not say where the table is.
     """
@@ -27,7 +27,7 @@ def table_letters(setup: Setup, control: str) -> str:
     if set(chain.sides.values()) != {"table"} or chain.letters not in TABLES:
         raise InputError(
             f"{control}: got machine {setup.machine.name}, expected rotary axes under the table "
-            "only, A or B carrying C"
+            "only, A or B carrying C, or A carrying B"
         )
     for letter, direction in setup.description().directions.items():
         if direction != AXIS[letter]:

@@ -117,7 +117,7 @@ def _carrier(real: Screw, nominal: Screw, sign: int) -> list[Setting]:
     old, new = _vectors(nominal, sign), _vectors(real, sign)
     for name, numbers, meaning in rows:
         for number, axis, was, now in zip(numbers, "XYZ", old[name], new[name], strict=True):
-            why = "the point of the axis nearest to its nominal one" if name[0] == "I" else ""
+            why = "point of the axis nearest to the nominal" if name[0] == "I" else ""
             made.append(
                 Setting(
                     f"$TC_CARR{number}[1]", "tc_carr.spf", "" if name[0] == "V" else "mm",

@@ -337,6 +337,8 @@ class Explanation:
         Of all sets that the search looked at.
     note:
         What repeats or the stated noise say against the model.
+    least:
+        Sum of squares that the best set of causes leaves, as linearised.
     """
 
     fit: Fit
@@ -348,6 +350,7 @@ class Explanation:
     candidates: Candidates
     probabilities: Weighed
     note: str | None = None
+    least: float = np.inf
 
 
 def kept_rows(n: int, bad: Integers) -> Flags:

@@ -10,7 +10,7 @@ from trunnion.base.resolution import Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, rms
+from trunnion.diagnosis.case import Case, Explanation
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import Behind, Only, Probabilities
@@ -24,6 +24,8 @@ MAX_SENTENCES = 3
 MAX_ALTERNATIVES = 50
 MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
+FEW_LEFT = 0.1  # the same where moments and durations are not fitted yet
+ASSUMED_ERRORS = (1e-2, 2e-3, 2e-4)  # of these, for data without noise: the fewest causes first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
 STAND_IN = 0.9  # correlation of two effects of which one can take the other's place
@@ -36,32 +38,64 @@ HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     found = _explained(case)
-    if not found.sets or rms(found.fit.residuals[case.rows]) > LINEAR_ERROR * rms(
-        case.plain.residuals[case.rows]
-    ):
-        return found
-    return _exactly(case) or found
+    # A set may be next to exact as linearised, or when its moments and durations are fitted.
+    near = min(found.least, found.fit.rss) < LINEAR_ERROR**2 * case.plain.rss
+    return (_exactly(case) if near else None) or found
+
+
+def exactly(case: Case) -> Explanation | None:
+    """Explain data without noise; None: they have noise, or no set leaves next to nothing."""
+    if case.exact(case.plain) or case.dependent:
+        return None
+    top = search(case.candidates, case.plain.white, floor=case.floor).top
+    left = top.rss
+    if FEW_LEFT**2 * case.plain.rss > left:
+        left = min(left, _fit_set(case, case.candidates, top).rss)
+    return _exactly(case) if left < LINEAR_ERROR**2 * case.plain.rss else None
 
 
 def _exactly(case: Case) -> Explanation | None:
     """Explain data without noise; None: they have noise.
 
     What columns linearised at the plain fit miss is then larger than the noise, and would want
-    causes of its own. Sets are searched as if it were noise, and kept if they fit exactly.
+    causes of its own. Sets are searched as if it were noise, and kept if they fit exactly, with no
+    cause too many.
     """
-    variance = LINEAR_ERROR**2 * case.plain.rss / max(case.plain.dof, 1)
-    found = _explained(replace(case, floor=Floor(max(variance, case.floor.variance))))
+    for share in ASSUMED_ERRORS:
+        variance = share**2 * case.plain.rss / max(case.plain.dof, 1)
+        found = _exact_among(case, replace(case, floor=Floor(max(variance, case.floor.variance))))
+        if found is not None:
+            return found
+    return None
+
+
+def _exact_among(case: Case, noisy: Case) -> Explanation | None:
+    """Explain by the sets that fit exactly of those found in a case with so much noise."""
+    found = _explained(noisy)
     hidden = {b.members for b in found.probabilities.behind}
     tried = [s for s in found.sets if frozenset(s[0]) not in hidden][:MAX_EXACT]
     fits = [_fit_members(case, members) for members, _, _ in tried]
-    exact = [(s, f) for s, f in zip(tried, fits, strict=True) if case.exact(f)]
+    exact: dict[frozenset[int], tuple[dict[int, int], Fit]] = {}
+    for (members, _, _), f in zip(tried, fits, strict=True):
+        if case.exact(f):
+            few, least = _pruned(case, members, f)
+            exact.setdefault(frozenset(few), (few, least))
     if not exact:
         return None
-    sets = [(members, 0.0, f.rss) for (members, _, _), f in exact]
-    only = Only(frozenset(frozenset(s[0]) for s in sets))
-    return replace(
-        found, fit=exact[0][1], rss=case.rounding_rss, sets=sets, terms=[], probabilities=only
-    )
+    sets = [(members, 0.0, f.rss) for members, f in exact.values()]
+    first = next(iter(exact.values()))[1]
+    only = Only(frozenset(exact))
+    return replace(found, fit=first, rss=case.rounding_rss, sets=sets, terms=[], probabilities=only)
+
+
+def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int], Fit]:
+    """Leave out causes without which a set fits exactly, too."""
+    for j in list(members):
+        fewer = {k: v for k, v in members.items() if k != j}
+        again = _fit_members(case, fewer)
+        if fewer and case.exact(again):
+            members, f = fewer, again
+    return members, f
 
 
 def _fit_members(case: Case, members: dict[int, int]) -> Fit:
@@ -75,6 +109,7 @@ def _explained(case: Case) -> Explanation:
     """Find the sets of causes by the noise that they leave."""
     plain, candidates = case.plain, case.candidates
     searched, extended, alarm_cause = _demanded(case)
+    least = searched.top.rss
     nothing, named = searched.nothing, searched.found
     demanded = extended is not plain
     best = named[0] if demanded else nothing
@@ -99,7 +134,7 @@ def _explained(case: Case) -> Explanation:
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
     probabilities = Probabilities(searched, candidates, behind)
     return Explanation(
-        extended, best.rss, penalty, sets, terms, alarm, candidates, probabilities, note
+        extended, best.rss, penalty, sets, terms, alarm, candidates, probabilities, note, least
     )
 
 

@@ -20,7 +20,7 @@ then every cause of the best sets is tried against every other.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,8 @@ SAME_SCORE = 1e-9
 MAX_CAUSES = 12
 EXCHANGES = 4
 EXCHANGED_SETS = 4
+CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
+SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
 WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
 
 
@@ -187,6 +189,7 @@ def search(
     if len(c.leaders):
         s.widen(beam, most)
         s.exchange()
+        s.settle()
     return s
 
 
@@ -252,6 +255,41 @@ class Search:
             if not fresh:
                 break
             self.grow(fresh, 0)
+
+    def settle(self) -> None:
+        """Add to the scores of the best sets what causes cost that cancel each other.
+
+        A cause is as likely beforehand as its size allows: contributions are supposed to be normal,
+        of at most `CANCELLING` times the size of the residuals. Three causes that add up to a cubic
+        none of them makes are each twenty times as large as what they explain.
+        """
+        done: set[int] = set()
+        while True:
+            mask = min(self.known.keys() - done, key=lambda k: self.known[k].score, default=None)
+            least = min((self.known[k].score for k in done), default=np.inf)
+            if mask is None or self.known[mask].score > least + SETTLED:
+                break
+            done.add(mask)
+            f = self.known[mask]
+            more = self._cancelling(f.blocks)
+            if more > 0:
+                self.known[mask] = replace(f, score=float(np.round(f.score + more, SCORE_DIGITS)))
+                self.scores[mask] = self.known[mask].score
+        self.best = min(f.score for f in self.known.values())
+
+    def _cancelling(self, blocks: Sequence[int]) -> float:
+        """What the sizes of the contributions of a set cost."""
+        c = self.c
+        if len(blocks) < 2:
+            return 0.0
+        own = [c.columns(b) for b in blocks]
+        columns = np.concatenate(own).astype(np.float64)
+        along = np.concatenate([self.empty.residual[c.span(b)] for b in blocks])
+        solved = np.linalg.lstsq(columns @ columns.T, along, rcond=c.dependent)[0]
+        ends = np.cumsum([len(x) for x in own])[:-1]
+        sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.empty.rss
+        paid = np.array([c.penalty[b] > 0 for b in blocks])
+        return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
 
     def expected(self) -> _State:
         """Set of what costs nothing to name; the empty one if there is none."""

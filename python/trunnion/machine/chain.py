@@ -80,11 +80,15 @@ class Chain:
     @cached_property
     def senses(self) -> Floats:
         """1 or -1 for each rotary axis, (axes,): between the control's sign and the machine's."""
-        return np.array([self.setup.sense(letter) for letter in self.letters], dtype=float)
+        return np.array([self.sense_of(letter) for letter in self.letters])
 
     def linear_senses(self) -> Floats:
         """1 or -1 for X, Y, Z."""
-        return np.array([self.setup.sense(letter) for letter in "XYZ"], dtype=float)
+        return np.array([self.sense_of(letter) for letter in "XYZ"])
+
+    def sense_of(self, letter: str) -> float:
+        """1 or -1 for one axis, linear or rotary."""
+        return float(self.setup.sense(letter))
 
     @property
     def name(self) -> str:

@@ -36,7 +36,7 @@ from trunnion.diagnosis.effect import (
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
-from trunnion.setup.fields import Number, Part, Section, key
+from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key
 
 # Grids from which the engine refines, so fine that what a grid point misses of a strong cause
 # (45 µm, noise 0.5 µm) stays below the noise: else it would be named as a cause of its own.
@@ -60,10 +60,17 @@ CAUSES = {
     "bending": "bending of the part away from the tool",
     "chuck_tilt": "tilt of chuck and spindle under the cut",
     "barrel": "barrel (bent slide)",
+    "workpiece_heating": "thermal growth of the workpiece",
+    "block_acceleration": "acceleration at the starts of blocks",
     "chatter": "chatter of the cut",
 }
 """Id → label."""
 
+
+FAR_MM = 1e9
+"""Distance to the nearest start of a block where none is stated."""
+MIN_DIAMETER_RANGE = 1.1
+"""On diameters that differ less, a part that grows looks like a tool that grows."""
 
 POSITIVE = Number(positive=True)
 
@@ -78,6 +85,9 @@ class Conditions(Part):
     cutting_speed_m_min: float | None = key(None, POSITIVE, "constant surface speed")
     spindle_rpm: float | None = key(None, POSITIVE, "constant spindle speed")
     diameter_mm: float | None = key(None, POSITIVE, "nominal diameter")
+    blocks_mm: tuple[float, ...] = key(
+        (), Vector(0, COORDINATE), "z where blocks of the program start along the part"
+    )
 
 
 def conditions_of(setup: Setup | Conditions | None) -> Conditions:
@@ -149,7 +159,7 @@ def _seconds(data: Diameters, conditions: Conditions, length_mm: Floats) -> Floa
 
 
 def _cuts(data: Diameters, conditions: Conditions, reference: _Reference) -> Floats:
-    """Rows of ``turning_cause``: z, length cut, time, force, diameter."""
+    """Rows of ``turning_cause``: z, length cut, time, force, diameter, way to a block's start."""
     n = len(data)
     z = np.asarray(data.z_mm, dtype=np.float64)
     sign = np.full(n, -1) if data.feed_sign is None else data.feed_sign
@@ -160,7 +170,8 @@ def _cuts(data: Diameters, conditions: Conditions, reference: _Reference) -> Flo
     depth, diameter = data.depth_mm, data.diameter_mm
     force = np.ones(n) if depth is None else np.asarray(depth) / reference.depth_mm
     size = np.ones(n) if diameter is None else np.asarray(diameter) / reference.diameter_mm
-    return np.ascontiguousarray(np.c_[z, length, time, force, size], dtype=np.float64)
+    away = np.abs(z[:, None] - np.array(conditions.blocks_mm or (FAR_MM,))).min(axis=1)
+    return np.ascontiguousarray(np.c_[z, length, time, force, size, away], dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +205,8 @@ class _Cause:
             "bending": (["tip_um"], []),
             "chuck_tilt": (["tip_um"], []),
             "barrel": (["middle_um"], []),
+            "workpiece_heating": (["amplitude_um"], ["tau_s" if timed else "tau_mm"]),
+            "block_acceleration": (["amplitude_um"], ["way_mm"]),
             "chatter": (["a_um", "b_um"], ["pitch_mm"]),
         }[self.name]
         if self.classes:
@@ -204,7 +217,12 @@ class _Cause:
 
     def _grid(self) -> tuple[float, ...]:
         cuts = self.cuts
-        if self.name == "tool_heating":
+        if self.name == "block_acceleration":
+            pitch = float(np.median(np.diff(np.unique(cuts[:, 0])))) if len(cuts) > 1 else 0.1
+            return tuple(
+                np.geomspace(2 * pitch, max(20 * pitch, 5.0), TIME_CONSTANTS // 2).tolist()
+            )
+        if self.name.endswith("heating"):
             longest = max(float(np.ptp(cuts[:, 2])), 1e-6)
             return tuple(np.geomspace(longest / 15, 2 * longest, TIME_CONSTANTS).tolist())
         # From two waves over the part to what two and a half readings still show.
@@ -280,7 +298,12 @@ class _Cause:
 
 
 def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -> list[Effect]:
-    return [_Cause(name, data, conditions, reference).effect() for name in CAUSES]
+    """Causes that these passes can show; a growing part only where diameters differ."""
+    sizes = data.diameter_mm
+    differ = sizes is not None and np.max(sizes) > MIN_DIAMETER_RANGE * np.min(sizes)
+    shown = {"workpiece_heating": differ, "block_acceleration": bool(conditions.blocks_mm)}
+    causes = [name for name in CAUSES if shown.get(name, True)]
+    return [_Cause(name, data, conditions, reference).effect() for name in causes]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -14,10 +14,12 @@ from .contouring import plot_margins as plot_margins
 from .contouring import plot_model_error as plot_model_error
 from .contouring import plot_orientation_error as plot_orientation_error
 from .contouring import plot_path as plot_path
+from .diagnosis import diagnosis_picture as diagnosis_picture
 from .diagnosis import plot_diagnosis as plot_diagnosis
 from .diagnosis import plot_residuals as plot_residuals
 from .dispatch import draw as draw
 from .dispatch import pictures as pictures
+from .dispatch import thumbnail as thumbnail
 from .hybrid import ballbar_residuals_picture as ballbar_residuals_picture
 from .hybrid import ballbar_view_picture as ballbar_view_picture
 from .hybrid import cube_study_picture as cube_study_picture

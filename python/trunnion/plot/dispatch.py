@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import io
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import trunnion.plot
-from trunnion.base.errors import InputError
-from trunnion.plot.axes import close
+from trunnion.base.errors import InputError, TrunnionError
+from trunnion.plot.picture import Kind, Picture
+from trunnion.plot.static import size_of
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+THUMBNAIL_DPI = 62
 
 PICTURES = {
     "AxisLog": "plot_axis_log",
@@ -54,8 +56,6 @@ PICTURES = {
 }
 """Class → function of :mod:`trunnion.plot` that draws it by matplotlib."""
 
-NO_METADATA = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-
 DESCRIBED = {
     "AxisLog": "axis_log_pictures",
     "Ballbar": "circular_pictures",
@@ -71,6 +71,7 @@ DESCRIBED = {
     "Correction": "correction_picture",
     "CubeChange": "ballbar_view_picture",
     "CubeStudy": "cube_study_picture",
+    "Diagnosis": "diagnosis_picture",
     "Diameters": "diameters_picture",
     "Estimate": "estimate_pictures",
     "Flatness": "flatness_picture",
@@ -96,7 +97,7 @@ DESCRIBED = {
     "VolumetricError": "volumetric_picture",
 }
 """Class → function of :mod:`trunnion.plot` that returns its picture, or several, as
-:class:`~trunnion.plot.picture.Picture`; a diagnosis has a report of its own."""
+:class:`~trunnion.plot.picture.Picture`; the report of a diagnosis has more."""
 
 
 def draw(result: Any, **options: Any) -> Any:
@@ -115,27 +116,34 @@ def draw(result: Any, **options: Any) -> Any:
     )
 
 
-def pictures(result: Any) -> tuple[Any, ...]:
-    """Return the pictures of a page: descriptions, or SVG where there are none."""
+def pictures(result: Any) -> tuple[Picture, ...]:
+    """Return the pictures of a result or of data, as described; none where there is none."""
     for kind in type(result).__mro__:
         if kind.__name__ in DESCRIBED:
             made = getattr(trunnion.plot, DESCRIBED[kind.__name__])(result)
             return tuple(made) if isinstance(made, list | tuple) else (made,)
-        if kind.__name__ in PICTURES:
-            drawn = draw(result)
-            figure = getattr(drawn, "figure", drawn)
-            try:
-                return (_svg(figure),)
-            finally:
-                close(figure)
     return ()
 
 
-def _svg(figure: Figure) -> str:
-    import matplotlib as mpl
+def thumbnail(result: Any) -> str:
+    """Return the first picture of a result as a small image in HTML, for a notebook; else "".
 
-    buffer = io.StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "trunnion"}):
-        figure.savefig(buffer, format="svg", metadata=NO_METADATA)
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
+    The figure is none of pyplot's, so that a notebook shows it once.
+    """
+    try:
+        found = pictures(result)
+    except TrunnionError:  # a field or readings that a result read from JSON does not hold
+        return ""
+    if not found:
+        return ""
+    from matplotlib.figure import Figure
+
+    picture = found[0]
+    figure = Figure(figsize=size_of(picture), layout="constrained", facecolor="white")
+    polar = "polar" if picture.kind is Kind.POLAR else None
+    picture.draw(figure.add_subplot(projection=polar))
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=THUMBNAIL_DPI, metadata={"Software": None})
+    image = base64.b64encode(buffer.getvalue()).decode()
+    alt = html.escape(picture.description, quote=True)
+    return f'<img alt="{alt}" src="data:image/png;base64,{image}">'

@@ -44,7 +44,7 @@ def contributions_picture(d: Diagnosis) -> Picture | None:
             bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),
             bars(np.where(named, np.nan, values), colour=MUTED),
         ),
-        notes_at=tuple((float(v), float(k), f"{v:.3g} %") for k, v in enumerate(values)),
+        notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(values)),
     )
 
 

@@ -1,7 +1,7 @@
 """Error motion of a rotary axis as polar plots (ISO 230-7): radial, axial, tilt.
 
 Targets on the table are measured by an instrument at rest, so that the radial error motion is that
-in the direction which turns with the table.
+in the direction which turns with the table, from the instrument's X at 0°.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ SHARE = 0.35
 LEVELS = (-2, -1, 0, 1, 2)
 SAME_ANGLE_DEG = 1e-3
 MIN_TARGETS = 3
+ALONG = 0.9  # cosine: an axis along X
 MAX_TARGETS = 3
 
 
@@ -112,13 +113,23 @@ def _of_axis(sweep: Sweep, labels: list[Any], target: Integers) -> list[ErrorMot
         rows.append((float(sweep.angle_deg[mine][0]), motion))
     angle = np.array([a for a, _ in rows])
     tx, ty, tz, rx, ry, _ = np.array([motion for _, motion in rows]).T
-    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    start = np.arctan2(*_start(geometry.frame)[1::-1])
+    c, s = np.cos(np.radians(angle) + start), np.sin(np.radians(angle) + start)
     tilt = (ry * c - rx * s) * 1e-6 / ARCSEC
     return [
         ErrorMotion("Radial error motion", "µm", angle, _centred(angle, tx * c + ty * s)),
         ErrorMotion("Axial error motion", "µm", angle, tz - tz.mean()),
         ErrorMotion("Tilt error motion", "arcsec", angle, _centred(angle, tilt)),
     ]
+
+
+def _start(frame: Floats) -> Floats:
+    """Direction from which the one that turns with the table starts, in the frame of the axis.
+
+    The instrument's X; its Y where the axis is along X.
+    """
+    first: Floats = frame.T[:, 0] if abs(frame[0, 2]) < ALONG else frame.T[:, 1]
+    return first
 
 
 def _visits(angle: Floats, target: Integers) -> Integers:

@@ -31,7 +31,9 @@ WINDOW_S = 0.06
 """Before and after a reversal."""
 MAX_REVERSALS = 8
 REVERSAL_SHARE = 0.02  # of the largest speed: what counts as moving
+WINDOW = "blackmanharris"
 MIN_COHERENCE = 0.9
+LEAST_POWER = 1e-6  # of the largest: below, the window of the estimate leaks
 MIN_BANDS = 6
 
 
@@ -253,11 +255,15 @@ def _response(run: _Run, actual: Floats) -> tuple[Floats, Floats]:
 
     u, y = (np.diff(x) for x in (run.commanded, actual))
     count = max(MIN_SAMPLES, len(u) // 4)
-    options: dict[str, Any] = {"fs": 1.0 / run.period, "nperseg": min(count, len(u))}
+    options: dict[str, Any] = {
+        "fs": 1.0 / run.period,
+        "nperseg": min(count, len(u)),
+        "window": WINDOW,
+    }
     f, cross = signal.csd(u, y, **options)
     _, power = signal.welch(u, **options)
     _, coherence = signal.coherence(u, y, **options)
-    good = (f > 0) & (coherence > MIN_COHERENCE) & (power > 1e-9 * power.max())
+    good = (f > 0) & (coherence > MIN_COHERENCE) & (power > LEAST_POWER * power.max())
     return f[good], 20 * np.log10(np.abs(cross[good]) / power[good])
 
 

@@ -20,7 +20,7 @@ MARKERS = {"dot": "o", "cross": "x", "square": "s", "diamond": "D", "triangle": 
 DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 CHARACTERS = 13.0
 """Of a title or a legend in an inch of the axes."""
-LEGEND_POINTS = 13.5
+LEGEND_POINTS = 14.5
 """Height of a row of a legend."""
 HANDLE = 7  # characters that a line or marker of a legend takes
 ROW_INCHES = 0.29  # of a bar with a name

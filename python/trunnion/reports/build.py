@@ -27,6 +27,7 @@ from trunnion.reports.results import (
     with_expanded,
 )
 from trunnion.reports.source import Source
+from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors
 
 MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
@@ -69,6 +70,7 @@ def _general(result: Result, source: Source) -> Document:
         Section("What else is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
         Section("Pictures", tuple(shown[1:])),
         Section("Tables", tuple(tables[1:])),
+        Section("In space", tuple(in_space(result, source))),
         budget_section(result),
         source.section(),
     )
@@ -104,6 +106,7 @@ def _estimate(result: Estimate, source: Source) -> Document:
         Section("What is known of the fit", (Points(sentences),) if sentences else ()),
         Section("Pictures", tuple(shown[1:])),
         Section("Residuals", tuple(_residuals(result))),
+        Section("In space", tuple(in_space(result, source))),
         Section("Correlation of the estimates", tuple(_correlation(result))),
         Section("Other parameters", (rest,) if rest.rows else ()),
         budget_section(result),

@@ -23,11 +23,14 @@ from trunnion.plot.diagnosis import (
     residual_picture,
     touched,
 )
+from trunnion.plot.picture import Picture
+from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
+from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
 from trunnion.setup.names import error_label
 
@@ -42,6 +45,7 @@ NEXT = {
     "Diameters": " (trunnion diagnose says which pass does)",
 }
 MAX_OUTLIERS = 50
+MAX_PICTURES = 8  # of the measurement
 MAX_PARAMETERS = 6  # of a cause
 MAX_SETS = 4  # in the verdict
 TODO = {
@@ -81,13 +85,14 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict,
         (*top, *_to_do(d, source), first),
         (
+            Section("The measurement", tuple(_measurement(source, standard))),
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
-            Section("By the standard", tuple(item for r in standard for item in _by_standard(r))),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
             Section("Outliers", tuple(_outliers(d, source))),
             Section("What the residual looks like", tuple(_diagnostics(d, source))),
+            Section("In space", tuple(in_space(d, source))),
             Section("What these data do not identify", tuple(_lost(d))),
             budget_section(d.model),
             source.section(),
@@ -136,8 +141,16 @@ def _judged(result: Result, source: Source) -> Table:
     return figures_table(result.title(), figures_of(result), source.tolerance)[0]
 
 
-def _by_standard(result: Result) -> list[Item]:
-    return [*drawn(result), *result.sentences(), *(() if figures_of(result) else result.tables())]
+def _measurement(source: Source, standard: list[Result]) -> list[Item]:
+    """Pictures of the readings as the field draws them, and what the standard says of them."""
+    own = [p for one in source.data for p in drawn(one)]
+    shown = own or [p for r in standard for p in drawn(r)]
+    items: list[Item] = [
+        hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]
+    ]
+    for r in standard:
+        items += [*r.sentences(), *(() if figures_of(r) else r.tables())]
+    return items
 
 
 def _label(cause: Cause) -> str:
@@ -248,7 +261,8 @@ def _ladder(d: Diagnosis) -> list[Item]:
     picture = ladder_picture(d)
     tables = [t for t in d.tables() if t.title not in ("Estimates", "Sets of causes")]
     kept = [t for t in tables if t.title != "Not identifiable"]
-    return [*([picture] if picture else []), *kept]
+    ranked = contributions_picture(d)
+    return [*(p for p in (ranked, picture) if p is not None), *kept]
 
 
 def _alternatives(d: Diagnosis) -> list[Item]:

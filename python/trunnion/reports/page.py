@@ -53,6 +53,7 @@ class _Writer:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.figures: list[dict[str, Any]] = []
+        self.rows: dict[int, str] = {}
 
     def body(self) -> str:
         """Return heading, verdict, results, sections."""
@@ -110,7 +111,7 @@ class _Writer:
         if isinstance(picture, Picture):
             picture = picture.thinned()
         number = len(self.figures)
-        self.figures.append(picture.to_plotly())
+        self.figures.append(self._shared(picture.to_plotly()))
         height = _height(picture)
         note = f'<p class="note">{html.escape(picture.note)}</p>' if picture.note else ""
         key = getattr(picture, "key", "")
@@ -128,11 +129,24 @@ class _Writer:
             f'</div><p class="described">{alt}</p>{note}</figure>'
         )
 
+    def _shared(self, figure: dict[str, Any]) -> dict[str, Any]:
+        """Keep what stands beside a row once a page: a picture has the last line of each alone."""
+        for trace in figure["data"]:
+            rows, texts = trace.get("customdata"), trace.get("text")
+            if not (isinstance(rows, list) and isinstance(texts, list)):
+                continue
+            parts = [text.rpartition("<br>") for text in texts]
+            pairs = list(zip(rows, (head for head, _, _ in parts), strict=True))
+            if all(self.rows.get(row, head) == head for row, head in pairs):
+                self.rows.update(pairs)
+                trace["text"], trace["meta"] = [tail for _, _, tail in parts], "rows"
+        return figure
+
     def scripts(self) -> str:
         """Return the pictures, the library that draws them, and the script of the page."""
         own = _asset("report.js")
         groups = {k: [g.rows.tolist()] for k, g in self.document.groups.items()}
-        data = _json({"figures": self.figures, "groups": groups})
+        data = _json({"figures": self.figures, "groups": groups, "rows": self.rows})
         parts = [f'<script type="application/json" id="report-data">{data}</script>']
         if self.figures:
             from plotly.offline import get_plotlyjs

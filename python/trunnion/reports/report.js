@@ -10,6 +10,8 @@
     if (plot.dataset.drawn) return;
     plot.dataset.drawn = "yes";
     const figure = data.figures[plot.dataset.figure];
+    for (const trace of figure.data)
+      if (trace.meta === "rows") trace.text = trace.text.map((text, i) => `${data.rows[trace.customdata[i]]}<br>${text}`);
     const font = getComputedStyle(document.body).fontFamily;
     const layout = { ...figure.layout, autosize: true, font: { family: font, size: 13 } };
     Plotly.newPlot(plot, figure.data, layout, config).then(() => {

@@ -15,7 +15,7 @@ from trunnion.data.iso230_4 import iso230_4
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
 from trunnion.plot.statistics import estimates_picture
-from trunnion.reports.document import Item, Still
+from trunnion.reports.document import Item
 from trunnion.reports.results import Figure
 
 
@@ -43,9 +43,12 @@ def figures_of(result: Any) -> list[Figure]:
     ]
 
 
-def drawn(result: Result) -> list[Item]:
-    """Return the pictures of a result: interactive ones, or stills where there are no others."""
-    return [Still(p, result.title()) if isinstance(p, str) else p for p in pictures(result)]
+def drawn(of: Result | Table) -> list[Item]:
+    """Return the pictures of a result or of data, interactive; none of too few readings."""
+    try:
+        return list(pictures(of))
+    except DataError:
+        return []
 
 
 def of_errors(errors: Mapping[str, float], std: Mapping[str, float]) -> list[Item]:

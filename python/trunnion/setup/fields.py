@@ -138,7 +138,7 @@ class Sign:
 
 @dataclass(frozen=True)
 class Vector:
-    """A list of `count` numbers."""
+    """A list of `count` numbers; 0: of any length."""
 
     count: int
     each: Takes = field(default_factory=Number)
@@ -146,12 +146,12 @@ class Vector:
     @property
     def words(self) -> str:
         """What is expected."""
-        return f"a list of {self.count} numbers"
+        return f"a list of {self.count} numbers" if self.count else "a list of numbers"
 
     def __call__(self, what: str, value: Any) -> tuple[float, ...]:
         """Return them."""
         values = value.tolist() if isinstance(value, np.ndarray) else value
-        if not isinstance(values, list | tuple) or len(values) != self.count:
+        if not isinstance(values, list | tuple) or self.count not in (0, len(values)):
             raise InputError(f"{what}: got {thawed(value)!r}, expected {self.words}")
         found = []
         for index, item in enumerate(values):

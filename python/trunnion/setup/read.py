@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
@@ -38,7 +39,12 @@ def read_setup(path: str | PathLike[str]) -> Setup:
     <Setup: trt-ca, cross 100 × 25 × 25 mm, ball radius 1 mm>
     """
     file = TomlText.read(path)
-    root = Section(file.tables, (), file)
+    return setup_of(file.tables, file)
+
+
+def setup_of(content: Mapping[str, Any], file: TomlText | None = None) -> Setup:
+    """Return the set-up that tables as in ``setup.toml`` describe; `file`: where they stand."""
+    root = Section(content, (), file)
     root.only((*PARTS, "axes", *PROCESS_TABLES))
     tables = {name: root.table(name) for name in (*PARTS, "axes", *PROCESS_TABLES)}
     axes = tables.pop("axes")
@@ -57,7 +63,7 @@ def read_setup(path: str | PathLike[str]) -> Setup:
             axes={letter: axes.table(letter).build(AxisSetup) for letter in axes},
             **built,
             **processes,
-            source=str(path),
+            source="" if file is None else file.path,
         )
 
 

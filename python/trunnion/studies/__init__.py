@@ -8,6 +8,7 @@ a labelled dataset (:mod:`.dataset`).
 
 from trunnion.probing.length import smallest_length_mm as smallest_length_mm
 from trunnion.studies.dataset import open_sweep as open_sweep
+from trunnion.studies.executors import RayExecutor as RayExecutor
 from trunnion.studies.run import sweep as sweep
 from trunnion.studies.study import STUDIES as STUDIES
 from trunnion.studies.study import Block as Block

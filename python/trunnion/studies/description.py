@@ -55,6 +55,11 @@ class Description:
         """Numbers a sample."""
         return sum(output.width for output in self.outputs)
 
+    @property
+    def bytes(self) -> int:
+        """Size of its numbers."""
+        return 8 * self.grid.nodes * self.samples * self.width
+
     def to_dict(self) -> dict[str, Any]:
         """As plain values."""
         return {

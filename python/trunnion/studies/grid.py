@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.checks import entry, named, shown, within
+from trunnion.base.checks import did_you_mean, entry, named, shown, within
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.studies.study import Parameter, Study, Value
 
@@ -126,7 +126,7 @@ def _fixed(
     fixed: dict[str, Value] = {
         name: parameter.default
         for name, parameter in known.items()
-        if parameter.default is not None and name not in axes
+        if parameter.default is not None and not parameter.optional and name not in axes
     }
     for name, value in given.items():
         with entry("fixed", name):
@@ -134,7 +134,7 @@ def _fixed(
                 raise InputError(f"{name}: got it in the grid and in fixed, expected it in one")
             fixed[name] = _value(name, value, known)
     for name in known:
-        if name not in axes and name not in fixed and name != "**":
+        if name not in axes and name not in fixed and name != "**" and not known[name].optional:
             raise InputError(f"{name}: got nothing, expected it in the grid or in fixed")
     return fixed
 
@@ -142,6 +142,7 @@ def _fixed(
 def _known(name: Any, known: Mapping[str, Parameter], study: Study) -> None:
     if not isinstance(name, str) or (name not in known and "**" not in known):
         expected = f"one of {', '.join(known)}" if known else "none: it has no parameters"
+        expected += did_you_mean(name, known)
         raise UnknownNameError(
             f"parameter of study {study.name}: got {shown(name)}, expected {expected}"
         )

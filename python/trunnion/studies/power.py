@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,19 +12,25 @@ from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.models.kinds import diagnose
-from trunnion.probing.model import TouchModel, catalogue
-from trunnion.probing.plan import plan
+from trunnion.probing.model import TouchModel
 from trunnion.probing.simulate import simulate
-from trunnion.setup import Artefact, Probe, Setup
-from trunnion.studies.study import Block, Output, Parameter, Seeds, Values, guarded
+from trunnion.setup import Artefact, Setup
+from trunnion.studies.setting import PLAN, Setting, effect_parameters, setup_parameters
+from trunnion.studies.study import Block, Output, Parameter, Seeds, Value, Values, guarded
 
 NONE = "none"
 
 
-@functools.cache
-def effects() -> tuple[str, ...]:
-    """What can be hidden: nothing, or an effect of the catalogue."""
-    return (NONE, *(entry.id for entry in catalogue(Setup(artefact=Artefact("cross")))))
+PLANS: Mapping[str, Mapping[str, Value]] = {
+    "paper": {},
+    "rich": {
+        "plan.c_deg": "0:330:30",
+        "plan.tilt_deg": "-90,-60,-30,30,60,90",
+        "plan.feeds_mm_min": "600,200",
+        "plan.both_senses": True,
+    },
+}
+"""What the plans of this name are, unless the grid or `fixed` say otherwise."""
 
 
 @dataclass(frozen=True)
@@ -38,12 +44,19 @@ class DiagnosisPowerStudy:
     "none", or `rms_um` 0, reporting nothing counts as found.
     """
 
+    setup: Setup = field(default_factory=lambda: Setup(artefact=Artefact("cross")))
     name: str = "diagnosis-power"
     chunk: int = 4
     processes: bool = True
-    parameters: Mapping[str, Parameter] = field(
-        default_factory=lambda: {
-            "effect": Parameter("drift_z", choices=effects()),
+    parameters: Mapping[str, Parameter] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Collect what can be varied: of the set-up any key, and of the plan."""
+        known = setup_parameters(self.setup)
+        known |= {name: replace(each, optional=True) for name, each in PLAN.items()}
+        found = {
+            **known,
+            "effect": Parameter("drift_z", choices=(NONE, *effect_parameters())),
             "rms_um": Parameter(0.5, "µm", low=0.0),
             "noise_um": Parameter(0.3, "µm", low=0.0),
             "tick_um": Parameter(0.1, "µm", low=0.0),
@@ -53,7 +66,7 @@ class DiagnosisPowerStudy:
             "placement_um": Parameter(100.0, "µm", low=0.0),
             "placement_arcsec": Parameter(100.0, "arcsec", low=0.0),
         }
-    )
+        object.__setattr__(self, "parameters", found)
 
     def outputs(self, values: Values) -> tuple[Output, ...]:  # noqa: ARG002
         """Which of the four it was."""
@@ -73,28 +86,23 @@ class DiagnosisPowerStudy:
         return guarded(count, lambda index: _one(values, seeds.generator(first + index)), 4)
 
 
-@functools.lru_cache(maxsize=8)
-def _measurement(kind: str, tick_um: float) -> tuple[Setup, Touches, Floats]:
+def _measurement(values: Values) -> tuple[Setup, Touches, Floats]:
     """Set-up, plan, and an orthonormal basis of what the plain fit takes away."""
-    setup = Setup(artefact=Artefact("cross"), probe=Probe(tick_um=tick_um))
-    touches = (
-        plan(setup)
-        if kind == "paper"
-        else plan(
-            setup,
-            c_deg=tuple(range(0, 360, 30)),
-            a_deg=(-90, -60, -30, 30, 60, 90),
-            feeds_mm_min=(600, 200),
-            both_senses=True,
-        )
-    )
+    plan = {name: each.default for name, each in PLAN.items() if each.default is not None}
+    tick = {"probe.tick_um": values["tick_um"]}
+    return _basis(Setting.of({**plan, **PLANS[str(values["plan"])], **tick, **values}))
+
+
+@functools.lru_cache(maxsize=8)
+def _basis(setting: Setting) -> tuple[Setup, Touches, Floats]:
+    setup, touches = setting.setup, setting.touches
     model = TouchModel(setup)
     _, jacobian = model.core.linearise(model.moves(touches), model.values())
     return setup, touches, np.linalg.qr(jacobian)[0]
 
 
 def _one(values: Values, rng: np.random.Generator) -> list[float]:
-    setup, touches, plain = _measurement(str(values["plan"]), float(values["tick_um"]))
+    setup, touches, plain = _measurement(values)
     effect = str(values["effect"])
     hidden: dict[str, dict[str, float]] = {}
     if effect != NONE and float(values["rms_um"]) > 0:

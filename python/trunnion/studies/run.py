@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import queue
+import shutil
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, islice
-from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -20,6 +20,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, entry, whole, within
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.progress import progress_bar
+from trunnion.base.workers import processes
+from trunnion.setup import Setup
 from trunnion.studies.dataset import (
     dataset,
     import_xarray,
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import xarray as xr
+
+LOG = logging.getLogger("trunnion.studies")
 
 MAX_TRIES = 3
 """How often a block is sent out whose worker died."""
@@ -64,6 +68,7 @@ def sweep(
     seed: int = 0,
     executor: Submits | None = None,
     *,
+    setup: Setup | None = None,
     fixed: Mapping[str, Any] | None = None,
     path: str | os.PathLike[str] | None = None,
     chunk: int | None = None,
@@ -80,9 +85,10 @@ def sweep(
     Parameters
     ----------
     study
-        "calibration", "compensation", "diagnosis-power", a function ``f(rng, **parameters)`` that
-        returns a number or a dict of numbers, or an object like :class:`trunnion.studies.Study`. A
-        function is tried out once or more beforehand, to learn the names of its outputs.
+        "calibration", "compensation", "identification", "diagnosis-power", a function ``f(rng,
+        **parameters)`` that returns a number or a dict of numbers, or an object like
+        :class:`trunnion.studies.Study`. A function is tried out once or more beforehand, to learn
+        the names of its outputs.
     grid
         Parameter → values, one dimension of the result each. Parameters of the built-in studies:
         ``trunnion sweep --parameters NAME``.
@@ -97,6 +103,10 @@ def sweep(
         (tested), ``mpi4py.futures.MPIPoolExecutor()`` under ``mpiexec -n 9 python -m
         mpi4py.futures``; for Ray an object whose ``submit(f, *a)`` returns
         ``ray.remote(f).remote(*a).future()``.
+    setup
+        What "identification" and "diagnosis-power" begin with: any key of it can be in the grid
+        (``artefact.length_mm``, ``machine.preset``, ``axes.C.sense``); by default a cross on
+        ``trt-ca``.
     fixed
         Parameters that stay the same.
     path
@@ -139,7 +149,7 @@ def sweep(
     """
     import_xarray()
     with entry("study"):
-        chosen = study_of(study, units)
+        chosen = study_of(study, units, setup)
     with entry("samples"):
         samples = whole("samples", samples, 1)
     with entry("seed"):
@@ -155,8 +165,8 @@ def sweep(
     with entry("fixed"):
         outputs = _outputs(chosen, nodes)
     nodes.check_size(samples, sum(output.width for output in outputs))
-    if isinstance(chosen, FunctionStudy):
-        chosen = replace(chosen, names=tuple(output.name for output in outputs))
+    if hasattr(chosen, "of_outputs"):
+        chosen = chosen.of_outputs(outputs)
     description = Description.of(chosen, nodes, samples, seed, outputs)
     run = _Run(chosen, description, size, executor, threads, limit, progress)
     return run.in_memory() if target is None else run.into(target)
@@ -188,6 +198,7 @@ class _Run:
         with exclusive(lock):
             if target.exists():  # another process has just ended it
                 return read_same(target, self.description)
+            self.announce(target)
             journal = journal_of(target)
             journal.start(self.description)
             blocks = self.blocks()
@@ -199,6 +210,31 @@ class _Run:
             journal.path.unlink()
             lock.unlink(missing_ok=True)
         return result
+
+    def announce(self, target: Path) -> None:
+        """Say how large the file will be, before anything of it is written.
+
+        Raises InputError: the disk has no room for it.
+        """
+        described = self.description
+        nodes, size = described.grid.nodes, described.bytes
+        free = shutil.disk_usage(target.parent).free
+        LOG.info(
+            "%s: %d nodes of %d samples, %d numbers each: %s, and as much in %s.part while it runs "
+            "(%s are free)",
+            target,
+            nodes,
+            described.samples,
+            described.width,
+            shown_bytes(size),
+            target.name,
+            shown_bytes(free),
+        )
+        if 2 * size > free:
+            raise InputError(
+                f"path: got {target} for a result of {shown_bytes(size)}, expected room for twice "
+                f"as much while it runs ({shown_bytes(free)} are free)"
+            )
 
     def blocks(self) -> Blocks:
         """Room for all outputs."""
@@ -227,8 +263,7 @@ class _Run:
         if self.executor is not None:
             yield from self.sent(places, self.executor)
         elif len(begin) > 1 and getattr(self.study, "processes", False):
-            # Not forked: the core's threads would not survive it.
-            with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+            with processes() as pool:
                 yield from self.sent(places, pool)
         else:
             for place in places:
@@ -275,21 +310,24 @@ class _Run:
 
 def _outputs(study: Study, nodes: Grid) -> tuple[Output, ...]:
     """Outputs from the first node that works; names that the result can hold."""
-    first: TrunnionError | None = None
-    for node in range(min(nodes.nodes, MAX_TRIALS)):
-        try:
-            outputs = study.outputs(nodes.at(node))
-            break
-        except TrunnionError as error:
-            first = first or error
-    else:
-        raise first or InputError(f"study {study.name}: no outputs")
+    outputs = study.all_outputs(nodes) if hasattr(study, "all_outputs") else _first(study, nodes)
     check_names(study.name, outputs, nodes.axes)
     if isinstance(study, FunctionStudy):
         names = [output.name for output in outputs]
         for name in study.units:
             choose("units", name, names)
     return outputs
+
+
+def _first(study: Study, nodes: Grid) -> tuple[Output, ...]:
+    """Outputs of the first node that works."""
+    first: TrunnionError | None = None
+    for node in range(min(nodes.nodes, MAX_TRIALS)):
+        try:
+            return study.outputs(nodes.at(node))
+        except TrunnionError as error:
+            first = first or error
+    raise first or InputError(f"study {study.name}: no outputs")
 
 
 def _missing(done: np.ndarray[Any, np.dtype[np.bool_]], size: int) -> Iterator[tuple[int, int]]:
@@ -322,6 +360,16 @@ def _broken(error: Exception) -> DataError:
         f"executor: {why}; what is done is kept in the file of the sweep, if it has one: the same "
         "call goes on from there"
     )
+
+
+def shown_bytes(count: int) -> str:
+    """Return "1.2 GB"."""
+    size = float(count)
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if size < 1000:
+            return f"{size:.3g} {unit}"
+        size /= 1000
+    return f"{size:.3g} TB"
 
 
 class _Limit:

@@ -10,16 +10,17 @@ import hashlib
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import CodeType
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, TypeAlias, cast, runtime_checkable
 
 import numpy as np
 
 from trunnion.base.checks import choose, named
 from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.units import Floats
+from trunnion.setup import Setup
 
 Value: TypeAlias = float | int | str | bool
 Values: TypeAlias = Mapping[str, Value]
@@ -32,7 +33,7 @@ class Parameter:
     `default` None: it must be given. Its type is that of the default; a number takes any number,
     a whole number only whole ones. `choices`: the only values allowed. `low`, `high`: the least
     (None: any number) and the most. `in_grid` False: outputs depend on it, so that it must be the
-    same at all nodes.
+    same at all nodes. `optional`: it is not there unless the grid or `fixed` has it.
     """
 
     default: Value | None
@@ -41,6 +42,7 @@ class Parameter:
     low: float | None = None
     high: float = math.inf
     in_grid: bool = True
+    optional: bool = False
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,10 @@ class FunctionStudy:
             f"study {self.name}: eight trials failed, the last with {type(last).__name__}: {last}"
         )
 
+    def of_outputs(self, outputs: tuple[Output, ...]) -> FunctionStudy:
+        """Return the study with the names of its outputs."""
+        return replace(self, names=tuple(output.name for output in outputs))
+
     def code(self) -> str:
         """Digest of what the function does, as far as its own code says; "" where it has none.
 
@@ -263,20 +269,31 @@ def _spelled(code: CodeType) -> str:
 STUDIES: dict[str, tuple[str, str]] = {
     "calibration": ("trunnion.studies.calibration", "CalibrationStudy"),
     "compensation": ("trunnion.studies.compensation", "CompensationStudy"),
+    "identification": ("trunnion.studies.identification", "IdentificationStudy"),
     "diagnosis-power": ("trunnion.studies.power", "DiagnosisPowerStudy"),
 }
 """Built-in studies: name → module and class."""
 
 
-def study_of(study: str | Study | Callable[..., Any], units: Mapping[str, str] | None) -> Study:
-    """A study from a name, a function or itself."""
+def study_of(
+    study: str | Study | Callable[..., Any],
+    units: Mapping[str, str] | None,
+    setup: Setup | None = None,
+) -> Study:
+    """A study from a name, a function or itself; `setup`: what it begins with, where it has one."""
     named("units", units, "a dict of output names")
     if units and isinstance(study, str | Study):
         raise InputError("units: got some for a study that has its own, expected none")
     if isinstance(study, str):
         module, name = STUDIES[choose("study", study, STUDIES)]
-        found: Study = getattr(import_module(module), name)()
-        return found
+        made = getattr(import_module(module), name)
+        if setup is None:
+            return cast(Study, made())
+        if "setup" not in inspect.signature(made).parameters:
+            raise InputError(f"setup: got one for study {study}, which varies none; expected none")
+        return cast(Study, made(setup=setup))
+    if setup is not None:
+        raise InputError("setup: got one for a study of your own, expected a built-in study's name")
     if isinstance(study, Study):
         return study
     if callable(study):

@@ -5,6 +5,7 @@
     study = "calibration"     # a built-in study
     samples = 1000            # random draws at each node of the grid, 1 if absent
     seed = 1                  # 0 if absent
+    setup = "setup.toml"      # what a study that varies a set-up begins with, beside this file
     [grid]                    # every combination is a node
     noise_um = [0.1, 0.3, 1.0]
     [fixed]                   # the others keep their defaults
@@ -14,17 +15,19 @@
 from __future__ import annotations
 
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trunnion.base.errors import TrunnionError, UnknownNameError
 from trunnion.files.toml import TomlText
+from trunnion.setup import read_setup
 from trunnion.studies.run import sweep
 from trunnion.studies.study import STUDIES
 
 if TYPE_CHECKING:
     import xarray as xr
 
-KEYS = ("study", "samples", "seed", "grid", "fixed")
+KEYS = ("study", "samples", "seed", "setup", "grid", "fixed")
 
 
 def sweep_file(study: str | PathLike[str], **how: Any) -> xr.Dataset:
@@ -43,6 +46,11 @@ def sweep_file(study: str | PathLike[str], **how: Any) -> xr.Dataset:
         what = f"study: got {file.written(('study',))}, expected one of {', '.join(STUDIES)}"
         raise file.error(("study",), what, at_value=True)
     described: dict[str, Any] = dict(file.tables)
+    if "setup" in described:
+        if not isinstance(described["setup"], str):
+            what = f"setup: got {file.written(('setup',))}, expected the path of a set-up (TOML)"
+            raise file.error(("setup",), what, at_value=True)
+        described["setup"] = read_setup(Path(study).parent / described["setup"])
     try:
         return sweep(described.pop("study"), described.pop("grid", {}), **described, **how)
     except TrunnionError as error:

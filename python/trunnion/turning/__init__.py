@@ -23,3 +23,4 @@ from trunnion.turning.probing import probe_path as probe_path
 from trunnion.turning.profile import Corner as Corner
 from trunnion.turning.profile import Finishing as Finishing
 from trunnion.turning.profile import Profile as Profile
+from trunnion.turning.shape import read_shape as read_shape

@@ -31,19 +31,28 @@ class Gauge:
         Samples a second that are stored with the position.
     response_s
         Time constant of the stylus and its filter.
+    cycle_ms
+        Period of the control in which it gives the position: a stored place is that of its last
+        cycle, up to feed times this behind, half of it on average; 0: it is exact.
     """
 
     range_um: float = 150.0
     resolution_um: float = 0.5
     rate_hz: float = 50.0
     response_s: float = 0.02
+    cycle_ms: float = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("range_um", "rate_hz"):
             positive(name, getattr(self, name))
-        for name in ("resolution_um", "response_s"):
+        for name in ("resolution_um", "response_s", "cycle_ms"):
             within(name, getattr(self, name), 0.0)
+
+    @checked
+    def tick_mm(self, feed_mm_min: float) -> float:
+        """Distance between two places that the control gives: feed times its cycle time."""
+        return positive("feed_mm_min", feed_mm_min) / 60.0 * 1e-3 * self.cycle_ms
 
     @checked
     def feed_limit_mm_min(
@@ -125,7 +134,9 @@ class Gauge:
             )
         if self.resolution_um > 0:
             read = 2 * self.resolution_um * np.round(stylus / self.resolution_um)
-        return np.interp(at, way, z), read
+        tick = self.tick_mm(feed_mm_min)
+        stored = np.floor(at / tick + 1e-9) * tick if tick > 0 else at
+        return np.interp(stored, way, z), read
 
     def _lag(self, at: Floats, way: Floats, error: Floats, feed_mm_s: float) -> Floats:
         """Give what a first-order response still lacks; exact for an error straight by pieces."""

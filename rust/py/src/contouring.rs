@@ -15,6 +15,7 @@ use crate::arrays::{array, finite, matrix, rows, rows_with_limits, vector, vecto
 use crate::errors::{IntoPy, to_py};
 use crate::machine::Machine;
 use crate::names::choice;
+use crate::threads::in_pieces;
 use crate::user_units::contouring::{
     AXIS_FIELDS, FIGURES, axis, columns, feed, figures, position_unit,
 };
@@ -202,6 +203,9 @@ pub fn contour_simulate<'py>(
     Ok(out)
 }
 
+/// Runs between two looks for Ctrl-C.
+const PIECE: usize = 4;
+
 /// Many simulations on all cores: names of the figures, and one row of them a case.
 #[pyfunction]
 #[pyo3(signature = (
@@ -251,8 +255,13 @@ pub fn contour_sweep<'py>(
         })
         .collect::<PyResult<Vec<_>>>()?;
     let paths: Vec<Path> = paths.iter().map(|path| path.0.clone()).collect();
-    let found = py.detach(|| sweep(&paths, &cases, &assumed, &real)).into_py()?;
-    let values: Vec<f64> = found.iter().flat_map(figures).collect();
+    let found = in_pieces(py, None, (cases.len(), PIECE), |first, count| {
+        sweep(&paths, &cases[first..first + count], &assumed, &real)
+    })?;
+    let mut values = Vec::with_capacity(cases.len() * FIGURES.len());
+    for piece in found {
+        values.extend(piece.into_py()?.iter().flat_map(figures));
+    }
     Ok((FIGURES.to_vec(), matrix(py, values, FIGURES.len())?))
 }
 

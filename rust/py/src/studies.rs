@@ -11,7 +11,7 @@ use trunnion_core::units::{DEG, UM};
 use crate::arrays::{finite, matrix_with_gaps, rows};
 use crate::errors::IntoPy;
 use crate::names::choice;
-use crate::threads::with_threads;
+use crate::threads::in_pieces;
 use crate::touch::{Moves, TouchModel, simulation};
 
 /// One row a sample, and the samples that failed, whose rows are not numbers.
@@ -101,15 +101,37 @@ impl Measurements {
         truths: &PyReadonlyArray2<'_, f64>,
         first_sample: u64,
         threads: Option<usize>,
-        study: impl FnOnce(&Measurement, &[f64]) -> trunnion_core::Result<studies::Samples> + Send,
+        study: impl Fn(&Measurement, &[f64]) -> trunnion_core::Result<studies::Samples> + Send + Sync,
     ) -> PyResult<studies::Samples> {
         let TouchModel { inner: model, units } = self.model.get();
         let truths = units.to_core(&rows("true parameters", truths, model.parameter_count())?);
         let moves = &self.moves.get().inner.view();
         let (labels, simulation) = (self.labels.as_slice(), self.simulation);
-        let measurement = Measurement { model, moves, labels, simulation, first_sample };
-        py.detach(|| with_threads(threads, || study(&measurement, &truths)))?.into_py()
+        let width = model.parameter_count();
+        let pieces = in_pieces(py, threads, (truths.len() / width, PIECE), |first, count| {
+            let first_sample = first_sample + first as u64;
+            let measurement = Measurement { model, moves, labels, simulation, first_sample };
+            study(&measurement, &truths[first * width..(first + count) * width])
+        })?;
+        joined(pieces).into_py()
     }
+}
+
+/// Samples between two looks for Ctrl-C: a tenth of a second or so on one core.
+const PIECE: usize = 500;
+
+fn joined(
+    pieces: Vec<trunnion_core::Result<studies::Samples>>,
+) -> trunnion_core::Result<studies::Samples> {
+    let mut all = studies::Samples { rows: Vec::new(), width: 1, failures: Vec::new() };
+    for (number, piece) in pieces.into_iter().enumerate() {
+        let piece = piece?;
+        all.width = piece.width;
+        all.rows.extend(piece.rows);
+        let failed = piece.failures.into_iter();
+        all.failures.extend(failed.map(|(index, error)| (number * PIECE + index, error)));
+    }
+    Ok(all)
 }
 
 fn samples(py: Python<'_>, found: studies::Samples) -> PyResult<Samples<'_>> {

@@ -15,7 +15,7 @@ use trunnion_core::{Error, Result};
 
 use crate::arrays::{array, finite, matrix, rows, vector};
 use crate::errors::IntoPy;
-use crate::threads::with_threads;
+use crate::threads::in_pieces;
 use crate::user_units::touches::{self as user_units, ParameterUnits};
 
 fn kind_name(kind: Kind) -> &'static str {
@@ -136,6 +136,9 @@ impl TouchModel {
         })
     }
 }
+
+/// Fits between two looks for Ctrl-C: a tenth of a second or so on one core.
+const PIECE: usize = 500;
 
 #[pymethods]
 impl TouchModel {
@@ -319,12 +322,20 @@ impl TouchModel {
         let moves = moves.inner.view();
         let points = rows("points", &points, 3 * moves.len())?;
         let p = self.inner.parameter_count();
-        let fits = py.detach(|| {
-            with_threads(threads, || {
-                least_squares::fit_many(&self.inner, &moves, &points, &start, &options)
-            })
-        });
-        let found = self.units.estimates(fits?.into_py()?);
+        let width = 3 * moves.len();
+        let count = points.len().checked_div(width).unwrap_or(0);
+        let fits = in_pieces(py, threads, (count, PIECE), |first, number| {
+            let some = &points[first * width..(first + number) * width];
+            least_squares::fit_many(&self.inner, &moves, some, &start, &options)
+        })?;
+        let mut all = least_squares::Estimates::default();
+        for fit in fits {
+            let fit = fit.into_py()?;
+            all.values.extend(fit.values);
+            all.std_errors.extend(fit.std_errors);
+            all.converged.extend(fit.converged);
+        }
+        let found = self.units.estimates(all);
         let converged = PyArray1::from_vec(py, found.converged);
         Ok((matrix(py, found.values, p)?, matrix(py, found.std_errors, p)?, converged))
     }

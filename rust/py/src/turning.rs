@@ -384,7 +384,7 @@ pub fn turning_cause<'py>(
     let name = cause;
     let cause = Cause::of(name).into_py()?;
     let units: &[f64] = match cause {
-        Cause::ToolHeating => &[UM, 1.0],
+        Cause::ToolHeating | Cause::WorkpieceHeating | Cause::BlockAcceleration => &[UM, 1.0],
         Cause::ToolWear => &[UM / MINUTE],
         Cause::Taper => &[ARCSEC],
         Cause::Bending | Cause::ChuckTilt | Cause::Barrel => &[UM],
@@ -398,11 +398,11 @@ pub fn turning_cause<'py>(
     for ((slot, value), unit) in inside.iter_mut().zip(&parameters).zip(units) {
         *slot = value * unit;
     }
-    let cuts = rows("cuts", &cuts, 5)?;
+    let cuts = rows("cuts", &cuts, 6)?;
     let (mut errors, mut slopes) = (Vec::new(), Vec::new());
-    for row in cuts.chunks_exact(5) {
-        let [z_mm, length_mm, time_s, force, diameter] = *row else { continue };
-        let cut = Cut { z_mm, length_mm, time_s, force, diameter };
+    for row in cuts.chunks_exact(6) {
+        let [z_mm, length_mm, time_s, force, diameter, to_block_mm] = *row else { continue };
+        let cut = Cut { z_mm, length_mm, time_s, force, diameter, to_block_mm };
         let (error, slope) = cause.error(inside, &cut, overhang_mm);
         errors.push(error / UM);
         slopes.extend(slope.iter().zip(units).map(|(slope, unit)| slope * unit / UM));

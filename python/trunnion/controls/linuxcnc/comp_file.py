@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import floats
+from trunnion.base.checks import floats, whole
 from trunnion.base.errors import InputError
+from trunnion.data.iso230_2 import CompensationTable
 
 MAX_ROWS = 256
+TURN_DEG = 360.0
 
 
 @checked
@@ -43,3 +45,43 @@ def comp_file(nominal: ArrayLike, forward: ArrayLike, reverse: ArrayLike) -> str
         raise InputError("COMP_FILE: got positions that do not ascend, expected ascending ones")
     lines = [" ".join(f"{v:.6f}" for v in row) for row in zip(*columns, strict=True)]
     return "\n".join(lines) + "\n"
+
+
+@checked
+def measured_comp_file(table: CompensationTable, *, turns: int = 0) -> str:
+    """COMP_FILE of a measured axis: corrections by target and direction of approach.
+
+    Parameters
+    ----------
+    table
+        Of a positioning measurement: ``iso230_2().compensation_table()``; targets are positions of
+        the joint as LinuxCNC counts them.
+    turns
+        Of a rotary axis that is not wrapped: repeat the table over so many turns to either side, as
+        a Pocket NC needs it for B.
+
+    Raises
+    ------
+    InputError
+        Turns of a linear axis; more rows than LinuxCNC reads: fewer turns or fewer targets.
+    """
+    rotary = table.unit == "arcsec"
+    whole("turns", turns, 0)
+    if turns and not rotary:
+        raise InputError(f"turns: got {turns} for an axis in mm, expected 0")
+    size = 1 / 3600.0 if rotary else 1e-3
+    columns = np.column_stack([table.targets, table.forward * size, table.backward * size])
+    if turns:
+        columns = columns[columns[:, 0] < columns[0, 0] + TURN_DEG - 1e-9]
+        offsets = TURN_DEG * np.arange(-turns, turns + 1)
+        count = len(columns) * len(offsets)
+        if count > MAX_ROWS:
+            most = MAX_ROWS // len(offsets)
+            raise InputError(
+                f"turns: got {turns} either way with {len(columns)} targets a turn, {count} rows, "
+                f"expected at most {MAX_ROWS}: {most} targets a turn, or a wrapped axis "
+                "(WRAPPED_ROTARY) and no turns"
+            )
+        columns = np.concatenate([columns + np.array([offset, 0.0, 0.0]) for offset in offsets])
+    nominal, forward, backward = columns.T
+    return comp_file(nominal, nominal - forward, nominal - backward)

@@ -86,7 +86,7 @@ def volume_figure(
         }
         notes.append({**note, "xref": "paper", "yref": "paper", "font": {"size": 14}})
     title = titled(f"Volumetric error over the work space at {at}", said)
-    layout |= {"annotations": notes, "coloraxis": colour_axis("error [µm]", largest)}
+    layout |= {"annotations": notes, "coloraxis": colour_axis("error (µm)", largest)}
     return graph_objects.Figure({"data": data, "layout": {**base_layout(title), **layout}})
 
 
@@ -160,7 +160,7 @@ def _vectors(
     bar, said = scale_bar(low - [0.0, 0.1 * size, 0.0], scale, largest)
     some = f"; {len(rows)} of {len(places)}" if len(rows) < len(places) else ""
     view = View(titled(f"{title}, largest {largest:.3g} µm", said + some))
-    view.layout["coloraxis"] = colour_axis("deviation [µm]", largest)
+    view.layout["coloraxis"] = colour_axis("deviation (µm)", largest)
     view.add(bar)
     said_at = [f"{texts[k]}<b>{length[k]:.3g} µm</b>" for k in rows]
     hover = {"text": said_at, "hovertemplate": "%{text}<extra></extra>"}
@@ -189,7 +189,7 @@ def flatness_view(result: Flatness, *, magnification: float | None = None) -> Vi
     scale = arrow_scale(float(np.abs(z).max(initial=0.0)), size, magnification)
     points = np.column_stack([x, y, scale * z])
     texts = [f"x {a:g}, y {b:g} mm<br><b>{c:+.3g} µm</b>" for a, b, c in zip(x, y, z, strict=True)]
-    axis = colour_axis("height [µm]", float(z.max()), low=float(z.min()))
+    axis = colour_axis("height (µm)", float(z.max()), low=float(z.min()))
     paint: dict[str, Any] = {"intensity": z, "coloraxis": "coloraxis", "flatshading": False}
     hover: dict[str, Any] = {"hoverinfo": "text", "text": texts}
     view = View(

@@ -31,7 +31,7 @@ def run_view(run: ContourRun, *, magnification: float | None = None) -> View:
     bar, said = scale_bar(low - [0.0, 0.1 * size, 0.0], scale, largest)
     title = f"Contour error, {run.controller} controller, largest {largest:.3g} µm"
     view = View(titled(title, said.replace("arrows", "contour error")))
-    view.layout["coloraxis"] = colour_axis("contour error [µm]", largest)
+    view.layout["coloraxis"] = colour_axis("contour error (µm)", largest)
     view.add(bar)
     time = run.time_s[rows]
     hover = {

@@ -104,7 +104,7 @@ def touches_view(
         label = at.label if at.label not in view.steps else f"{at.label} ({len(view.steps)})"
         view.steps[label] = drawing.posture(at, np.flatnonzero(which == k))
     if values is not None:
-        view.layout["coloraxis"] = colour_axis("residual [µm]", np.abs(values).max(initial=1e-9))
+        view.layout["coloraxis"] = colour_axis("residual (µm)", np.abs(values).max(initial=1e-9))
     return view
 
 

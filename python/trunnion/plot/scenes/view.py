@@ -109,7 +109,7 @@ def scene_axes(traces: Sequence[Trace], *, zoom: float = 1.0) -> dict[str, Any]:
     }
     axes: dict[str, Any] = {
         f"{x}axis": {
-            "title": {"text": f"{x.upper()} [mm]"},
+            "title": {"text": f"{x.upper()} (mm)"},
             "range": [float(middle[k] - span[k] / 2), float(middle[k] + span[k] / 2)],
             **look,
         }

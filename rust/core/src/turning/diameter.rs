@@ -11,10 +11,13 @@
 //! | [`Cause::Bending`] | +B (z/L)³ f d⁻⁴: the part gives way like a cantilever, 2 F z³ / 3 E I | B |
 //! | [`Cause::ChuckTilt`] | +B (z/L)² f: chuck and spindle tilt under the moment F z | B |
 //! | [`Cause::Barrel`] | +4 M (z/L)(1 - z/L): the slide is bent | M |
+//! | [`Cause::WorkpieceHeating`] | -E d (1 - exp(-t/τ)): the part is cut warm and shrinks as it cools | E, τ |
+//! | [`Cause::BlockAcceleration`] | -a (1 - √(u/w)), u < w: the feed falls to zero at the start of a block and with it the force that bends the part away | a, w |
 //! | [`Cause::Chatter`] | a cos(2π s/p) + b sin(2π s/p) | a, b, p |
 //!
 //! f is the cutting force over that of the first cut (as the depth of cut), d the diameter over that
-//! of the first cut.
+//! of the first cut. u is the distance to the nearest start of a block and w the way in which the
+//! axis reaches its feed: v²/(2 · acceleration); uniform acceleration gives v ∝ √u.
 
 use std::f64::consts::TAU;
 
@@ -33,6 +36,8 @@ pub struct Cut {
     pub force: f64,
     /// Diameter over that of the reference cut.
     pub diameter: f64,
+    /// Distance along z to the nearest start of a block, mm; infinite without any.
+    pub to_block_mm: f64,
 }
 
 /// A cause of a diameter error.
@@ -50,19 +55,25 @@ pub enum Cause {
     ChuckTilt,
     /// Error M in the middle of the overhang, mm.
     Barrel,
+    /// Amplitude E at the reference diameter, mm; time constant τ, s.
+    WorkpieceHeating,
+    /// What the diameter loses where the axis stands, a, mm; way of acceleration w, mm.
+    BlockAcceleration,
     /// a, b, mm; pitch p, mm.
     Chatter,
 }
 
 impl Cause {
     /// Every cause.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::ToolHeating,
         Self::ToolWear,
         Self::Taper,
         Self::Bending,
         Self::ChuckTilt,
         Self::Barrel,
+        Self::WorkpieceHeating,
+        Self::BlockAcceleration,
         Self::Chatter,
     ];
 
@@ -76,6 +87,8 @@ impl Cause {
             Self::Bending => "bending",
             Self::ChuckTilt => "chuck_tilt",
             Self::Barrel => "barrel",
+            Self::WorkpieceHeating => "workpiece_heating",
+            Self::BlockAcceleration => "block_acceleration",
             Self::Chatter => "chatter",
         }
     }
@@ -95,7 +108,7 @@ impl Cause {
     #[must_use]
     pub const fn count(self) -> usize {
         match self {
-            Self::ToolHeating => 2,
+            Self::ToolHeating | Self::WorkpieceHeating | Self::BlockAcceleration => 2,
             Self::Chatter => 3,
             _ => 1,
         }
@@ -109,9 +122,12 @@ impl Cause {
         let share = cut.z_mm / overhang_mm;
         let linear = |shape: f64| (p * shape, [shape, 0.0, 0.0]);
         match self {
-            Self::ToolHeating => {
-                let decay = (-cut.time_s / q).exp();
-                (-p * (1.0 - decay), [-(1.0 - decay), p * decay * cut.time_s / (q * q), 0.0])
+            Self::ToolHeating => heating(p, q, cut.time_s, 1.0),
+            Self::WorkpieceHeating => heating(p, q, cut.time_s, cut.diameter),
+            Self::BlockAcceleration if cut.to_block_mm >= q => (0.0, [0.0; 3]),
+            Self::BlockAcceleration => {
+                let share = (cut.to_block_mm / q).sqrt();
+                (-p * (1.0 - share), [share - 1.0, -0.5 * p * share / q, 0.0])
             }
             Self::ToolWear => linear(cut.time_s),
             Self::Taper => linear(2.0 * cut.z_mm),
@@ -128,13 +144,28 @@ impl Cause {
     }
 }
 
+/// -E d (1 - exp(-t/τ)) and its derivatives.
+fn heating(amplitude: f64, tau: f64, time: f64, diameter: f64) -> (f64, [f64; 3]) {
+    let decay = (-time / tau).exp();
+    let rise = diameter * (1.0 - decay);
+    let by_tau = amplitude * diameter * decay * time / (tau * tau);
+    (-amplitude * rise, [-rise, by_tau, 0.0])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn derivatives_are_those_of_the_errors() {
-        let cut = Cut { z_mm: 40.0, length_mm: 25.0, time_s: 12.0, force: 1.3, diameter: 0.9 };
+        let cut = Cut {
+            z_mm: 40.0,
+            length_mm: 25.0,
+            time_s: 12.0,
+            force: 1.3,
+            diameter: 0.9,
+            to_block_mm: 11.0,
+        };
         for cause in Cause::ALL {
             let at = [0.02, if cause == Cause::Chatter { 0.01 } else { 30.0 }, 7.0];
             let (_, exact) = cause.error(at, &cut, 65.0);
@@ -153,7 +184,14 @@ mod tests {
 
     #[test]
     fn the_law_of_the_dry_run() {
-        let cut = Cut { z_mm: 0.0, length_mm: 0.0, time_s: 34.0, force: 1.0, diameter: 1.0 };
+        let cut = Cut {
+            z_mm: 0.0,
+            length_mm: 0.0,
+            time_s: 34.0,
+            force: 1.0,
+            diameter: 1.0,
+            to_block_mm: f64::INFINITY,
+        };
         let (error, _) = Cause::ToolHeating.error([0.043, 34.0, 0.0], &cut, 65.0);
         assert!((error + 0.043 * (1.0 - (-1.0_f64).exp())).abs() < 1e-15);
     }

@@ -1,0 +1,153 @@
+"""Walk through a release: what is done, what is left, in order. It changes nothing without --do.
+
+`make release` checks; `python tools/release.py --do` dates the changelog, commits and tags
+if every check before it holds. Uploading is left to a person, with the command to type.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+CHANGELOG = ROOT / "CHANGELOG.md"
+
+
+def git(*words: str) -> str:
+    """Run git in the repository and return what it prints."""
+    return subprocess.run(
+        ["git", *words], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def version() -> str:
+    """Return the version in Cargo.toml, where the package takes it from."""
+    found = re.search(r'^version = "([^"]+)"', (ROOT / "Cargo.toml").read_text(), re.MULTILINE)
+    if found is None:
+        raise SystemExit("Cargo.toml: no version")
+    return found[1]
+
+
+def head() -> tuple[str, str]:
+    """Return version and date of the section at the top of the changelog."""
+    found = re.search(r"^## (\S+) \(([^)]+)\)", CHANGELOG.read_text(), re.MULTILINE)
+    return (found[1], found[2]) if found else ("", "")
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the list: what should hold, what is wrong (or ""), how it is put right."""
+
+    what: str
+    wrong: Callable[[], str]
+    how: str = ""
+
+
+def _version() -> str:
+    locked = (ROOT / "Cargo.lock").read_text()
+    own = re.search(r'name = "trunnion-py"\nversion = "([^"]+)"', locked)
+    return "" if own and own[1] == version() else f"Cargo.lock has {own[1] if own else 'none'}"
+
+
+def _changelog() -> str:
+    there, _ = head()
+    return "" if there == version() else f"the section at the top is of {there or 'nothing'}"
+
+
+def _dated() -> str:
+    _, date = head()
+    return "" if re.fullmatch(r"\d{4}-\d\d-\d\d", date) else f"it says ({date})"
+
+
+def _clean() -> str:
+    changed = git("status", "--porcelain")
+    return f"{len(changed.splitlines())} files are changed and not committed" if changed else ""
+
+
+def _branch() -> str:
+    name = git("branch", "--show-current")
+    return "" if name == "main" else f"this is {name or 'no branch'}"
+
+
+def _tag() -> str:
+    return f"v{version()} is there already" if git("tag", "--list", f"v{version()}") else ""
+
+
+def _files() -> str:
+    """Whether wheel and source are there, of this version and newer than the last commit."""
+    last = int(git("log", "-1", "--format=%ct"))
+    for ending in ("*.whl", "tar.gz"):
+        found = [*(ROOT / "dist").glob(f"trunnion-{version()}*{ending.lstrip('*')}")]
+        if not found:
+            return f"dist: no file that ends in {ending.lstrip('*')}"
+        if max(path.stat().st_mtime for path in found) < last:
+            return f"dist: {found[0].name} is older than the last commit"
+    return ""
+
+
+def _bom() -> str:
+    return "" if (ROOT / "dist" / "sbom.json").exists() else "dist/sbom.json is not there"
+
+
+def _site() -> str:
+    found = [ROOT / name / "index.html" for name in ("target/site",)]
+    return "" if any(path.exists() for path in found) else "no site was built"
+
+
+CHECKS = (
+    Check("the branch is main", _branch, "git switch main"),
+    Check("nothing is changed", _clean, "git commit"),
+    Check("one version in Cargo.toml and Cargo.lock", _version, "cargo update --workspace"),
+    Check("the changelog begins with this version", _changelog, "write it"),
+    Check("wheel and source distribution, tried in fresh environments", _files, "make wheels"),
+    Check("list of what it is made of, licences checked", _bom, "make sbom"),
+    Check("documentation builds without a warning", _site, "make site"),
+    Check("no tag of this version yet", _tag, "raise the version in Cargo.toml"),
+    Check("the changelog has the date", _dated, "tools/release.py --do sets it"),
+)
+BY_DO = ("the changelog has the date",)
+"""What --do does itself."""
+
+
+def main() -> None:
+    """Print the list; with --do and nothing wrong, date, commit and tag."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--do", action="store_true", help="date, commit and tag if nothing is wrong"
+    )
+    do = parser.parse_args().do
+    print(f"Release {version()}{'' if do else ' (dry: nothing is changed)'}")
+    left = []
+    for check in CHECKS:
+        wrong = check.wrong()
+        print(
+            f"  [{' ' if wrong else 'x'}] {check.what}{f': {wrong}; {check.how}' if wrong else ''}"
+        )
+        if wrong and check.what not in BY_DO:
+            left.append(check.what)
+    print("  [ ] by hand: make lint; make test; the tutorials by fresh eyes")
+    if left:
+        print(f"{len(left)} to do.")
+        sys.exit(1 if do else 0)
+    commands = f"git push --follow-tags; twine upload dist/trunnion-{version()}*"
+    if not do:
+        print(f"Ready: python tools/release.py --do, then {commands}")
+        return
+    text, today = CHANGELOG.read_text(), datetime.datetime.now(tz=datetime.UTC).date()
+    CHANGELOG.write_text(
+        text.replace(f"## {version()} ({head()[1]})", f"## {version()} ({today})", 1)
+    )
+    if git("status", "--porcelain"):
+        git("commit", "--all", "--message", f"Version {version()}")
+    git("tag", "--annotate", f"v{version()}", "--message", f"Version {version()}")
+    print(f"Tagged v{version()}. Then: {commands}")
+
+
+if __name__ == "__main__":
+    main()
