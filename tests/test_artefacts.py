@@ -16,6 +16,8 @@ from scipy.optimize import brentq
 
 import trunnion as tn
 from trunnion.base.units import Floats
+from trunnion.machine.chain import Chain
+from trunnion.plot.scenes.machine import Posture, artefact_traces
 from twin import forward
 
 PLATE = tn.Artefact(
@@ -60,7 +62,8 @@ def twin_travel(plan: tn.Touches, setup: tn.Setup, effects: dict[str, dict[str, 
     """Travel from each start to the contact, (n,), mm."""
     n = len(plan)
     conditions = forward.Conditions(
-        *(np.asarray(plan[name]) for name in ("a_deg", "c_deg")),
+        np.asarray(plan["a_deg"]),
+        np.asarray(plan["c_deg"]),
         plan.direction,
         np.full(n, 600.0),
         np.zeros(n),
@@ -153,3 +156,23 @@ def test_set_ups_of_all_kinds_are_read_and_written(tmp_path: Path) -> None:
         tn.Artefact("ring", diameter_mm=60.0, outer_diameter_mm=50.0)
     with pytest.raises(tn.InputError, match=r"spheres_mm"):
         tn.Artefact("spheres", diameter_mm=20.0)
+
+
+def test_what_is_written_for_the_cross_alone_refuses_with_the_reason() -> None:
+    for artefact in (PLATE, RING):
+        plan, setup = wide(artefact)
+        data = tn.simulate(plan, setup, ERRORS)
+        with pytest.raises(tn.DataError, match="another kind, expected a cross; identify takes"):
+            tn.closed_form(data, setup)
+        text = f"kind '{artefact.kind}', expected one of cross, cuboid, sphere: its contact"
+        with pytest.raises(tn.InputError, match=text):
+            tn.casadi_baseline.identify(data, setup)
+
+
+def test_all_kinds_are_drawn_where_they_are() -> None:
+    """The corners of the meshes are within the artefact's size, at both ends of its height."""
+    for artefact, top in ((PLATE, 90.0), (RING, 25.0), (CUBE, 50.0)):
+        setup = tn.Setup(artefact=artefact)
+        traces = artefact_traces(setup, Posture(Chain(setup), np.zeros(2)))
+        heights = np.concatenate([np.asarray(t["z"]) for t in traces if t["type"] == "mesh3d"])
+        assert heights.max() == pytest.approx(top, abs=0.1)

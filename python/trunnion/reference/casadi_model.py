@@ -220,7 +220,11 @@ class Model:
 
     def __init__(self, setup: Setup, held: Mapping[str, Mapping[str, float]]) -> None:
         self.ca = optional_module("casadi", "trunnion.casadi_baseline", "reference")
-        choose("artefact.kind of the CasADi baseline", setup.artefact.kind, KINDS)
+        if setup.artefact.kind not in KINDS:
+            text = f"one of {', '.join(KINDS)}: its contact is written for these"
+            raise InputError(
+                f"CasADi baseline: got an artefact of kind {setup.artefact.kind!r}, expected {text}"
+            )
         self.setup = setup
         self.axes, self.letters = Axes.of(setup), Chain(setup).letters
         self.held = held

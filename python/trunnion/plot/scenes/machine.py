@@ -14,6 +14,7 @@ from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.plot.scenes.traces import (
     Trace,
+    annulus,
     arrows,
     ball,
     circle,
@@ -148,10 +149,9 @@ def artefact_traces(setup: Setup, at: Posture) -> list[Trace]:
     if artefact.kind == "none":
         return []
     if artefact.kind == "ring":
-        ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, artefact.height_mm]])
-        diameters = (artefact.diameter_mm or 0.0, artefact.outer_diameter_mm or 0.0)
-        walls = [tube(*ends, 0.5 * diameter) for diameter in diameters]
-        return [mesh(placed(points), faces, colour=BODY) for points, faces in walls]
+        radii = 0.5 * (artefact.diameter_mm or 0.0), 0.5 * (artefact.outer_diameter_mm or 0.0)
+        points, faces = annulus(*radii, artefact.height_mm)
+        return [mesh(placed(points), faces, colour=BODY)]
     shown = []
     for centre in map(np.array, artefact.centres_mm):
         points, faces = ball(centre, 0.5 * (artefact.diameter_mm or 0.0))
