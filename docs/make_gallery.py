@@ -205,20 +205,21 @@ def page() -> str:
     lines = [
         "# Gallery",
         "",
-        "Every picture is made by the code beside it, from samples that come with the package, "
-        "by `docs/make_gallery.py`. Each result and "
+        "Every picture is made by the code beside it, from samples that come with the package "
+        "(`SAMPLES = tn.sample_path`): `make gallery`, `docs/make_gallery.py`. Each result and "
         "each kind of data has `.plot()` (matplotlib: `ax=` and keywords such as `color=` or "
         "`title=` are passed on), and what is in space has `.scene()` (Plotly: drag to turn); "
         "`tn.plot.pictures(result)` gives descriptions with `.draw()` and `.figure()` for both.",
         "",
         "```python",
-        "import trunnion as tn",
-        "from trunnion import contouring, hybrid",
-        "",
-        "SAMPLES = tn.sample_path",
-        f"ERRORS = {json.dumps(ERRORS)}",
-        "```",
-        "",
+        *(
+            "import numpy as np",
+            "",
+            "import trunnion as tn",
+            "from trunnion import contouring, hybrid",
+        ),
+        *("", "SAMPLES = tn.sample_path", f"ERRORS = {json.dumps(ERRORS)}"),
+        *("```", ""),
     ]
     for group, members in GROUPS.items():
         lines += [f"## {group}", ""]
@@ -228,7 +229,7 @@ def page() -> str:
             lines += [f"![{title}](figures/gallery/{one.__name__}.png)", ""]
             code = code_of(one)
             if "DOCS" in code:
-                lines += ["<!-- not run: it reads a page of the repository -->"]
+                lines += ["<!-- not run: it reads a page of these documents -->"]
             lines += ["```python", code, "```", ""]
     return "\n".join(lines)
 

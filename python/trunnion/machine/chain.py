@@ -38,6 +38,10 @@ class Chain:
         """Refuse what is no set-up."""
         instance("setup", self.setup, Setup, "a Setup, as read_setup gives it")
 
+    def __getstate__(self) -> dict[str, Setup]:
+        """Pickle the set-up alone: what is derived from it is made anew."""
+        return {"setup": self.setup}
+
     @cached_property
     def _description(self) -> Description:
         return self.setup.description()
