@@ -7,6 +7,7 @@ picture they have where there is none.
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -210,6 +211,15 @@ def page() -> str:
         "`title=` are passed on), and what is in space has `.scene()` (Plotly: drag to turn); "
         "`tn.plot.pictures(result)` gives descriptions with `.draw()` and `.figure()` for both.",
         "",
+        "```python",
+        *(
+            "import numpy as np",
+            "",
+            "import trunnion as tn",
+            "from trunnion import contouring, hybrid",
+        ),
+        *("", "SAMPLES = tn.sample_path", f"ERRORS = {json.dumps(ERRORS)}"),
+        *("```", ""),
     ]
     for group, members in GROUPS.items():
         lines += [f"## {group}", ""]
@@ -217,7 +227,10 @@ def page() -> str:
             title = (one.__doc__ or "").strip()
             lines += [f"### {title.rstrip('.')}", ""]
             lines += [f"![{title}](figures/gallery/{one.__name__}.png)", ""]
-            lines += ["```python", code_of(one), "```", ""]
+            code = code_of(one)
+            if "DOCS" in code:
+                lines += ["<!-- not run: it reads a page of these documents -->"]
+            lines += ["```python", code, "```", ""]
     return "\n".join(lines)
 
 

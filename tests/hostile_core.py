@@ -222,7 +222,7 @@ def _turning() -> Calls:
         "program": (path.program, {**write, "comments": ["text"], "retract_last": True}),
         "turning_correct": (core.turning_correct, correct),
         "turning_change": (core.turning_change, {"before": program, "after": program, "z_mm": z, **follow}),
-        "turning_cause": (core.turning_cause, {"cause": "bending", "cuts": np.ones((3, 5)), "overhang_mm": 100.0, "parameters": [1.0]}),
+        "turning_cause": (core.turning_cause, {"cause": "bending", "cuts": np.ones((3, 6)), "overhang_mm": 100.0, "parameters": [1.0]}),
     }  # fmt: skip
 
 

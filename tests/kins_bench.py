@@ -92,7 +92,7 @@ class Kinematics:
         for i, value in zip(self._places(), position, strict=True):
             pose[i] = value
         assert self.library.kinematicsInverse(pose, joints, None, None) == 0
-        return np.array(list(joints))
+        return np.array(list(joints))[: len(position)]
 
     def cycle_us(self, joints: Floats, count: int = 200_000) -> float:
         """Mean time of forward and inverse kinematics together, µs."""

@@ -86,7 +86,9 @@ def with_outliers() -> Diagnosis:
 @cache
 def with_structure() -> Diagnosis:
     """A wave along Y that no known cause makes."""
-    touches, setup = cross()
+    setup = cross()[1]
+    plan = tn.plan(setup, a_deg=(-60, -30, 0, 30, 60, 90), all_faces=True)
+    touches = tn.simulate(plan, setup, noise_um=0.3, seed=1)
     wave = 5e-3 * np.cos(2 * np.pi * np.asarray(touches.y_mm) / 31.0)
     return tn.diagnose(touches.with_columns(x_mm=touches.x_mm + wave), setup)
 

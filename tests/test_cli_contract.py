@@ -28,7 +28,7 @@ HOSTILE_LINES = 100
 def run(*words: object, code: int = 0) -> str:
     result = RUN(app, [*map(str, words)])
     assert result.exit_code == code, result.output
-    return result.output
+    return result.stdout if "--json" in words else result.output
 
 
 @pytest.mark.parametrize("name", COMMANDS)

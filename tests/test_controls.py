@@ -50,7 +50,7 @@ def test_a_measured_axis_is_corrected_over_its_turns(tmp_path: Path) -> None:
     """A rotary axis with a wave and a reversal, measured every 30°: as a Pocket NC's B."""
 
     def reached(sent: float, sense: int) -> float:
-        return sent + (40 * np.sin(np.radians(sent)) - 15 * sense) / 3600
+        return sent + (40 * float(np.sin(np.radians(sent))) - 15 * sense) / 3600
 
     stops = [(t, d, c) for c in (1, 2) for d in (1, -1) for t in np.arange(0.0, 361.0, 30.0)]
     target, sense, cycle = (np.array(column) for column in zip(*stops, strict=True))

@@ -71,6 +71,14 @@ def test_the_component_puts_the_tool_point_right(code: str, tmp_path: Path) -> N
     assert files.before_um / max(largest(left), files.after_um) > 1000
 
 
+@pytest.mark.parametrize("machine", ["three-axis", "four-axis-a", "head-bc", "table-c-head-b"])
+def test_halcompile_takes_the_component_of_any_chain(machine: str) -> None:
+    control = ControlSetup(centre_mm=(1.0, 2.0, 3.0), pivot_mm=150.0)
+    setup = replace(SETUP, machine=tn.Machine(preset=machine), control=control)
+    made = linuxcnc_files(setup, {})
+    assert compiled("trunnionkins", made.files["trunnionkins.comp"])
+
+
 def test_stock_kinematics_leave_what_is_forecast(tmp_path: Path) -> None:
     files = linuxcnc_files(SETUP, TABLE_2, kinematics="stock")
     homes = {

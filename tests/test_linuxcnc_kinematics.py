@@ -1,6 +1,7 @@
 """The kinematics component for LinuxCNC holds the machine of the contract, both ways."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import trunnion as tn
 from kins_bench import Floats, Kinematics, needs_gcc
 from reference_trt_ca import ARCSEC, table_pose
 from trunnion.compensation import MachineErrors
+from trunnion.controls import linuxcnc_files
 from trunnion.controls.linuxcnc.kinematics import component
 from trunnion.controls.screws import screws, steps
+from trunnion.machine.chain import Chain
 from trunnion.setup.control import ControlSetup
 from trunnion.setup.machines import presets
 
@@ -101,34 +104,121 @@ def test_identity_is_identity_and_other_types_are_refused(tmp_path: Path) -> Non
     np.testing.assert_allclose(kins.inverse(kins.forward(joints)), joints, rtol=0, atol=1e-10)
 
 
-POINTS = {
+POINTS: dict[str, dict[str, tuple[float, float, float]]] = {
     "trt-ca": {"A": (0.0, 5.5, -42.0)},
     "trt-bc": {"B": (-3.5, 0.0, 30.0)},
     "tt-ab": {"A": (0.0, -51.0, 4.0)},  # a Pocket NC
+    "[w B' A' b X Y Z (C) t]": {"A": (0.0, 7.0, -20.0), "B": (4.0, 0.0, -35.0)},
+    "nutating-table": {"B": (2.0, 10.0, -30.0)},
+    "four-axis-a": {"A": (0.0, 3.0, -60.0)},
+    "four-axis-c": {},
+    "three-axis": {},
 }
+HEADS: dict[str, dict[str, tuple[float, float, float]]] = {
+    "head-bc": {"C": (3.0, -2.0, 0.0)},
+    "head-ac": {},
+    "table-c-head-b": {"B": (-4.0, 0.0, 0.0)},
+    "nutating-head": {},
+}
+"""Points less the pivot."""
 
 
-@pytest.mark.parametrize("preset", POINTS)
-def test_axes_off_the_table_top_are_those_of_pinocchio(preset: str, tmp_path: Path) -> None:
-    """The component, the lines of the axes and the steps of the chain, each by itself."""
+def placed(
+    machine: str, points: dict[str, tuple[float, float, float]], length_mm: float
+) -> tn.Setup:
+    """A set-up of a preset or a chain, with points that count from the pivot for heads."""
+    up = length_mm if machine in HEADS else 0.0
+    axes = {k: tn.AxisSetup(point_mm=(x, y, z + up)) for k, (x, y, z) in points.items()}
+    named = tn.Machine(chain=machine) if machine[0] == "[" else tn.Machine(preset=machine)
+    return tn.Setup(
+        artefact=tn.Artefact("none"),
+        machine=named,
+        axes=axes,
+        probe=tn.Probe(length_mm=length_mm),
+        control=ControlSetup(centre_mm=tuple(CENTRE), pivot_mm=150.0),
+    )
+
+
+@pytest.mark.parametrize("machine", [*POINTS, *HEADS])
+def test_any_chain_is_that_of_pinocchio(machine: str, tmp_path: Path) -> None:
+    """With a tool of another length than that of the probe in the set-up."""
     pin = pytest.importorskip("pinocchio")
     random = np.random.default_rng(7)
-    axes = {letter: tn.AxisSetup(point_mm=point) for letter, point in POINTS[preset].items()}
-    setup = setup_of(preset, **axes)
-    errors = random_errors(preset, random)
-    known = MachineErrors.of(setup, errors)
-    model = tn.pinocchio_model(setup, errors)
+    tool, probe = 87.25, 50.0
+    points = (POINTS | HEADS)[machine]
+    setup, with_tool = (placed(machine, points, 150.0 + length) for length in (probe, tool))
+    names = Chain(setup).location_errors
+    errors = {name: round(float(random.uniform(-300, 300)), 3) for name in names}
+    known = MachineErrors.of(setup, errors, EFFECTS)
+    model = tn.pinocchio_model(with_tool, errors)
     data = model.createData()
+    kins = Kinematics(component(setup, known), tmp_path)
+    kins.set({"tool-offset": tool})
+    nominal = tn.pinocchio_model(with_tool, {})
+    order = [3 + "".join(kins.letters).upper().index(letter) for letter in Chain(setup).letters]
+    for kind in (0, 2):
+        assert kins.switch(kind) == 0
+        for _ in range(10):
+            joints = np.r_[
+                random.uniform(-300, 300, 3), random.uniform(-170, 170, len(kins.letters))
+            ]
+            linear = joints[:3] - CENTRE - [0, 0, tool]
+            q = np.r_[linear, np.radians(joints[order])]
+            _, recorded = frames(pin, nominal, nominal.createData(), q)
+            q[:3] += linear_matrix() @ recorded.translation - recorded.translation
+            table, ball = frames(pin, model, data, q)
+            meant = table.actInv(ball.translation)
+            found = kins.forward(joints)
+            place = found[:3] - CENTRE - [0, 0, tool]
+            if kind == 2:  # where the linear axes of a machine without errors are for this point
+                q[:3] = place
+                table, ball = frames(pin, nominal, nominal.createData(), q)
+                place = table.actInv(ball.translation)
+            np.testing.assert_allclose(place, meant, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(kins.inverse(found), joints, rtol=0, atol=1e-9)
+
+
+def frames(pin: Any, model: Any, data: Any, q: Floats) -> tuple[Any, Any]:
+    """Frames of the table and of the ball."""
+    pin.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId("table")], data.oMf[model.getFrameId("ball")].copy()
+
+
+@pytest.mark.parametrize("machine", [*POINTS, *HEADS])
+def test_the_forecast_is_made_for_the_same_machine(machine: str, tmp_path: Path) -> None:
+    """Joints of the component are the commands of the exact correction in the forecast."""
+    random = np.random.default_rng(8)
+    setup = placed(machine, (POINTS | HEADS)[machine], 200.0)
+    names = Chain(setup).location_errors
+    errors = {name: round(float(random.uniform(-300, 300)), 3) for name in names}
+    known = MachineErrors.of(setup, errors, EFFECTS)
+    kins = Kinematics(component(setup, known), tmp_path)
+    kins.set({"tool-offset": 50.0})
+    at = random.uniform(-200, 200, (10, 3))
+    rotary = random.uniform(-170, 170, (10, len(kins.letters)))
+    letters = "".join(kins.letters).upper()
+    order = [letters.index(letter) for letter in Chain(setup).letters]
+    commands = tn.ModelCompensation(known).commands(setup, at, rotary[:, order])
+    offset = CENTRE + np.array([0, 0, 50.0])
+    joints = np.array([kins.inverse(np.r_[p + offset, r]) for p, r in zip(at, rotary, strict=True)])
+    np.testing.assert_allclose(joints[:, :3] - offset, commands[:, :3], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc", "tt-ab", "[w B' A' b X Y Z (C) t]"])
+def test_lines_and_steps_of_other_controls_are_those_of_the_component(
+    preset: str, tmp_path: Path
+) -> None:
+    pin = pytest.importorskip("pinocchio")
+    random = np.random.default_rng(7)
+    setup = placed(preset, POINTS[preset], 100.0)
+    names = Chain(setup).location_errors
+    errors = {name: round(float(random.uniform(-300, 300)), 3) for name in names}
+    known = MachineErrors.of(setup, errors)
     kins = Kinematics(component(setup, known), tmp_path)
     lines, chain = screws(setup, known, "test"), list(steps(setup, known))
     for _ in range(20):
         joints = np.r_[random.uniform(-300, 300, 3), random.uniform(-170, 170, 2)]
-        q = np.r_[joints[:3] - CENTRE, np.radians(joints[3:])]
-        pin.framesForwardKinematics(model, data, q)
-        table = data.oMf[model.getFrameId("table")]
-        ball = data.oMf[model.getFrameId("ball")].translation
         found = kins.forward(joints)[:3] - CENTRE
-        np.testing.assert_allclose(found, table.actInv(ball), rtol=0, atol=1e-9)
         at = (lines.zero @ np.append(found + CENTRE, 1.0))[:3]
         for i in (1, 0):
             turn = pin.exp3(np.radians(joints[3 + i]) * lines.directions[i])
@@ -143,7 +233,7 @@ def test_axes_off_the_table_top_are_those_of_pinocchio(preset: str, tmp_path: Pa
                 place *= pin.SE3(pin.exp3(np.radians(angle) * way), np.zeros(3))
             else:
                 place *= pin.SE3(np.eye(3), step.value * way)
-        np.testing.assert_allclose(place.act(found), ball, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(place.act(found), joints[:3] - CENTRE, rtol=0, atol=1e-9)
 
 
 def test_directions_of_iso_841_are_the_other_sense(tmp_path: Path) -> None:
@@ -168,7 +258,11 @@ def test_what_it_cannot_hold_is_refused() -> None:
         machine=tn.Machine(preset="table-c-head-b"),
         control=ControlSetup(centre_mm=(0.0, 0.0, 0.0)),
     )
-    with pytest.raises(tn.InputError, match="table-c-head-b, expected rotary axes under the table"):
+    with pytest.raises(tn.InputError, match=r"control.pivot_mm: not given, expected the distance"):
         component(head, MachineErrors())
+    with pytest.raises(tn.InputError, match="table-c-head-b, expected rotary axes under the table"):
+        linuxcnc_files(head, {}, kinematics="stock")
+    with pytest.raises(tn.InputError, match="got rotary axes AB, expected AC or BC"):
+        linuxcnc_files(placed("tt-ab", {}, 100.0), {}, kinematics="stock")
     with pytest.raises(tn.InputError, match=r"control.centre_mm: not given, expected the origin"):
         component(tn.Setup(artefact=tn.Artefact("none")), MachineErrors())

@@ -41,7 +41,7 @@ NOT_RESULTS = {
     *("turning.Corner", "turning.Gauge"),
     *("turning.Profile", "turning.TurningProbe"),
     *("studies.Block", "studies.FunctionStudy", "studies.Output", "studies.Parameter"),
-    *("studies.Seeds", "studies.Study"),
+    *("studies.RayExecutor", "studies.Seeds", "studies.Study"),
 }
 
 

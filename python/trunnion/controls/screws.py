@@ -10,12 +10,11 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
+from trunnion.controls.links import AXIS, COMPONENTS, Link, links, table_centre
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 TABLES = ("AC", "BC", "AB")
-AXIS = {"A": (1.0, 0.0, 0.0), "B": (0.0, 1.0, 0.0), "C": (0.0, 0.0, 1.0)}
-_COMPONENTS = ("X", "Y", "Z", "A", "B", "C")
 
 
 def table_letters(setup: Setup, control: str) -> str:
@@ -35,11 +34,7 @@ def table_letters(setup: Setup, control: str) -> str:
                 f"{control}: got axis {letter} along {list(direction)}, expected it along its own "
                 "direction: its kinematics turn about X, Y and Z"
             )
-    if setup.control.centre_mm is None:
-        raise InputError(
-            "control.centre_mm: not given, expected the origin of the machine frame (the centre of "
-            "the table top) in machine coordinates, as X, Y, Z of the work offset"
-        )
+    table_centre(setup)
     return chain.letters
 
 
@@ -71,7 +66,7 @@ def screws(setup: Setup, known: MachineErrors, control: str) -> Screw:
     chain = Chain(setup)
     machine = chain.machine(known.errors)
     mirror = np.diag(chain.linear_senses())
-    centre = np.array(setup.control.centre_mm)
+    centre = table_centre(setup)
     into = np.eye(4)
     into[:3, :3], into[:3, 3] = mirror, centre
 
@@ -111,22 +106,21 @@ class Step:
 
 
 def steps(setup: Setup, known: MachineErrors) -> Iterator[Step]:
-    """From the machine frame to the table: shift, turns about X, Y, Z and axis of each link.
+    """From the machine frame to the table: shift, turns about X, Y, Z and axis of each link."""
+    chain = links(setup)
+    for link in chain.table:
+        for key, shift in zip(COMPONENTS, [*link.offset, 0.0, 0.0, 0.0], strict=True):
+            yield Step(key, float(shift) + _amount(link, key, known))
+        yield Step(link.letter, link.sense, is_axis=True)
+    for key, shift in zip("XYZ", chain.seat, strict=True):
+        if shift:
+            yield Step(key, float(shift))
 
-    Location errors are absolute: what an axis carries has the difference to those of its carrier.
-    """
-    chain = Chain(setup)
-    points = setup.axis_points()
-    carrier, before = "", np.zeros(3)
-    for letter, sense in zip(chain.letters, chain.senses, strict=True):
-        point = np.array(points.get(letter, (0.0, 0.0, 0.0)))
-        point["ABC".index(letter)] = 0.0
-        for i, key in enumerate(_COMPONENTS):
-            name, carried = f"E{key}0{letter}", f"E{key}0{carrier}"
-            value = 0.0
-            if name in chain.location_errors:
-                value = known.errors.get(name, 0.0) - known.errors.get(carried, 0.0)
-                value *= 1e-3 if unit_of(name) == "µm" else 1 / 3600
-            yield Step(key, value + (point[i] - before[i] if i < 3 else 0.0))
-        yield Step(letter, float(sense), is_axis=True)
-        carrier, before = letter, point
+
+def _amount(link: Link, key: str, known: MachineErrors) -> float:
+    """Error of a link against what carries it, mm or degrees."""
+    own, carried = link.errors.get(key, (None, None))
+    if own is None:
+        return 0.0
+    value = known.errors.get(own, 0.0) - known.errors.get(carried or "", 0.0)
+    return value * (1e-3 if unit_of(own) == "µm" else 1 / 3600)

@@ -61,6 +61,9 @@ class ControlSetup(Part):
     centre_mm: tuple[float, float, float] | None = key(
         None, Vector(3, COORDINATE), "that origin in machine coordinates, which the program checks"
     )
+    pivot_mm: float | None = key(
+        None, COORDINATE, "of a head: from its pivot to where the tool length is 0"
+    )
     centre_tolerance_mm: float = key(1.0, Number(1e-3, 1e3), "of this check")
     tool_number: int = key(0, _Tool(), "of the probe: G43 H; 0: the tool length in force is taken")
     tool_check: bool = key(True, Flag(), "stop unless a tool length is in force")

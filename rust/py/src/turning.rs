@@ -372,7 +372,8 @@ pub fn turning_change<'py>(
 
 /// Error of the diameter and its derivatives, in µm, arcsec, s, mm, µm/min.
 ///
-/// `cuts`: z, length cut, time, force, diameter, one row a reading.
+/// `cuts`: z, length cut, time, force, diameter, way to the nearest correction block, one row a
+/// reading.
 #[pyfunction]
 pub fn turning_cause<'py>(
     py: Python<'py>,

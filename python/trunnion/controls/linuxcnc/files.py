@@ -18,18 +18,20 @@ from trunnion.controls.forecast import (
     left_between,
     table_settings,
 )
+from trunnion.controls.links import table_centre
 from trunnion.controls.linuxcnc.comp_file import MAX_ROWS, comp_file
 from trunnion.controls.linuxcnc.kinematics import (
+    PIVOT,
     component,
     held,
     is_conventional,
+    joint_letters,
     pin_values,
 )
 from trunnion.controls.linuxcnc.made import HAL, INI, Made
 from trunnion.controls.linuxcnc.present import Present, read_present
 from trunnion.controls.linuxcnc.sign_test import sign_test
-from trunnion.controls.linuxcnc.stock import STOCK, stock
-from trunnion.controls.screws import table_letters
+from trunnion.controls.linuxcnc.stock import STOCK, check_stock, stock
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -73,8 +75,9 @@ def linuxcnc_files(
     DataError
         An error that the measurement does not identify.
     """
-    table_letters(setup, "LinuxCNC kinematics")
     choose("kinematics", kinematics, ("component", "stock"))
+    if kinematics == "stock":
+        check_stock(setup)
     known = known_errors(setup, estimate, any_size=any_size)
     now = read_present(present)
     own = kinematics == "component"
@@ -82,26 +85,27 @@ def linuxcnc_files(
     return control_files(
         setup, estimate, known,
         f"LinuxCNC with {NAME if own else STOCK[Chain(setup).letters]}",
-        {**made.files, "sign_test.ngc": sign_test(setup)},
+        {**made.files, **({"sign_test.ngc": sign_test(setup)} if Chain(setup).letters else {})},
         made.settings, made.held, left_out=made.left_out, reasons=made.reasons, notes=made.notes,
         between=made.between, seed=seed,
     )  # fmt: skip
 
 
 def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
-    letters = table_letters(setup, "LinuxCNC kinematics")
+    letters = joint_letters(setup)
     mine = held(known)
     tables = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=False, squareness=False)
     pins = pin_values(setup, mine)
     settings = [
         Setting(
-            f"{NAME}.{pin}", HAL, _unit(pin), now.pins.get(f"{NAME}.{pin}"), value, "total",
+            f"{NAME}.{pin}", HAL, _unit(pin), now.pins.get(f"{NAME}.{pin}"), value,
+            "pivot of the head to the gauge line" if pin == PIVOT else "total",
             SIGNS.get(pin[1:2].upper(), "") if pin[2:3] == "0" else "",
         )
         for pin, value in pins.items()
         if value or now.pins.get(f"{NAME}.{pin}")
     ]  # fmt: skip
-    for axis, place in zip("xyz", setup.control.centre_mm or (), strict=True):
+    for axis, place in zip("xyz", table_centre(setup).tolist(), strict=True):
         pin = f"{NAME}.{axis}-rot-point"
         settings.append(Setting(pin, HAL, "mm", now.pins.get(pin), place, "nominal table centre"))
     names = {table.name: f"comp_{table.name}.txt" for table in tables.tables}
@@ -124,7 +128,7 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
     notes = (
         f"1. sudo halcompile --install {NAME}.comp",
         f"2. Take the lines of {INI} over into your INI file; load {HAL} after the kinematics.",
-        "3. Run sign_test.ngc: it says where a mark of the table must be seen.",
+        "3. Run sign_test.ngc: it says where a mark of the table, or the tool point, must be seen.",
         "M428: tool centre point. M429: identity, for probing and homing. M430: programs for the "
         "machine without errors. The work offset stays as it is.",
     )
@@ -149,7 +153,7 @@ def _comp(table: AxisTable) -> str:
 
 def _unit(pin: str) -> str:
     """Unit that ends the name of a pin."""
-    return pin.rpartition("-")[2].replace("um", "µm")
+    return "mm" if pin == PIVOT else pin.rpartition("-")[2].replace("um", "µm")
 
 
 _CODES = (("428", 0), ("429", 1), ("430", 2))

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from importlib.resources import files
 
 import trunnion._core as _core
+from trunnion.base.errors import InputError
+from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
-from trunnion.controls.screws import table_letters
+from trunnion.controls.links import COMPONENTS, Link, links, table_centre
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-DIRECTIONS = "ABC"
-COMPONENTS = {"X": 0, "Y": 1, "Z": 2, "A": 0, "B": 1, "C": 2}
 LINEAR_ERRORS = (
     ("scale_x", "ppm", "e * scale_x_ppm"),
     ("scale_y", "ppm", "e * scale_y_ppm"),
@@ -23,6 +23,7 @@ LINEAR_ERRORS = (
 )
 """Effects that the component holds beside location errors: the entries XX YY ZZ XY XZ YZ of Λ."""
 
+PIVOT = "pivot-length"
 PLACES = 6
 """Decimals of numbers in the source: a nanometre."""
 
@@ -36,7 +37,8 @@ def held(known: MachineErrors) -> MachineErrors:
 
 def is_conventional(setup: Setup) -> bool:
     """Whether all rotary axes count as ISO 841 does, against the turn of the table."""
-    return bool((Chain(setup).senses < 0).all())
+    senses = Chain(setup).senses
+    return bool(senses.size and (senses < 0).all())
 
 
 def pin_values(setup: Setup, known: MachineErrors) -> dict[str, float]:
@@ -46,8 +48,30 @@ def pin_values(setup: Setup, known: MachineErrors) -> dict[str, float]:
     for name, unit, _ in LINEAR_ERRORS:
         pin = f"{name}-{unit}".replace("_", "-")
         pins[pin] = known.effects.get(name, {}).get(unit, 0.0)
+    if (pivot := pivot_mm(setup)) is not None:
+        pins[PIVOT] = pivot
     pins |= {f"zero-{letter.lower()}-arcsec": 0.0 for letter in Chain(setup).letters}
     return {name: round(value, PLACES) + 0.0 for name, value in pins.items()}
+
+
+def pivot_mm(setup: Setup) -> float | None:
+    """From the pivot of a head to the gauge line of the spindle; None without a head.
+
+    Raises InputError: a head, and the set-up does not say it.
+    """
+    if "head" not in Chain(setup).sides.values():
+        return None
+    if setup.control.pivot_mm is None:
+        raise InputError(
+            "control.pivot_mm: not given, expected the distance from the head's pivot to where "
+            "the tool length is 0: probe.length_mm less the probe's length in the tool table"
+        )
+    return setup.control.pivot_mm
+
+
+def joint_letters(setup: Setup) -> str:
+    """Rotary axes in the order of LinuxCNC's joints behind X, Y, Z: by the alphabet."""
+    return "".join(sorted(Chain(setup).letters))
 
 
 def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") -> str:
@@ -56,35 +80,41 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     Raises
     ------
     InputError
-        A machine that it cannot hold, or no ``[control] centre_mm``.
+        No ``[control] centre_mm``; a head without ``pivot_mm``.
     """
-    letters = table_letters(setup, "LinuxCNC kinematics")
-    senses = Chain(setup).senses.tolist()
+    chain, frames, centre = Chain(setup), links(setup), table_centre(setup)
+    letters, joints = chain.letters, joint_letters(setup)
     conventional = is_conventional(setup)
+    signs = [1.0 if conventional else sense for sense in chain.senses.tolist()]
     words = {
         "NAME": name,
         "VERSION": _core.__version__,
         "MACHINE": setup.machine.name,
-        "COORDINATES": " ".join("XYZ" + letters),
+        "COORDINATES": " ".join("XYZ" + joints),
         "AXES": str(len(letters)),
+        "HEAD": str(len(frames.head)),
         "CONVENTIONAL": str(int(conventional)),
         "PINS": _pins(pin_values(setup, known)),
-        "LINKS": _links(setup, letters),
+        "LINKS": "\n".join(
+            _link(link, carries_tool=i < min(1, len(frames.head)))
+            for i, link in enumerate((*frames.head, *frames.table))
+        ),
+        "REACH": "pivot_length + tool_offset" if frames.head else "0",
+        "SEAT": _vector(frames.seat),
+        "NOSE": _vector(frames.nose),
         "LAMBDA": ", ".join(formula for _, _, formula in LINEAR_ERRORS),
-        "ANGLES": "\n".join(
-            f"    angle[{i}] = {'' if conventional or sense > 0 else '-'}sense * joint[{i}];"
-            for i, sense in enumerate(senses)
-        ),
-        "JOINTS": ", ".join(f"joint[{3 + i}]" for i in range(len(letters))),
-        "POSITIONS": ", ".join(f"pos->{c.lower()} + {_zero(c)}" for c in letters),
+        "SIGNS": ", ".join(f"{sign:g}" for sign in [*signs, 0.0]),
+        "JOINTS": ", ".join([*(f"joint[{3 + joints.index(c)}]" for c in letters), "0"]),
+        "POSITIONS": ", ".join([*(f"pos->{c.lower()} + {_zero(c)}" for c in letters), "0"]),
         "TO_POSITIONS": "\n".join(
-            f"    pos->{c.lower()} = joint[{3 + i}] - {_zero(c)};" for i, c in enumerate(letters)
+            f"    pos->{c.lower()} = joint[{3 + i}] - {_zero(c)};" for i, c in enumerate(joints)
         ),
-        "TO_JOINTS": "\n".join(f"    joint[{3 + i}] = turned[{i}];" for i in range(len(letters))),
+        "TO_JOINTS": "\n".join(
+            f"    joint[{3 + i}] = turned[{letters.index(c)}];" for i, c in enumerate(joints)
+        ),
     }
-    for axis, place in zip("XYZ", setup.control.centre_mm or (), strict=True):
-        words[axis] = f"{place:.{PLACES}f}"
-        words[f"S{axis}"] = f"{Chain(setup).linear_senses()['XYZ'.index(axis)]:.0f}"
+    for axis, place, sense in zip("XYZ", centre, chain.linear_senses(), strict=True):
+        words |= {axis: f"{place:.{PLACES}f}", f"S{axis}": f"{sense:.0f}"}
     text = files(__package__).joinpath("kinematics.comp.in").read_text(encoding="utf-8")
     for word, value in words.items():
         text = text.replace(f"@{word}@", value)
@@ -101,43 +131,31 @@ def _pins(values: Mapping[str, float]) -> str:
     for name, value in values.items():
         what, _, unit = name.rpartition("-")
         said = what.upper() if "0" in what else what.replace("-", " ")
-        unit = unit.replace("um", "µm")
+        unit = "mm: pivot to the gauge line" if name == PIVOT else unit.replace("um", "µm")
         lines.append(f'pin in float {name.replace("-", "_")} = {value!r} "{said}, {unit}";')
     return "\n".join(lines)
 
 
-def _links(setup: Setup, letters: str) -> str:
-    """Frame of each rotary axis in that of the axis that carries it.
-
-    Location errors are absolute: what an axis carries has the difference to those of its carrier.
-    """
-    names = Chain(setup).location_errors
-    points = setup.axis_points()
-    lines, carrier, before = [], "", (0.0, 0.0, 0.0)
-    for letter in letters:
-        axis = DIRECTIONS.index(letter)
-        point = list(points.get(letter, (0.0, 0.0, 0.0)))
-        point[axis] = 0.0
-        parts: dict[str, list[str]] = {"offset": ["0"] * 3, "tilt": ["0"] * 3}
-        for i in range(3):
-            parts["offset"][i] = f"{point[i] - before[i]:.{PLACES}f}"
-        for kind, unit in COMPONENTS.items():
-            name = f"E{kind}0{letter}"
-            if name not in names:
-                continue
-            term = _pin(name, names)
-            carried = f"E{kind}0{carrier}"
-            if carried in names:
-                term = f"({term} - {_pin(carried, names)})"
-            if names[name] == "um":
-                parts["offset"][unit] += f" + u * {term}"
-            else:
-                parts["tilt"][unit] = f"a * {term}"
-        offset, tilt = ", ".join(parts["offset"]), ", ".join(parts["tilt"])
-        lines.append(f"            {{{axis}, {{{offset}}}, {{{tilt}}}}},")
-        carrier, before = letter, (point[0], point[1], point[2])
-    return "\n".join(lines)
+def _link(link: Link, *, carries_tool: bool) -> str:
+    """Return a frame in that of the axis that carries it, with the pins of its errors."""
+    parts: dict[str, list[str]] = {key: [] for key in COMPONENTS}
+    for key, (own, carried) in link.errors.items():
+        term = _pin(own) if carried is None else f"({_pin(own)} - {_pin(carried)})"
+        parts[key].append(f"{'u' if key in 'XYZ' else 'a'} * {term}")
+    for key, shift in zip("XYZ", link.offset, strict=True):
+        parts[key].insert(0, f"{shift:.{PLACES}f}")
+    if carries_tool:
+        parts["Z"].append("reach")
+    sums = [" + ".join(parts[key] or ["0"]) for key in COMPONENTS]
+    offset, tilt = ", ".join(sums[:3]), ", ".join(sums[3:])
+    about = _vector(link.direction, 15)
+    return f"            {{{about}, {{{offset}}}, {{{tilt}}}}}, /* {link.letter} */"
 
 
-def _pin(name: str, names: Mapping[str, str]) -> str:
-    return f"{name.lower()}_{names[name]}"
+def _vector(values: Floats, places: int = PLACES) -> str:
+    return "{" + ", ".join(f"{value + 0.0:.{places}f}" for value in values) + "}"
+
+
+def _pin(name: str) -> str:
+    """Return the pin of a location error as C knows it."""
+    return f"{name.lower()}_{unit_of(name).replace('µ', 'u')}"

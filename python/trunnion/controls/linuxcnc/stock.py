@@ -20,6 +20,16 @@ from trunnion.setup.control import WORK_OFFSETS
 STOCK = {"AC": "xyzac-trt-kins", "BC": "xyzbc-trt-kins"}
 
 
+def check_stock(setup: Setup) -> None:
+    """Raise InputError for a machine that none of them holds."""
+    letters = table_letters(setup, "kinematics that come with LinuxCNC")
+    if letters not in STOCK:
+        raise InputError(
+            f"kinematics 'stock': got rotary axes {letters}, expected AC or BC "
+            f"({', '.join(STOCK.values())}); 'component' holds this machine"
+        )
+
+
 def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     """Rotation points, offsets and zeros for the kinematics that come with LinuxCNC.
 
@@ -27,7 +37,7 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
 
     Raises InputError: rotary axes that count in different senses.
     """
-    letters = table_letters(setup, "LinuxCNC kinematics")
+    letters = Chain(setup).letters
     kins = STOCK[letters]
     found = cnc_parameters(setup, known)
     shift = found.centres_um
