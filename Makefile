@@ -147,6 +147,7 @@ docs: build  ## figures and generated tables of README and docs, from real runs
 	$(BIN)/python docs/make_effects_table.py
 	$(BIN)/python docs/make_files_tables.py
 	$(BIN)/python docs/make_papers.py
+	$(BIN)/python docs/make_artefacts.py
 	$(BIN)/python docs/make_figures.py
 	$(BIN)/python docs/make_drawings.py
 	$(BIN)/python docs/make_effect_pictures.py

@@ -63,11 +63,17 @@ class Scene:
     def artefact(self, points: Floats) -> Floats:
         """Distance of points (..., 3) to what is touched; negative inside a sphere."""
         a, local = self.setup.artefact, self._in_artefact(points)
-        if a.kind == "sphere":
+        if a.centres_mm:
             assert a.diameter_mm is not None
-            return np.asarray(
-                np.linalg.norm(local - np.array(a.centre_mm), axis=-1) - a.diameter_mm / 2
-            )
+            away = local[..., None, :] - np.array(a.centres_mm)
+            return np.asarray(np.linalg.norm(away, axis=-1).min(axis=-1) - a.diameter_mm / 2)
+        if a.kind == "ring":
+            assert a.diameter_mm is not None
+            assert a.outer_diameter_mm is not None
+            out = np.hypot(local[..., 0], local[..., 1])
+            beside = np.maximum(a.diameter_mm / 2 - out, out - a.outer_diameter_mm / 2)
+            over = np.maximum(-local[..., 2], local[..., 2] - a.height_mm)
+            return np.hypot(np.maximum(beside, 0.0), np.maximum(over, 0.0))
         sizes = [(a.length_mm, a.width_mm)]
         if a.kind == "cross":
             sizes.append((a.width_mm, a.length_mm))
@@ -83,10 +89,16 @@ class Scene:
         x, y, z = np.moveaxis(points, -1, 0)
         found = cylinder(np.hypot(x, y) - t.radius_mm, z, -t.thickness_mm, 0.0)
         stem = a.effective_stem_diameter_mm / 2
-        if stem > 0 and a.centre_mm is not None:
-            centre = self.on_table(np.array(a.centre_mm))
+        for centre in self.on_table(np.array(a.centres_mm)) if stem > 0 and a.centres_mm else ():
             out = np.hypot(x - centre[0], y - centre[1]) - stem
             found = np.minimum(found, cylinder(out, z, 0.0, centre[2]))
+        if a.base_mm is not None:
+            x_mm, y_mm, z_mm = a.base_mm
+            local = self._in_artefact(points)
+            local[..., 2] = z
+            low, high = np.array([-x_mm / 2, -y_mm / 2, 0.0]), np.array([x_mm / 2, y_mm / 2, z_mm])
+            nearest = np.clip(local, low, high)
+            found = np.minimum(found, np.linalg.norm(local - nearest, axis=-1))
         return found
 
 
@@ -184,11 +196,15 @@ def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator
     angle = rng.uniform(0, 2 * np.pi, 200)
     rim = t.radius_mm * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     points = [rim, rim - [0.0, 0.0, t.thickness_mm]]
-    if a.kind == "sphere":
+    if a.centres_mm:
         assert a.diameter_mm is not None
         out = rng.normal(size=(300, 3))
         out *= a.diameter_mm / 2 / np.linalg.norm(out, axis=1, keepdims=True)
-        points.append(out + np.array(a.centre_mm))
+        points += [out + np.array(centre) for centre in a.centres_mm]
+    elif a.kind == "ring":
+        assert a.outer_diameter_mm is not None
+        circle = a.outer_diameter_mm / 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points.append(np.column_stack([circle, np.full(len(circle), a.height_mm)]))
     else:
         half = np.array([a.length_mm, a.width_mm]) / 2
         for x, y in (half, half[::-1]) if a.kind == "cross" else (half,):

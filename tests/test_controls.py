@@ -43,7 +43,8 @@ def motor(table: str, position: float, forward: bool) -> float:
     """What LinuxCNC sends to the motor: the position, and what the table takes off."""
     rows = np.array([[float(v) for v in line.split()] for line in table.splitlines()])
     actual = rows[:, 1 if forward else 2]
-    return position + float(np.interp(position, rows[:, 0], rows[:, 0] - actual))
+    taken_off = np.interp(position, rows[:, 0], rows[:, 0] - actual)
+    return float(position + taken_off)
 
 
 def test_a_measured_axis_is_corrected_over_its_turns(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,14 +25,25 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     x, y, z = rng.uniform(-60, 60, 3)
     clearance = float(rng.uniform(2.0, 8.0))
     tolerance = float(rng.uniform(0.0, 0.6) * clearance)
-    standing = {
+    standing: dict[str, Any] = {
         "place_mm": (*rng.uniform(-40, 40, 2), float(rng.choice([0.0, rng.uniform(0, 30)]))),
         "turn_deg": float(rng.choice([0.0, 90.0, rng.uniform(-180, 180)])),
         "tolerance_mm": tolerance,
         "tolerance_deg": float(rng.uniform(0.0, 0.8)),
     }
-    kind = str(rng.choice(["cross", "cuboid", "sphere"]))
-    if kind == "sphere":
+    kind = str(rng.choice(["cross", "cuboid", "sphere", "spheres", "ring"]))
+    if rng.uniform() < 0.2:
+        standing["base_mm"] = (*rng.uniform(20, 120, 2), float(rng.uniform(5, 25)))
+    size: dict[str, Any]
+    if kind == "ring":
+        bore = float(rng.uniform(25, 80))
+        size = {"diameter_mm": bore, "outer_diameter_mm": bore + float(rng.uniform(10, 30))}
+        size["height_mm"] = float(rng.uniform(12, 30))
+    elif kind == "spheres":
+        along = np.cumsum(rng.uniform(35, 60, int(rng.integers(2, 5))))
+        size = {"diameter_mm": float(rng.uniform(15, 25))}
+        size["spheres_mm"] = [(x, *rng.uniform(-8, 8, 1), rng.uniform(40, 70)) for x in along - 80]
+    elif kind == "sphere":
         centre = (*rng.uniform(-20, 20, 2), float(rng.uniform(40, 100)))
         size = {"diameter_mm": float(rng.uniform(15, 40)), "centre_mm": centre}
         if rng.uniform() < 0.3:
@@ -42,7 +54,7 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     ball = float(rng.uniform(0.5, 3.0))
     known = {"EZ0A" if tilting == "A" else "EZ0B": float(rng.uniform(-900, 900))}
     return tn.Setup(
-        artefact=tn.Artefact(kind, **size, **standing),  # type: ignore[arg-type]
+        artefact=tn.Artefact(kind, **size, **standing),
         machine=tn.Machine(preset, known if rng.uniform() < 0.5 else {}),
         axes={tilting: tn.AxisSetup(int(rng.choice([-1, 1])), (x, y, z))},
         probe=tn.Probe(ball, length_mm=150.0, stem_radius_mm=float(rng.uniform(0.3, 0.9)) * ball),
@@ -69,11 +81,11 @@ def random_plan(setup: tn.Setup, rng: np.random.Generator) -> tn.Touches | None:
     return None
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_move_of_any_program_enters_an_obstacle(seed: int) -> None:
+def sweep(count: int, seed: int) -> tuple[int, int]:
+    """Sweep the programs of random machines; return how many had one, and their touches."""
     rng = np.random.default_rng(seed)
-    touches = 0
-    for _ in range(8):
+    machines, touches = 0, 0
+    for _ in range(count):
         setup = random_setup(rng)
         plan = random_plan(setup, rng)
         if plan is None:
@@ -83,8 +95,22 @@ def test_no_move_of_any_program_enters_an_obstacle(seed: int) -> None:
         swept(program, plan, setup, scene)
         highest = highest_when_turning(setup, scene, rng)
         assert highest < program.cycle.swing - setup.probe.ball_radius_mm
-        touches += len(plan)
+        machines, touches = machines + 1, touches + len(plan)
+    return machines, touches
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_move_of_any_program_enters_an_obstacle(seed: int) -> None:
+    _, touches = sweep(8, seed)
     assert touches > 50
+
+
+@pytest.mark.power
+def test_no_move_on_five_hundred_machines_enters_an_obstacle() -> None:
+    machines, touches = sweep(700, 100)
+    print(f"{machines} machines with a program, {touches} touches")
+    assert machines >= 500
+    assert touches > 20_000
 
 
 def test_a_sphere_is_never_probed_through_its_stem() -> None:

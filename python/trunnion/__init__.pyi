@@ -106,6 +106,7 @@ from .models.rotary import circles as circles
 from .models.rotary import fit_circles as fit_circles
 from .models.turned_passes import simulate_diameters as simulate_diameters
 from .probing.closed_form import closed_form as closed_form
+from .probing.design import plan_by_axis as plan_by_axis
 from .probing.design import plan_for as plan_for
 from .probing.identify import identify as identify
 from .probing.identify import identify_many as identify_many

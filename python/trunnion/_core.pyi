@@ -50,8 +50,8 @@ _Coupling: TypeAlias = tuple[
     Literal["controller_last", "jacobian_last", "as_printed"],
 ]
 
-def artefact_kinds() -> dict[str, list[tuple[str, int]]]:
-    """Dimensions (mm) of each kind of artefact, in order: name and how many numbers."""
+def artefact_kinds() -> dict[str, list[float]]:
+    """Kinds of artefact: dimensions (mm, in order) of an example of each."""
 
 def closed_form_slips() -> list[str]: ...
 def catalogue(
@@ -71,6 +71,7 @@ class Artefact:
         place_mm: Sequence[float],
         turn_deg: float,
         stem_diameter_mm: float,
+        base_mm: Sequence[float],
         tolerance_mm: float,
         tolerance_deg: float,
     ) -> Artefact: ...

@@ -22,6 +22,7 @@ from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
 from trunnion.setup.machines import Description, check_error
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
+from trunnion.setup.parts import DIMENSIONS
 
 
 @dataclass(frozen=True)
@@ -234,9 +235,8 @@ class Chain:
     def effects(self) -> dict[str, EffectInfo]:
         """Every effect on this machine, whatever is touched, by id."""
         # What an effect of an artefact does depends on its size, that there is such an effect does
-        # not: the first dimension is the largest, as a cross wants it.
-        sizes = {k: sum(n for _, n in named) for k, named in _core.artefact_kinds().items()}
-        kinds = [self._effects(kind, [2.0] + [1.0] * (n - 1)) for kind, n in sizes.items()]
+        # not.
+        kinds = [self._effects(kind, sizes) for kind, sizes in _core.artefact_kinds().items()]
         return {effect.id: effect for effects in kinds for effect in effects}
 
     def effect_id(self, name: str) -> str:
@@ -277,14 +277,24 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
     artefact = setup.artefact
     if artefact.kind == "none":
         raise InputError(
-            "artefact: got none in the set-up, expected [artefact] with kind cross, cuboid or "
-            "sphere"
+            "artefact: got none in the set-up, expected [artefact] with kind "
+            f"{', '.join(kind for kind in DIMENSIONS if kind != 'none')}"
         )
     if artefact.kind == "sphere":
         diameter, centre = artefact.diameter_mm, artefact.centre_mm
         if diameter is None or centre is None:
             raise InputError("sphere: got no diameter_mm or centre_mm, expected both")
         return "sphere", [diameter, *centre]
+    if artefact.kind == "spheres":
+        diameter, spheres = artefact.diameter_mm, artefact.spheres_mm
+        if diameter is None or spheres is None:
+            raise InputError("spheres: got no diameter_mm or spheres_mm, expected both")
+        return "spheres", [diameter, *(value for centre in spheres for value in centre)]
+    if artefact.kind == "ring":
+        diameter, outer = artefact.diameter_mm, artefact.outer_diameter_mm
+        if diameter is None or outer is None:
+            raise InputError("ring: got no diameter_mm or outer_diameter_mm, expected both")
+        return "ring", [diameter, outer, artefact.height_mm]
     return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]
 
 
@@ -299,6 +309,7 @@ def standing_artefact(setup: Setup) -> _core.Artefact:
         place_mm=artefact.place_mm,
         turn_deg=artefact.turn_deg,
         stem_diameter_mm=artefact.effective_stem_diameter_mm,
+        base_mm=artefact.base_mm or (0.0, 0.0, 0.0),
         tolerance_mm=artefact.tolerance_mm,
         tolerance_deg=artefact.tolerance_deg,
     )

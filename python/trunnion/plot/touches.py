@@ -118,14 +118,18 @@ def plot_artefact(
 
 def _draw_solid(axes: Any, setup: Setup) -> None:
     artefact = setup.artefact
-    if artefact.kind == "sphere":
-        radius = 0.5 * (artefact.diameter_mm or 0.0)
-        u, v = np.mgrid[0 : 2 * np.pi : 40j, 0 : np.pi : 20j]
-        x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
-        cx, cy, cz = artefact.centre_mm or (0.0, 0.0, 0.0)
+    radius = 0.5 * (artefact.diameter_mm or 0.0)
+    u, v = np.mgrid[0 : 2 * np.pi : 40j, 0 : np.pi : 20j]
+    if artefact.kind == "ring":
+        x, y, z = radius * np.cos(u), radius * np.sin(u), artefact.height_mm * v / np.pi
+        axes.plot_surface(x, y, z, color=BODY, alpha=0.35, linewidth=0)
+        return
+    x, y, z = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
+    for cx, cy, cz in artefact.centres_mm:
         axes.plot_surface(
             cx + radius * x, cy + radius * y, cz + radius * z, color=BODY, alpha=0.35, linewidth=0
         )
+    if artefact.centres_mm:
         return
     length, width, height = artefact.length_mm, artefact.width_mm, artefact.height_mm
     a, b = 0.5 * length, 0.5 * width

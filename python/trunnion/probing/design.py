@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, positive, whole
+from trunnion.base.checks import choose, positive, whole, within
 from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats, Integers
@@ -127,6 +127,54 @@ def plan_for(
             f"was found within it that identifies {', '.join(left)}"
         )
     return made.with_columns(time_s=cycle_of(made, setup).times()[0])
+
+
+@checked
+def plan_by_axis(
+    setup: Setup, positions: int = 3, *, reach_deg: float = 60.0, feed_mm_min: float = 600.0
+) -> Touches:
+    """Plan touches at a few positions of each rotary axis, the other one at rest.
+
+    As the cycles of controls measure a sphere on the table (Siemens CYCLE996 at three positions of
+    each axis, Heidenhain KinematicsOpt, Renishaw AxiSet); any artefact will do.
+
+    Parameters
+    ----------
+    setup
+        Machine, artefact and probe.
+    positions
+        How many of each axis, from 2: all around for the one that turns the work, from end to end
+        for the one that tilts.
+    reach_deg
+        Ends of the tilting axis, both ways from where the table faces the tool.
+    feed_mm_min
+        Feed of the approaches.
+
+    Returns
+    -------
+    Touches
+        A plan, as :func:`plan` makes it.
+
+    Raises
+    ------
+    InputError
+        Fewer than two positions, a reach that is no angle up to 180°.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> ball = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(60.0, 0.0, 80.0))
+    >>> plan = tn.plan_by_axis(tn.Setup(ball))
+    >>> sorted(set(plan.c_deg.round().tolist())), sorted(set(plan.a_deg.round().tolist()))
+    ([0.0, 120.0, 240.0], [-60.0, 0.0, 60.0])
+    """
+    count = whole("positions", positions, 2, MAX_TOUCHES)
+    reach = within("reach_deg", reach_deg, 0.0, 180.0, "deg")
+    chain = Chain(setup)
+    turns = tuple(float(c) for c in np.arange(count) * 360.0 / count)
+    tilts = tuple(float(t) for t in _level(chain) + np.linspace(-reach, reach, count))
+    arguments = _angles(chain, turns, tilts)
+    return plan(setup, feeds_mm_min=(feed_mm_min,), **arguments)  # type: ignore[arg-type]
 
 
 def candidates(setup: Setup, feed_mm_min: float = 600.0) -> Touches:

@@ -16,7 +16,10 @@ from trunnion.setup import Setup
 
 STEP_ARCSEC = 10.0
 """Of a rotary axis, over which its effect on the readings is differenced."""
-DIMENSIONS = ("artefact_length", "artefact_width", "artefact_height", "artefact_diameter")
+DIMENSIONS = (
+    *("artefact_length", "artefact_width", "artefact_height"),
+    *("artefact_diameter", "artefact_spacing"),
+)
 
 
 def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, ...]:

@@ -49,7 +49,7 @@ def assumptions(setup: Setup) -> list[str]:
             f"No [table] in the set-up: a table of radius {table.radius_mm:g} mm and thickness "
             f"{table.thickness_mm:g} mm is assumed."
         )
-    if artefact.kind == "sphere" and artefact.stem_diameter_mm is None:
+    if artefact.kind in ("sphere", "spheres") and artefact.stem_diameter_mm is None:
         said.append(
             "No stem_diameter_mm in the set-up: the sphere is assumed to stand on a stem of "
             f"{artefact.effective_stem_diameter_mm:.3g} mm."

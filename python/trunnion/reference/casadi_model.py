@@ -211,11 +211,20 @@ def _about_z(points: Floats, angle: float) -> Floats:
     return np.asarray(points @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
 
 
+KINDS = ("cross", "cuboid", "sphere")
+"""What its contact is written for."""
+
+
 class Model:
     """The residual of one touch as a CasADi function of the unknowns x (µm, arcsec, ...)."""
 
     def __init__(self, setup: Setup, held: Mapping[str, Mapping[str, float]]) -> None:
         self.ca = optional_module("casadi", "trunnion.casadi_baseline", "reference")
+        if setup.artefact.kind not in KINDS:
+            text = f"one of {', '.join(KINDS)}: its contact is written for these"
+            raise InputError(
+                f"CasADi baseline: got an artefact of kind {setup.artefact.kind!r}, expected {text}"
+            )
         self.setup = setup
         self.axes, self.letters = Axes.of(setup), Chain(setup).letters
         self.held = held

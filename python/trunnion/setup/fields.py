@@ -161,6 +161,33 @@ class Vector:
 
 
 @dataclass(frozen=True)
+class Vectors:
+    """A list of `least` to `most` lists of `count` numbers."""
+
+    count: int
+    least: int
+    most: int
+    each: Takes = field(default_factory=Number)
+
+    @property
+    def words(self) -> str:
+        """What is expected."""
+        return f"a list of {self.least} to {self.most} lists of {self.count} numbers"
+
+    def __call__(self, what: str, value: Any) -> tuple[tuple[float, ...], ...]:
+        """Return them."""
+        values = value.tolist() if isinstance(value, np.ndarray) else value
+        if not isinstance(values, list | tuple) or not self.least <= len(values) <= self.most:
+            raise InputError(f"{what}: got {thawed(value)!r}, expected {self.words}")
+        takes = Vector(self.count, self.each)
+        found = []
+        for index, item in enumerate(values):
+            with entry(index):
+                found.append(takes(f"{what}[{index}]", item))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
 class Numbers:
     """A table of names with numbers; the owner knows the names."""
 

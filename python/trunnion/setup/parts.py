@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
+import numpy as np
+
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, entry, instance, named
 from trunnion.base.errors import InputError
@@ -29,6 +31,7 @@ from trunnion.setup.fields import (
     Part,
     Section,
     Vector,
+    Vectors,
     key,
     keys_of,
 )
@@ -45,11 +48,13 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
     "cuboid": ("length_mm", "width_mm", "height_mm"),
     "sphere": ("diameter_mm", "centre_mm", "stem_diameter_mm"),
+    "spheres": ("diameter_mm", "spheres_mm", "stem_diameter_mm"),
+    "ring": ("diameter_mm", "outer_diameter_mm", "height_mm"),
     "none": ("length_mm", "width_mm", "height_mm"),  # earlier versions wrote them
 }
 """Keys of an artefact beside its kind; "none" where nothing is touched."""
 
-STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg")
+STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", "base_mm")
 """Keys that say how an artefact of any kind stands on the table."""
 
 CERTIFICATE = ("calibration_um", "calibration_arcsec", "expansion_ppm_k", "temperature_std_k")
@@ -61,11 +66,17 @@ SPEED = Number(1e-3, 1e7)
 
 @dataclass(frozen=True)
 class Artefact(Part):
-    """What is touched, mm. `kind` is "cross", "cuboid" or "sphere" ("none" where nothing is).
+    """What is touched, mm.
 
-    A sphere needs `diameter_mm` and `centre_mm` (artefact frame); they are None for the others.
-    Its stem, from the sphere down to the table top, is an obstacle of a plan; a `stem_diameter_mm`
-    of None is a third of the sphere's: read it as `effective_stem_diameter_mm`.
+    `kind` is "cross", "cuboid" (a datum cube, wherever `place_mm` puts it), "sphere", "spheres" (a
+    ball plate, a ball bar, a scale with its master balls) or "ring" (a ring gauge or a bore, its
+    axis Z of the artefact frame), "none" where nothing is touched.
+
+    A sphere needs `diameter_mm` and `centre_mm`, several need `spheres_mm`, two to nine centres
+    (all in the artefact frame); a ring needs `diameter_mm` (of the bore) and `outer_diameter_mm`.
+    They are None for the others. Stems, from each sphere down to the table top, are obstacles of a
+    plan, as is a plate of the lengths `base_mm` under the artefact; a `stem_diameter_mm` of None is
+    a third of the sphere's: read it as `effective_stem_diameter_mm`.
 
     `place_mm` and `turn_deg` (about Z) are where the artefact's frame nominally stands in the
     table's, whose origin is the centre of its top; the placement that is identified is the
@@ -87,10 +98,14 @@ class Artefact(Part):
     length_mm: float = key(100.0, LENGTH, "along X")
     width_mm: float = key(25.0, LENGTH, "of a cross's bars; of a cuboid along Y")
     height_mm: float = key(25.0, LENGTH, "along Z")
-    diameter_mm: float | None = key(None, LENGTH, "of the sphere")
+    diameter_mm: float | None = key(None, LENGTH, "of the sphere, of each sphere, of the bore")
     centre_mm: tuple[float, float, float] | None = key(
         None, Vector(3, COORDINATE), "of the sphere, artefact frame"
     )
+    spheres_mm: tuple[tuple[float, float, float], ...] | None = key(
+        None, Vectors(3, 2, 9, COORDINATE), "centres of several spheres, artefact frame"
+    )
+    outer_diameter_mm: float | None = key(None, LENGTH, "of the ring; its outside is not touched")
     stem_diameter_mm: float | None = key(
         None, Number(0.0, 1e5), "of the sphere's stem; 0: none; else a third of the sphere's"
     )
@@ -100,6 +115,9 @@ class Artefact(Part):
     turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
     tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
     tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
+    base_mm: tuple[float, float, float] | None = key(
+        None, Vector(3, LENGTH), "plate under the artefact: along X and Y, height; else none"
+    )
     calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
     calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
     expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
@@ -113,7 +131,7 @@ class Artefact(Part):
         own = self.own_names()
         for name, declared in keys_of(Artefact).items():
             value = getattr(self, name)
-            if name in own and value is None and name != "stem_diameter_mm":
+            if name in own and value is None and name not in ("stem_diameter_mm", "base_mm"):
                 raise self.refuse(name, f"{declared.takes.words}: a {self.kind} needs it")
             if name not in own and value != declared.default:
                 has = ", ".join(own[1:])
@@ -121,6 +139,9 @@ class Artefact(Part):
         if self.kind == "cross" and self.width_mm >= self.length_mm:
             limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
             raise self.refuse("width_mm", limit)
+        if (self.outer_diameter_mm or np.inf) <= (self.diameter_mm or 0.0):
+            limit = f"more than artefact.diameter_mm = {self.diameter_mm:g}, the bore's"
+            raise self.refuse("outer_diameter_mm", limit)
         if self.diameter_mm is not None and self.effective_stem_diameter_mm >= self.diameter_mm:
             limit = f"less than artefact.diameter_mm = {self.diameter_mm:g}: the sphere is touched"
             raise self.refuse("stem_diameter_mm", limit)
@@ -129,7 +150,15 @@ class Artefact(Part):
     def effective_stem_diameter_mm(self) -> float:
         """Diameter of a sphere's stem: as given, or a third of the sphere's; else 0."""
         given = self.stem_diameter_mm
+        if "stem_diameter_mm" not in self.own_names():
+            return 0.0
         return (self.diameter_mm or 0.0) / 3.0 if given is None else given
+
+    @property
+    def centres_mm(self) -> tuple[tuple[float, float, float], ...]:
+        """Centres of its spheres, artefact frame; none where it has none."""
+        own = () if self.centre_mm is None else (self.centre_mm,)
+        return own if self.spheres_mm is None else self.spheres_mm
 
     def own_names(self) -> tuple[str, ...]:
         """Return the names of the keys that this kind has."""

@@ -12,7 +12,7 @@ from trunnion.base.report import Table
 from trunnion.setup.fields import report
 
 if TYPE_CHECKING:
-    from trunnion.setup.parts import Setup
+    from trunnion.setup.parts import Artefact, Setup
 
 PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control", "report")
 SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
@@ -77,15 +77,19 @@ def report_of(setup: Setup) -> Table:
     return Table.of(table.title, table.columns, (*table.rows, *rows))
 
 
+def size_of(artefact: Artefact) -> str:
+    """Return the dimensions of an artefact, with their unit."""
+    sizes = (getattr(artefact, name) for name in SIZES if name in artefact.own_keys())
+    return " × ".join(f"{value:g}" for value in sizes) + " mm"
+
+
 def headline_of(setup: Setup) -> str:
     """Return the machine, the artefact and the probe in one line."""
     kind = setup.artefact.kind
-    sizes = (getattr(setup.artefact, name) for name in SIZES if name in setup.artefact.own_keys())
-    size = " × ".join(f"{value:g}" for value in sizes)
     processes = [f"[{name}]" for name in PROCESSES if getattr(setup, name)]
     said = [
         setup.machine.name,
-        "no artefact" if kind == "none" else f"{kind} {size} mm",
+        "no artefact" if kind == "none" else f"{kind} {size_of(setup.artefact)}",
         f"ball radius {setup.probe.ball_radius_mm:g} mm",
         *processes,
     ]

@@ -7,12 +7,12 @@ use trunnion_core::units::DEG;
 
 use crate::errors::IntoPy;
 
-/// Kinds of artefact: for each its dimensions (mm) in order, name and how many numbers.
+/// Kinds of artefact: dimensions (mm, in order) of an example of each.
 #[pyfunction]
 pub fn artefact_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let all = PyDict::new(py);
     for kind in KINDS {
-        all.set_item(kind.name, kind.dimensions.to_vec())?;
+        all.set_item(kind.name, kind.example.to_vec())?;
     }
     Ok(all)
 }
@@ -28,7 +28,8 @@ pub struct Artefact {
 impl Artefact {
     #[new]
     #[pyo3(signature = (
-        kind, dimensions, *, place_mm, turn_deg, stem_diameter_mm, tolerance_mm, tolerance_deg
+        kind, dimensions, *, place_mm, turn_deg, stem_diameter_mm, base_mm, tolerance_mm,
+        tolerance_deg
     ))]
     fn new(
         kind: &str,
@@ -36,6 +37,7 @@ impl Artefact {
         place_mm: [f64; 3],
         turn_deg: f64,
         stem_diameter_mm: f64,
+        base_mm: [f64; 3],
         tolerance_mm: f64,
         tolerance_deg: f64,
     ) -> PyResult<Self> {
@@ -44,6 +46,7 @@ impl Artefact {
             place: place_mm.into(),
             turn: turn_deg * DEG,
             stem_radius: 0.5 * stem_diameter_mm,
+            base: base_mm.into(),
             tolerance: tolerance_mm,
             turn_tolerance: tolerance_deg * DEG,
         };

@@ -14,6 +14,7 @@ from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
 from trunnion.plot.scenes.traces import (
     Trace,
+    annulus,
     arrows,
     ball,
     circle,
@@ -147,13 +148,18 @@ def artefact_traces(setup: Setup, at: Posture) -> list[Trace]:
 
     if artefact.kind == "none":
         return []
-    if artefact.kind == "sphere":
-        centre = np.array(artefact.centre_mm or (0.0, 0.0, 0.0))
+    if artefact.kind == "ring":
+        radii = 0.5 * (artefact.diameter_mm or 0.0), 0.5 * (artefact.outer_diameter_mm or 0.0)
+        points, faces = annulus(*radii, artefact.height_mm)
+        return [mesh(placed(points), faces, colour=BODY)]
+    shown = []
+    for centre in map(np.array, artefact.centres_mm):
         points, faces = ball(centre, 0.5 * (artefact.diameter_mm or 0.0))
-        shown = [mesh(placed(points), faces, flatshading=False)]
+        shown.append(mesh(placed(points), faces, flatshading=False))
         if (stem := artefact.effective_stem_diameter_mm) > 0:
             points, faces = tube(centre * [1.0, 1.0, 0.0], centre, 0.5 * stem)
             shown.append(mesh(placed(points), faces, colour=MUTED))
+    if shown:
         return shown
     outline = artefact_outline(setup)
     points, faces = prism(outline, 0.0, artefact.height_mm)

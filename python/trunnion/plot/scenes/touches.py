@@ -26,6 +26,7 @@ from trunnion.plot.scenes.view import (
 from trunnion.plot.style import BLUE, GREEN, OCHRE, VERMILLION
 from trunnion.probing.steps import arrangement
 from trunnion.setup import Setup
+from trunnion.setup.write import size_of
 
 MAX_POSTURES = 24
 """Steps of the slider: of more postures some are shown, and the title says so."""
@@ -44,15 +45,7 @@ def _standing(setup: Setup) -> str:
     artefact = setup.artefact
     if artefact.kind == "none":
         return ""
-    size = (
-        f"{artefact.diameter_mm:g} mm"
-        if artefact.kind == "sphere"
-        else " × ".join(
-            f"{s:g}" for s in (artefact.length_mm, artefact.width_mm, artefact.height_mm)
-        )
-        + " mm"
-    )
-    return f"{artefact.kind} {size}, table ∅ {2 * setup.table.radius_mm:g} mm"
+    return f"{artefact.kind} {size_of(artefact)}, table ∅ {2 * setup.table.radius_mm:g} mm"
 
 
 def touches_view(

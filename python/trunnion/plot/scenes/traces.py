@@ -196,6 +196,21 @@ def prism(outline: Floats, low: float, high: float) -> tuple[Floats, Floats]:
     return points, np.concatenate(faces)
 
 
+def annulus(inner: float, outer: float, height: float) -> tuple[Floats, Floats]:
+    """Return points and faces of what is between two upright cylinders on z = 0."""
+    low, high = np.zeros(AROUND), np.full(AROUND, height)
+    walls = [(circle(r), z) for r, z in ((outer, low), (outer, high), (inner, high), (inner, low))]
+    points = np.vstack([np.column_stack([outline, z]) for outline, z in walls])
+    k = np.arange(AROUND)
+    after = (k + 1) % AROUND
+    faces = []
+    for wall in range(4):
+        here, there = wall * AROUND, (wall + 1) % 4 * AROUND
+        faces.append(np.column_stack([here + k, here + after, there + k]))
+        faces.append(np.column_stack([here + after, there + after, there + k]))
+    return points, np.concatenate(faces)
+
+
 def edges_of(outline: Floats, low: float, high: float, *, upright: bool) -> list[Floats]:
     """Return the edges of a prism as polylines."""
     closed = np.vstack([outline, outline[:1]])

@@ -29,8 +29,12 @@ pub struct Cross {
     pub height: f64,
 }
 
-pub(super) const KIND: Kind =
-    Kind { name: "cross", dimensions: &[("length", 1), ("width", 1), ("height", 1)], make };
+pub(super) const KIND: Kind = Kind {
+    name: "cross",
+    dimensions: &[("length", 1), ("width", 1), ("height", 1)],
+    example: &[2.0, 1.0, 1.0],
+    make,
+};
 
 fn make(dimensions: &[f64]) -> Result<Artefact> {
     let [length, width, height] = exactly(&KIND, dimensions)?;
@@ -75,6 +79,10 @@ impl Shape for Cross {
         } else {
             all
         }
+    }
+
+    fn has_plane_faces(&self) -> bool {
+        true
     }
 
     fn outline(&self) -> Vec<Part> {

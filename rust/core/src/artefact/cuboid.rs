@@ -20,8 +20,12 @@ pub struct Cuboid {
     pub height: f64,
 }
 
-pub(super) const KIND: Kind =
-    Kind { name: "cuboid", dimensions: &[("length", 1), ("width", 1), ("height", 1)], make };
+pub(super) const KIND: Kind = Kind {
+    name: "cuboid",
+    dimensions: &[("length", 1), ("width", 1), ("height", 1)],
+    example: &[2.0, 1.0, 1.0],
+    make,
+};
 
 fn make(dimensions: &[f64]) -> Result<Artefact> {
     let [length, width, height] = exactly(&KIND, dimensions)?;
@@ -43,6 +47,10 @@ impl Shape for Cuboid {
 
     fn targets(&self, _: &View) -> Vec<Target> {
         all_targets(*self)
+    }
+
+    fn has_plane_faces(&self) -> bool {
+        true
     }
 
     fn outline(&self) -> Vec<Part> {

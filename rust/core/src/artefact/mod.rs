@@ -5,8 +5,10 @@
 
 mod cross;
 mod cuboid;
+mod ring;
 mod solid;
 mod sphere;
+mod spheres;
 
 use nalgebra::Vector3;
 
@@ -17,8 +19,10 @@ use crate::{Error, Result};
 
 pub use cross::Cross;
 pub use cuboid::Cuboid;
+pub use ring::Ring;
 pub use solid::{Contact, Line, Search, Solid};
 pub use sphere::Sphere;
+pub use spheres::{MAX_SPHERES, Spheres};
 
 /// Nominal shape, dimensions in mm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,6 +33,10 @@ pub enum Artefact {
     Cuboid(Cuboid),
     /// A sphere on a post.
     Sphere(Sphere),
+    /// Several spheres.
+    Spheres(Spheres),
+    /// A ring gauge or a bore.
+    Ring(Ring),
 }
 
 /// How an artefact stands on the table.
@@ -40,6 +48,8 @@ pub struct Fixture {
     pub turn: f64,
     /// Radius of the stem that carries a sphere, mm; 0: none.
     pub stem_radius: f64,
+    /// Lengths of the plate that it stands on, on the table and turned with it, mm; 0: none.
+    pub base: Vector3<f64>,
     /// How far its origin may lie from the nominal place, in any direction, mm.
     pub tolerance: f64,
     /// How far it may be turned about Z from nominal, rad.
@@ -68,11 +78,13 @@ pub struct Kind {
     pub name: &'static str,
     /// Its dimensions, mm, in order: name (in the set-up file without the unit) and how many numbers.
     pub dimensions: &'static [(&'static str, usize)],
+    /// Dimensions of some artefact of this kind.
+    pub example: &'static [f64],
     make: fn(&[f64]) -> Result<Artefact>,
 }
 
 /// All kinds.
-pub const KINDS: [Kind; 3] = [cross::KIND, cuboid::KIND, sphere::KIND];
+pub const KINDS: [Kind; 5] = [cross::KIND, cuboid::KIND, sphere::KIND, spheres::KIND, ring::KIND];
 
 /// A dimension that may be wrong: an effect of the catalogue.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,6 +114,15 @@ pub enum Part {
         radius: f64,
         /// Centre, mm.
         centre: Vector3<f64>,
+    },
+    /// What is between two cylinders about Z, its base on z = 0.
+    Ring {
+        /// Inner radius, mm.
+        bore: f64,
+        /// Outer radius, mm.
+        outer: f64,
+        /// Height, mm.
+        height: f64,
     },
 }
 
@@ -146,6 +167,10 @@ trait Shape {
     fn dimensions(&self) -> Vec<Dimension>;
     /// The places worth a touch.
     fn targets(&self, view: &View) -> Vec<Target>;
+    /// Whether each of its faces is plane, so that a touch can be held to the one that is meant.
+    fn has_plane_faces(&self) -> bool {
+        false
+    }
     /// The solid as obstacles.
     fn outline(&self) -> Vec<Part>;
     /// Name of the face with this outward normal at a point, artefact frame.
@@ -162,6 +187,8 @@ impl Artefact {
             Self::Cross(cross) => cross,
             Self::Cuboid(cuboid) => cuboid,
             Self::Sphere(sphere) => sphere,
+            Self::Spheres(spheres) => spheres,
+            Self::Ring(ring) => ring,
         }
     }
 
@@ -193,6 +220,12 @@ impl Artefact {
     #[must_use]
     pub fn targets(&self, view: &View) -> Vec<Target> {
         self.shape().targets(view)
+    }
+
+    /// Whether each of its faces is plane, so that a touch can be held to the one that is meant.
+    #[must_use]
+    pub fn has_plane_faces(&self) -> bool {
+        self.shape().has_plane_faces()
     }
 
     /// The solid as obstacles.

@@ -1,6 +1,8 @@
-//! Where a ball on a line touches boxes and spheres.
+//! Where a ball on a line touches boxes, spheres and rings.
 
 use nalgebra::Vector3;
+
+use super::spheres::MAX_SPHERES;
 
 /// Which dimension lies along which direction of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,27 @@ pub enum Solid {
         radius: f64,
         /// Centre in mm.
         centre: Vector3<f64>,
+    },
+    /// The union of spheres.
+    Spheres {
+        /// Radius of each in mm.
+        radius: f64,
+        /// Centres in mm.
+        centres: [Vector3<f64>; MAX_SPHERES],
+        /// How many there are.
+        count: usize,
+        /// By how much of itself a centre moves for one mm of spacing.
+        per_span: f64,
+    },
+    /// What is between two cylinders about Z and between two planes; touched from within and from
+    /// above, its rims and its outside not at all.
+    Ring {
+        /// Radius of the bore in mm.
+        bore: f64,
+        /// Radius of the outside in mm.
+        outer: f64,
+        /// Height over z = 0 in mm.
+        height: f64,
     },
 }
 
@@ -196,9 +219,65 @@ impl Solid {
             Self::Sphere { radius: sphere, centre } => {
                 sphere_contact(line, centre, sphere + radius, search)
             }
+            Self::Spheres { radius: sphere, centres, count, per_span } => {
+                let reach = sphere + radius;
+                let hits = centres[..*count].iter().filter_map(|centre| {
+                    let mut hit = sphere_contact(line, centre, reach, search)?;
+                    hit.shape_rates[1] = -hit.normal.dot(centre) * per_span;
+                    Some(hit)
+                });
+                meant(hits, search)
+            }
+            Self::Ring { bore, outer, height } => {
+                let wall = wall_contact(line, bore - radius, *height);
+                let top = top_contact(line, radius, [*bore, *outer, *height]);
+                let ahead = |hit: &Contact| search == Search::Nearest || hit.travel >= 0.0;
+                meant([wall, top].into_iter().flatten().filter(ahead), search)
+            }
             Self::Blocks(blocks) => blocks_contact(blocks, line, radius, search),
         }
     }
+}
+
+/// The first of the contacts, or the nearest one.
+fn meant(contacts: impl Iterator<Item = Contact>, search: Search) -> Option<Contact> {
+    let far = |hit: &Contact| match search {
+        Search::Ahead => hit.travel,
+        Search::Nearest => hit.travel.abs(),
+    };
+    contacts.min_by(|a, b| far(a).total_cmp(&far(b)))
+}
+
+/// Where a ball meets the wall of a bore from within, its centre within the bore's height; `reach`:
+/// distance of the centre from the axis then.
+fn wall_contact(line: &Line, reach: f64, height: f64) -> Option<Contact> {
+    let Line { origin, direction } = *line;
+    let speed = direction.xy().norm_squared();
+    if speed == 0.0 || reach <= 0.0 {
+        return None;
+    }
+    let closest = -origin.xy().dot(&direction.xy()) / speed;
+    let miss = origin.xy() + direction.xy() * closest;
+    let half_chord = reach * reach - miss.norm_squared();
+    if half_chord <= 0.0 {
+        return None;
+    }
+    let travel = closest + (half_chord / speed).sqrt();
+    let centre = line.at(travel);
+    let normal = -Vector3::new(centre.x, centre.y, 0.0).normalize();
+    let is_within = (0.0..=height).contains(&centre.z);
+    is_within.then_some(Contact { travel, normal, shape_rates: [0.5, 0.0, 0.0, 0.0] })
+}
+
+/// Where a ball that comes down meets the top of a ring: radii of bore and outside, height.
+fn top_contact(line: &Line, radius: f64, [bore, outer, height]: [f64; 3]) -> Option<Contact> {
+    if line.direction.z >= 0.0 {
+        return None;
+    }
+    let travel = (height + radius - line.origin.z) / line.direction.z;
+    let out = line.at(travel).xy().norm();
+    let shape_rates = [0.0, 0.0, -1.0, 0.0];
+    (bore..=outer).contains(&out).then_some(Contact { travel, normal: Vector3::z(), shape_rates })
 }
 
 fn sphere_contact(

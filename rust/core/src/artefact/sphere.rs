@@ -18,8 +18,12 @@ pub struct Sphere {
     pub centre: [f64; 3],
 }
 
-pub(super) const KIND: Kind =
-    Kind { name: "sphere", dimensions: &[("diameter", 1), ("centre", 3)], make };
+pub(super) const KIND: Kind = Kind {
+    name: "sphere",
+    dimensions: &[("diameter", 1), ("centre", 3)],
+    example: &[1.0, 0.0, 0.0, 0.0],
+    make,
+};
 
 fn make(dimensions: &[f64]) -> Result<Artefact> {
     let [diameter, x, y, z] = exactly(&KIND, dimensions)?;
@@ -52,7 +56,7 @@ impl Shape for Sphere {
     }
 
     fn targets(&self, view: &View) -> Vec<Target> {
-        sphere(0.5 * self.diameter, &self.centre.into(), view.artefact, view.stem)
+        targets_of(0.5 * self.diameter, &self.centre.into(), view.artefact, view.stem)
     }
 
     fn outline(&self) -> Vec<Part> {
@@ -70,7 +74,12 @@ impl Shape for Sphere {
 
 /// The pole towards the stem and four points of the equator, along the machine's directions, so
 /// that the same five moves serve every position of the table.
-fn sphere(radius: f64, centre: &Vector3<f64>, pose: &Pose, stem: &Vector3<f64>) -> Vec<Target> {
+pub(super) fn targets_of(
+    radius: f64,
+    centre: &Vector3<f64>,
+    pose: &Pose,
+    stem: &Vector3<f64>,
+) -> Vec<Target> {
     let side = if stem.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let u = (side - stem * side.dot(stem)).normalize();
     let v = stem.cross(&u);

@@ -69,8 +69,8 @@ struct Obstacle {
     hull: Vec<(Vector3<f64>, f64)>,
     /// How far any of its points may be from nominal, mm.
     growth: f64,
-    /// Whether it is a part of what is touched.
-    is_touched: bool,
+    /// Which part of what is touched it belongs to; none: it is not touched.
+    part: Option<usize>,
 }
 
 /// Artefact, its stem and table as obstacles.
@@ -132,40 +132,81 @@ impl Surroundings {
             table_radius,
             table_thickness,
         };
-        for part in artefact.outline() {
+        for (number, part) in artefact.outline().into_iter().enumerate() {
             match part {
-                Part::Box(lengths) => around.add_box(lengths, fixture.turn),
-                Part::Ball { radius, centre } => around.add_ball(radius, &centre, fixture),
+                Part::Box(lengths) => around.add_box(number, lengths, fixture.turn),
+                Part::Ball { radius, centre } => around.add_ball(number, radius, &centre, fixture),
+                Part::Ring { bore, outer, height } => {
+                    around.add_ring(number, [bore, outer, height], fixture.turn);
+                }
             }
         }
+        around.add_base(&fixture.base, fixture.turn);
         let (pose, shape) = upright(table_radius, &Vector3::zeros(), -table_thickness, 0.0);
         let growth = around.shift_at(0.0);
         let hull = Vec::new();
-        around.obstacles.push(Obstacle { pose, shape, hull, growth, is_touched: false });
+        around.obstacles.push(Obstacle { pose, shape, hull, growth, part: None });
         Ok(around)
     }
 
     /// What carries a box above the table is taken to be as wide as the box.
-    fn add_box(&mut self, [x, y, z]: [f64; 3], turn: f64) {
-        let low = self.origin.z.min(0.0);
-        let high = self.origin.z + z;
+    fn add_box(&mut self, part: usize, [x, y, z]: [f64; 3], turn: f64) {
+        let range = [self.origin.z.min(0.0), self.origin.z + z];
+        self.add_block(Some(part), [x, y], &Vector3::zeros(), range, turn);
+    }
+
+    /// A plate under the artefact, on the table.
+    fn add_base(&mut self, base: &Vector3<f64>, turn: f64) {
+        if base.iter().all(|length| *length > 0.0) {
+            self.add_block(None, [base.x, base.y], &Vector3::zeros(), [0.0, base.z], turn);
+        }
+    }
+
+    /// The wall of a bore as narrow boxes, whose inner faces touch it, and what carries it.
+    fn add_ring(&mut self, part: usize, [bore, outer, height]: [f64; 3], turn: f64) {
+        let range = [self.origin.z.min(0.0), self.origin.z + height];
+        let step = std::f64::consts::TAU / WALLS as f64;
+        let width = 2.0 * outer * (0.5 * step).tan();
+        for wall in 0..WALLS {
+            let angle = turn + step * wall as f64;
+            let middle = Direction::Z.rotation(angle) * Vector3::x() * (0.5 * (bore + outer));
+            self.add_block(Some(part), [outer - bore, width], &middle, range, angle);
+        }
+        if self.origin.z > 0.0 {
+            let (pose, shape) = upright(outer, &self.origin, 0.0, self.origin.z);
+            let growth = self.shift_at(0.0);
+            self.obstacles.push(Obstacle { pose, shape, hull: Vec::new(), growth, part: None });
+        }
+    }
+
+    /// A box with these lengths, its middle off the artefact's origin by `off` (table's frame),
+    /// between two heights over the table.
+    fn add_block(
+        &mut self,
+        part: Option<usize>,
+        [x, y]: [f64; 2],
+        off: &Vector3<f64>,
+        [low, high]: [f64; 2],
+        turn: f64,
+    ) {
         let half = DVec3::new(0.5 * x, 0.5 * y, 0.5 * (high - low));
-        let middle = DVec3::new(self.origin.x, self.origin.y, 0.5 * (low + high));
+        let at = self.origin + off;
+        let middle = DVec3::new(at.x, at.y, 0.5 * (low + high));
         let rotation = Direction::Z.rotation(turn);
         let corners = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)].map(|(i, j)| {
             let across = rotation * Vector3::new(i * x, j * y, 0.0);
-            [low, high].map(|z| (Vector3::new(self.origin.x, self.origin.y, z) + across, 0.0))
+            [low, high].map(|z| (Vector3::new(at.x, at.y, z) + across, 0.0))
         });
         self.obstacles.push(Obstacle {
             pose: DPose3::from_parts(middle, DQuat::from_rotation_z(turn)),
             shape: Box::new(Cuboid::new(half)),
             hull: corners.concat(),
-            growth: self.shift_at(0.5 * x.hypot(y)),
-            is_touched: true,
+            growth: self.shift_at(off.norm() + 0.5 * x.hypot(y)),
+            part,
         });
     }
 
-    fn add_ball(&mut self, radius: f64, centre: &Vector3<f64>, fixture: &Fixture) {
+    fn add_ball(&mut self, part: usize, radius: f64, centre: &Vector3<f64>, fixture: &Fixture) {
         let at = self.origin + Direction::Z.rotation(fixture.turn) * centre;
         let growth = self.shift_at(centre.xy().norm());
         self.obstacles.push(Obstacle {
@@ -173,14 +214,14 @@ impl Surroundings {
             shape: Box::new(Ball::new(radius)),
             hull: vec![(at, radius)],
             growth,
-            is_touched: true,
+            part: Some(part),
         });
         let stem = fixture.stem_radius;
         if stem > 0.0 && at.z > 0.0 {
             let (pose, shape) = upright(stem, &at, 0.0, at.z);
             let foot = Vector3::new(at.x, at.y, 0.0);
             let hull = vec![(foot, stem), (at, stem)];
-            self.obstacles.push(Obstacle { pose, shape, hull, growth, is_touched: false });
+            self.obstacles.push(Obstacle { pose, shape, hull, growth, part: None });
         }
     }
 
@@ -257,8 +298,14 @@ impl Surroundings {
         ends: &[(Stand, Vector3<f64>)],
         stylus: &Stylus,
     ) -> bool {
-        let (touched, others): (Vec<_>, Vec<_>) =
-            self.obstacles.iter().partition(|obstacle| obstacle.is_at(contact, stylus));
+        let at: Vec<usize> = self
+            .obstacles
+            .iter()
+            .filter_map(|obstacle| obstacle.part.filter(|_| obstacle.is_at(contact, stylus)))
+            .collect();
+        let is_touched =
+            |obstacle: &&Obstacle| obstacle.part.is_some_and(|part| at.contains(&part));
+        let (touched, others): (Vec<_>, Vec<_>) = self.obstacles.iter().partition(is_touched);
         others.iter().all(|obstacle| !obstacle.meets(way, stylus, obstacle.growth))
             && ends.iter().all(|(stand, end)| {
                 let way = stand.way(&Way { to: *end, ..*way });
@@ -271,16 +318,20 @@ impl Surroundings {
 /// the machine has errors that nobody knows yet. Programs move exactly (G61): blending adds nothing.
 const SLACK_MM: f64 = 0.05;
 
+/// Boxes that stand for the wall of a bore: between two of them it is 0.05 % of its radius away, which
+/// is within [`SLACK_MM`] for bores up to 180 mm.
+const WALLS: usize = 96;
+
 /// A part is touched where the ball's distance from it is below this, mm.
 const TOUCHED_MM: f64 = 1e-3;
 
 impl Obstacle {
-    /// Whether this is the part that the ball touches with its centre at `contact`.
+    /// Whether the ball touches it with its centre at `contact`.
     fn is_at(&self, contact: &Vector3<f64>, stylus: &Stylus) -> bool {
         let ball = Ball::new(stylus.ball_radius);
         let pose = DPose3::from_translation(to_parry(contact));
         let gap = distance(&pose, &ball, &self.pose, self.shape.as_ref());
-        self.is_touched && gap.is_ok_and(|gap| gap.distance < TOUCHED_MM)
+        gap.is_ok_and(|gap| gap.distance < TOUCHED_MM)
     }
 
     /// Whether ball or stem come nearer than `growth` on a move.

@@ -378,8 +378,7 @@ impl Planner<'_> {
         let direction = clean((end - start).normalize());
         // The first contact on the way is the one that is meant.
         let reach = options.clearance + options.overtravel;
-        let face = matches!(self.arrangement.artefact, Artefact::Cross(_) | Artefact::Cuboid(_))
-            .then_some(target.normal);
+        let face = self.arrangement.artefact.has_plane_faces().then_some(target.normal);
         let approach = Approach { posture, start, direction, reach, face };
         let travel = self.approaches.travel(&approach, None)?;
         let slack = 2.0 * options.linear_resolution + 1e-9;

@@ -46,7 +46,8 @@ impl PaperRows {
     pub fn find(model: &TouchModel, moves: &Moves, labels: &[i64]) -> Result<Self> {
         let Artefact::Cross(Cross { length, height, .. }) = *model.artefact() else {
             return Err(Error::Data(
-                "closed forms: got another artefact, expected the cross".into(),
+                "closed forms: got an artefact of another kind, expected a cross; identify takes any"
+                    .into(),
             ));
         };
         if !is_a_carries_c(model.machine()) {
