@@ -33,6 +33,7 @@ from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
 
+MAX_STEPS = 50
 HUBER_KNEE = 1.345
 """Knee of Huber's loss in standard deviations: 95 % efficient on Gaussian noise."""
 
@@ -49,7 +50,7 @@ def identify(
     *,
     loss: Literal["squares", "huber"] = "squares",
     priors: Mapping[str, tuple[float, float]] | None = None,
-    max_steps: int = 50,
+    max_steps: int = MAX_STEPS,
 ) -> IdentificationResult:
     """Estimate location errors, placement and effects from touches of any plan.
 
@@ -105,6 +106,15 @@ def identify(
     with mistakes_named(data, setup):
         result = _identified(data, setup, effects, loss, priors or {}, max_steps)
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
+
+
+def mistakes_in(data: Touches, setup: Setup) -> tuple[str, ...]:
+    """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it."""
+    model = TouchModel(setup, ())
+    moves = model.moves(data)
+    how = Loss(None, known_sigma_um(setup, data), _priors(model.names, {}))
+    found = _by_the_core(model, moves, how, MAX_STEPS)
+    return likely_mistakes(_result(model, data, (), found, None, None), data, setup)
 
 
 def _identified(
@@ -324,7 +334,7 @@ def identify_many(
     positions_mm: Floats,
     effects: Sequence[str] = (),
     *,
-    max_steps: int = 50,
+    max_steps: int = MAX_STEPS,
     threads: int | None = None,
 ) -> tuple[tuple[str, ...], Floats, Floats, NDArray[np.bool_]]:
     """Identify many measurements of one plan on all cores.
