@@ -55,7 +55,7 @@ def done(test: tn.NextMeasurement, truth: Truth, rng: Rng) -> Any:
         return tn.Touches(measure(way, setup, truth, noise_um=NOISE_UM, seed=seed).columns)
     noise = 0.5e-3 * rng.standard_normal(len(made))
     if isinstance(made, tn.Positioning):
-        i = "XYZ".index(made.axis[0])
+        i = "XYZ".index(made.columns["axis"][0])
         place, sense = np.zeros((2, len(made), 3))
         place[:, i], sense[:, i] = made.target, made.direction
         return made.with_columns(
@@ -98,7 +98,8 @@ def recommended(seed: int) -> tuple[tn.Diagnosis, tn.NextMeasurement, Truth, Rng
 
 def achieved(runs: int) -> tuple[list[str], list[bool]]:
     """Kinds of recommended tests, and whether they settled the doubt."""
-    kinds, came = [], []
+    kinds: list[str] = []
+    came: list[bool] = []
     for seed in range(6 * runs):
         if len(came) < runs and (one := recommended(seed)) is not None:
             kinds.append(one[1].kind)

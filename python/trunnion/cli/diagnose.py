@@ -36,9 +36,6 @@ class Further(TypedDict, total=False):
     next_measurements: list[
         Annotated[Any, Of(("trunnion.models.next_measurement:NextMeasurement",))]
     ]
-    next_measurements: list[
-        Annotated[Any, Of(("trunnion.models.next_measurement:NextMeasurement",))]
-    ]
     next_passes: list[Annotated[Any, Of(("trunnion.models.next_passes:NextPass",))]]
 
 
