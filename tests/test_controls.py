@@ -43,7 +43,8 @@ def motor(table: str, position: float, forward: bool) -> float:
     """What LinuxCNC sends to the motor: the position, and what the table takes off."""
     rows = np.array([[float(v) for v in line.split()] for line in table.splitlines()])
     actual = rows[:, 1 if forward else 2]
-    return position + float(np.interp(position, rows[:, 0], rows[:, 0] - actual))
+    taken_off = np.interp(position, rows[:, 0], rows[:, 0] - actual)
+    return float(position + taken_off)
 
 
 def test_a_measured_axis_is_corrected_over_its_turns(tmp_path: Path) -> None:
@@ -144,6 +145,27 @@ def test_present_values_stand_beside_the_new_ones(tmp_path: Path) -> None:
     hal.write_text("setp trunnionkins.ex0c-um seven\n")
     with pytest.raises(tn.FileFormatError, match=r"my.hal, line 1: got 'seven', expected a number"):
         linuxcnc_files(SETUP, TABLE_2, present=[hal])
+
+
+def test_stock_kinematics_get_tables_of_their_axes() -> None:
+    plain = tn.Setup(
+        artefact=SETUP.artefact,
+        control=SETUP.control,
+        axes={"X": SETUP.axes["X"], "C": SETUP.axes["C"]},
+    )
+    stock = linuxcnc_files(plain, estimate(EFFECTS), kinematics="stock")
+    alone = linuxcnc_files(plain, TABLE_2, kinematics="stock")
+    left = {name for name in EFFECTS if name.startswith("a_")}
+    assert {text.partition(" (")[0] for text in stock.left_out} >= left
+    assert "[JOINT_4]\nCOMP_FILE = comp_c.txt\n" in stock.files["trunnion.ini"]
+    table = np.loadtxt(stock.files["comp_x.txt"].splitlines())
+    middle = table[:, 0] - table[:, 1:].mean(axis=1)
+    np.testing.assert_allclose(middle, -55e-6 * (table[:, 0] - 210.5), rtol=0, atol=1e-6)
+    # Effects of A have no table without its range; the others leave what location errors leave.
+    without = {name: values for name, values in EFFECTS.items() if name not in left}
+    both = linuxcnc_files(plain, estimate(without), kinematics="stock")
+    assert both.after_um == pytest.approx(alone.after_um, abs=1e-6)
+    assert both.before_um > alone.before_um + 1
 
 
 def test_what_nobody_measured_or_believes_is_not_written() -> None:

@@ -26,9 +26,9 @@ from trunnion.setup.parts import PARTS
 CROSS = '[artefact]\nkind = "cross"\n'
 
 BAD_FILES = {
-    "no artefact": ("[probe]\n", ':1:1: artefact.kind: missing, expected one of cross, cuboid, sphere, none'),
+    "no artefact": ("[probe]\n", ':1:1: artefact.kind: missing, expected one of cross, cuboid, sphere, spheres, ring, none'),
     "no kind": ("\n[artefact]\nlength_mm = 3.0\n", ":2:1: artefact.kind: missing"),
-    "kind": ('[artefact]\n  kind = "crss"\n', ":2:10: artefact.kind: got 'crss', expected one of cross, cuboid, sphere, none; did you mean cross?"),
+    "kind": ('[artefact]\n  kind = "crss"\n', ":2:10: artefact.kind: got 'crss', expected one of cross, cuboid, sphere, spheres, ring, none; did you mean cross?"),
     "unknown table": (f"{CROSS}[prob]\n", ":3:1: prob: unknown key, expected one of machine, artefact, probe"),
     "unknown key": (f"{CROSS}[probe]\n\nball_mm = 1\n", ":5:1: probe.ball_mm: unknown key, expected one of ball_radius_mm"),
     "negative": (f"{CROSS}width_mm = -25 # wide\n", ":3:12: artefact.width_mm: got -25, expected a number from 0.001 to 100000 mm"),
@@ -275,7 +275,12 @@ def test_a_setup_reads_well() -> None:
     tables = FULL.to_dict()
     own = {"kind": "sphere", "diameter_mm": 20.0, "centre_mm": [0, 0, 60]}
     standing = {"place_mm": [0, 0, 0], "turn_deg": 0, "tolerance_mm": 2, "tolerance_deg": 1}
-    known = {"calibration_um": 0, "calibration_arcsec": 0, "temperature_std_k": 0}
+    known = {
+        "calibration_um": 0,
+        "calibration_arcsec": 0,
+        "temperature_c": 20,
+        "temperature_std_k": 0,
+    }
     assert tables["artefact"] == own | standing | known | {"expansion_ppm_k": 11.5}
     assert tables == tomllib.loads(FULL.to_toml())
 

@@ -24,6 +24,7 @@ DIST = ROOT / "dist"
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 MANYLINUX = "manylinux2014"  # glibc 2.17
 MAX_IMPORT_S = 0.5
+NEWER = 6  # minor versions of numpy that are tried above the lowest
 
 TRY = """
 import time
@@ -68,11 +69,18 @@ def built(kind: str) -> Path:
     return found[-1]
 
 
-def lowest_numpy() -> str:
-    """Return the lowest numpy that pyproject.toml allows, as a requirement."""
+def lowest_numpy(python: str, folder: Path) -> str:
+    """Return the lowest numpy that pyproject.toml allows and that has a wheel for this Python."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    (numpy,) = [need for need in project["dependencies"] if need.startswith("numpy")]
-    return str(numpy).replace(">=", "==") + ".*"
+    (needed,) = [need for need in project["dependencies"] if need.startswith("numpy")]
+    major, minor = map(int, needed.removeprefix("numpy>=").split("."))
+    wheel = [python, "-m", "pip", "download", "--quiet", "--no-deps", "--only-binary", ":all:"]
+    for higher in range(minor, minor + NEWER):
+        numpy = f"numpy=={major}.{higher}.*"
+        words = [*wheel, "--dest", str(folder), numpy]
+        if subprocess.run(words, capture_output=True, check=False).returncode == 0:
+            return numpy
+    raise SystemExit(f"{needed}: no wheel of the next {NEWER} for {python}")
 
 
 def build() -> tuple[Path, Path]:
@@ -124,7 +132,8 @@ def main() -> None:
             if python is None:
                 print(f"  skipped: there is no python{version} on this machine")
                 continue
-            for name, numpy in (("lowest", lowest_numpy()), ("newest", "numpy")):
+            lowest = lowest_numpy(python, Path(temporary))
+            for name, numpy in (("lowest", lowest), ("newest", "numpy")):
                 step(f"Python {version}, {name} numpy")
                 folder = Path(temporary) / f"{version} {name}"
                 print(f"  {tried(python, wheel, numpy, folder)}", flush=True)

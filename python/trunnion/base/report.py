@@ -123,13 +123,11 @@ class Table:
         return number(None if cell is None else float(cell), self.digits)
 
     def to_rich(self) -> RichTable:
-        """Return it for a rich console."""
+        """Return it for a rich console, without its title, which rich breaks at its width."""
         from rich import box
         from rich.table import Table as RichTable
 
-        table = RichTable(
-            title=self.title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD
-        )
+        table = RichTable(box=box.SIMPLE_HEAD)
         cells = self.cells()
         for index, column in enumerate(self.columns):
             if index:
@@ -147,8 +145,13 @@ class Table:
         from rich.console import Console
 
         buffer = io.StringIO()
-        Console(file=buffer, width=width, color_system=None, highlight=False).print(self.to_rich())
-        return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines())
+        # In a notebook rich would display the table there and then, and leave the text empty.
+        console = Console(
+            file=buffer, width=width, color_system=None, highlight=False, force_jupyter=False
+        )
+        console.print(self.to_rich())
+        lines = [self.title, *buffer.getvalue().splitlines()]
+        return "\n".join(line.rstrip() for line in lines)
 
     def html(self) -> str:
         """Return it as an HTML table."""

@@ -174,7 +174,7 @@ def simulate(
     setup, planned = _plan_and_set_up(files)
     slow = setup.plan.slow_feed_mm_min
     plan = planned  # its hash names it in the log
-    if probe_log is not None and slow:
+    if slow:  # the pass that measures
         planned = plan.with_columns(feed_mm_min=[slow] * len(plan))
     effects: dict[str, dict[str, float]] = {}
     for name, value in named_values("--effect", effect).items():

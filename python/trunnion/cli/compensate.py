@@ -44,12 +44,13 @@ Control = Annotated[
 Kinematics = Annotated[
     str,
     typer.Option(
-        help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins)"
+        help="of LinuxCNC: component (knows every location error) or stock (xyzac-trt-kins, "
+        "Pocket NC)"
     ),
 ]
 Present = Annotated[
     list[Path] | None,
-    typer.Option(help="its .hal and .ini files when it was measured", show_default=False),
+    typer.Option(help="its .hal, .ini and .inc files when it was measured", show_default=False),
 ]
 Stated = Annotated[
     list[str] | None,

@@ -63,28 +63,34 @@ def control_files(
     left_out: Sequence[str] = (),
     notes: Sequence[str] = (),
     between: Mapping[str, float] | None = None,
+    remaining: MachineErrors | None = None,
     seed: int = 0,
 ) -> ControlFiles:
     """Judge files by what they leave on the machine as estimated.
 
     held: Errors that the files hold exactly but for `between`, or the compensation that they are.
     reasons: Effect → why it is not held; for the others the control has no place.
+    remaining: Errors that a compensation meets, tables having taken off the others; None: all.
     """
     compensation = ModelCompensation(held) if isinstance(held, MachineErrors) else held
     rotary = rotary_range(setup)
     before = volumetric_error(setup, known, **rotary, points=(3, 3, 2)).max_um
     after = volumetric_error(
-        setup, known, compensation=compensation, **rotary, points=(3, 3, 2)
+        setup, remaining or known, compensation=compensation, **rotary, points=(3, 3, 2)
     ).max_um
     interval = None
     exact = isinstance(compensation, ModelCompensation)
     if exact and isinstance(estimate, Estimate) and estimate.names:
         interval = residual_interval(setup, estimate, **rotary, draws=1000, seed=seed).max_um
-    left = list(left_out)
+    why = f"{control.partition(' (')[0]} has no place for it"
+    every = [*known.effects, *(effect.id for effect in known.own)]
     if isinstance(held, MachineErrors):
-        why = f"{control.partition(' (')[0]} has no place for it"
-        every = [*known.effects, *(effect.id for effect in known.own)]
-        left += [f"{x} ({(reasons or {}).get(x, why)})" for x in every if x not in held.effects]
+        every = [x for x in every if x not in held.effects]
+    elif remaining is not None:
+        every = [x for x in every if x in remaining.effects and x in (reasons or {})]
+    else:
+        every = []
+    left = [*left_out, *(f"{x} ({(reasons or {}).get(x, why)})" for x in every)]
     made = {**files, SETTINGS: settings_text(settings)}
     return ControlFiles(
         control, made, tuple(settings), before, after, interval, tuple(left), tuple(notes),

@@ -9,7 +9,12 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.units import Floats
-from trunnion.files.columns import ColumnError, Number, OptionalLabel, OptionalNumber
+from trunnion.files.columns import (
+    ColumnError,
+    OptionalLabel,
+    OptionalNumber,
+    Time,
+)
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
@@ -31,7 +36,7 @@ class AxisLog(Table):
 
     choice = "x_cmd_mm, x_act_mm or those of another axis"
 
-    time_s = Number("time of the sample, rising within a run")
+    time_s = Time("time of the sample, rising within a run")
     x_cmd_mm = OptionalNumber("commanded X")
     x_act_mm = OptionalNumber("actual X")
     y_cmd_mm = OptionalNumber("commanded Y")

@@ -9,6 +9,7 @@ from trunnion.files.columns import (
     Number,
     OptionalInteger,
     OptionalNumber,
+    OptionalTime,
     stack,
 )
 from trunnion.files.csv_file import read_table
@@ -45,7 +46,7 @@ class Ballbar(Table):
     length_mm = Number("measured distance of the two balls", positive=True)
     sense = OptionalInteger("direction of travel, +1 counter-clockwise", among=(-1, 1))
     feed_mm_min = OptionalNumber("feed", positive=True)
-    time_s = OptionalNumber("time since the start")
+    time_s = OptionalTime("time since the start")
 
     @property
     def position_mm(self) -> Floats | None:

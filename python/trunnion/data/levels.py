@@ -20,7 +20,11 @@ from trunnion.data.flatness import (
     Twist,
     heights_of_line,
 )
-from trunnion.files.columns import ColumnError, OptionalNumber
+from trunnion.files.columns import (
+    ColumnError,
+    OptionalNumber,
+    OptionalTime,
+)
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
@@ -52,7 +56,7 @@ class Levels(Table):
     along_um_m = OptionalNumber("slope along the line, or in x")
     across_um_m = OptionalNumber("slope across the line, or in y")
     turn_deg = OptionalNumber("0, or 180: the instrument turned about the vertical", among=(0, 180))
-    time_s = OptionalNumber("time since the start")
+    time_s = OptionalTime("time since the start")
 
     @property
     def grid(self) -> bool:

@@ -3,7 +3,13 @@
 from os import PathLike
 
 from trunnion.base.units import Floats
-from trunnion.files.columns import Number, OptionalLabel, OptionalNumber, stack
+from trunnion.files.columns import (
+    Number,
+    OptionalLabel,
+    OptionalNumber,
+    OptionalTime,
+    stack,
+)
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
@@ -24,7 +30,7 @@ class Points(Table):
     x_mm = Number("measured X")
     y_mm = Number("measured Y")
     z_mm = OptionalNumber("measured Z")
-    time_s = OptionalNumber("time since the start, of making or approaching the point")
+    time_s = OptionalTime("time since the start, of making or approaching the point")
     group = OptionalLabel("set-up of the part on the instrument, one rigid placement each")
 
     @property

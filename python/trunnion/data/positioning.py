@@ -15,6 +15,7 @@ from trunnion.files.columns import (
     Integer,
     OptionalLabel,
     OptionalNumber,
+    OptionalTime,
 )
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
@@ -54,7 +55,7 @@ class Positioning(Table):
     direction = Integer("sense of approach", among=(-1, 1))
     cycle = Integer("number of the cycle, from 1", minimum=1)
     axis = OptionalLabel("letter of the axis; one axis a table")
-    time_s = OptionalNumber("time since the start")
+    time_s = OptionalTime("time since the start")
     temperature_c = OptionalNumber("temperature of the axis or its scale")
 
     @property

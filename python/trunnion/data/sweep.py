@@ -3,7 +3,12 @@
 from os import PathLike
 
 from trunnion.base.units import Floats
-from trunnion.files.columns import Label, Number, OptionalNumber, stack
+from trunnion.files.columns import (
+    Label,
+    Number,
+    OptionalTime,
+    stack,
+)
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
@@ -26,7 +31,7 @@ class Sweep(Table):
     x_mm = Number("measured X, instrument frame")
     y_mm = Number("measured Y, instrument frame")
     z_mm = Number("measured Z, instrument frame")
-    time_s = OptionalNumber("time since the start")
+    time_s = OptionalTime("time since the start")
 
     @property
     def position_mm(self) -> Floats:

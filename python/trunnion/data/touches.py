@@ -16,6 +16,7 @@ from trunnion.files.columns import (
     OptionalInteger,
     OptionalLabel,
     OptionalNumber,
+    OptionalTime,
     stack,
 )
 from trunnion.files.csv_file import read_table
@@ -54,7 +55,7 @@ class Touches(Table):
     cycle = OptionalLabel("which cycle of the plan the touch belongs to")
     point = OptionalInteger("label of the touched point, 1 to 20 in the paper's plan")
     feed_mm_min = OptionalNumber("feed of the approach", positive=True)
-    time_s = OptionalNumber("time since the start of the measurement")
+    time_s = OptionalTime("time since the start of the measurement")
     a_dir = OptionalInteger("sense of A's last turn before the touch, 0 = none", among=(-1, 0, 1))
     b_dir = OptionalInteger("sense of B's last turn before the touch, 0 = none", among=(-1, 0, 1))
     c_dir = OptionalInteger("sense of C's last turn before the touch, 0 = none", among=(-1, 0, 1))

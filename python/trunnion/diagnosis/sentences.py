@@ -99,9 +99,11 @@ def _ambiguous(d: Diagnosis) -> list[str]:
         f"{text or 'no further cause'} ({percent(a.probability)})"
         for text, a in zip((first, *others), d.evidence, strict=False)
     )
+    if more:
+        doubt += f"; or one of {more} more sets"
     return [
         *lines,
-        f"In doubt: {doubt}{f'; or one of {more} more sets' if more else ''}.",
+        f"In doubt, with the probability of each set: {doubt}.",
         *_widened(d),
     ]
 

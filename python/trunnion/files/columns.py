@@ -7,6 +7,7 @@ attribute of its tables.
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from datetime import datetime
 from typing import Any, ClassVar, Generic, Never, Protocol, Self, TypeVar, overload
 
 import numpy as np
@@ -35,6 +36,7 @@ _WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
 _DIGITS = re.compile(r"[+-]?(?:0[0-9].*|[0-9]{16,})")
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _BREAK = re.compile(r"[\n\r\0]")
+_STAMP = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9]{2}:[0-9]{2}.*")
 
 
 LARGEST = {"mm": 1e6, "µm": 1e9, "deg": 1e6, "s": 1e12, "mm/min": 1e9}
@@ -146,6 +148,40 @@ class OptionalNumber(_Numeric[Floats | None]):
     required = False
 
 
+class _Time(_Numeric[T]):
+    """Seconds, or dates with times (ISO 8601), which become seconds since the first row's."""
+
+    expected_type = "a finite number of seconds, or a date with a time as in 2026-11-22T10:30:00"
+
+    def convert(self, values: NDArray[Any]) -> NDArray[Any]:
+        stamped = np.array([is_time_stamp(value) for value in values.tolist()], dtype=bool)
+        if not stamped.any():
+            return super().convert(values)
+        self.refuse(values, ~stamped, "a date with a time in every row, as in others")
+        times: list[datetime] = []
+        for row, text in enumerate(values.tolist()):
+            try:
+                times.append(datetime.fromisoformat(text.strip()))
+                times[-1] - times[0]
+            except ValueError:
+                expected = "a date with a time that there is, as in 2026-11-22T10:30:00"
+                raise ColumnError(self.name, row, shown_field(text), expected) from None
+            except TypeError:
+                expected = "a time zone in every row, or in none"
+                raise ColumnError(self.name, row, shown_field(text), expected) from None
+        return np.array([(time - times[0]).total_seconds() for time in times])
+
+
+class Time(_Time[Floats]):
+    """A required column of times."""
+
+
+class OptionalTime(_Time[Floats | None]):
+    """A column of times that may be missing (None)."""
+
+    required = False
+
+
 class _Whole(_Numeric[T]):
     expected_type = "a whole number"
 
@@ -191,6 +227,11 @@ class OptionalLabel(_Name[Labels | None]):
     """A column of names that may be missing (None)."""
 
     required = False
+
+
+def is_time_stamp(value: object) -> bool:
+    """Whether a value is written as a date with a time (ISO 8601)."""
+    return isinstance(value, str) and _STAMP.fullmatch(value.strip()) is not None
 
 
 def is_numeric(column: Column[Any] | None) -> bool:
@@ -275,6 +316,8 @@ def raw_array(values: ArrayLike, name: str) -> NDArray[Any]:
     """Return a copy as an array of numbers or, if it has anything else in it, of objects."""
     try:
         array = np.array(values)
+        if array.dtype.kind == "M":
+            return np.datetime_as_string(array).astype(object)
         if array.dtype.kind not in "fiub":  # numpy would turn mixed values into text
             array = np.array(values, dtype=object)
     except ValueError:

@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import choose
 from trunnion.base.units import unit_of
-from trunnion.files.columns import Column, ColumnError, is_numeric, scaled, shown_field
+from trunnion.files.columns import (
+    Column,
+    ColumnError,
+    is_numeric,
+    is_time_stamp,
+    scaled,
+    shown_field,
+)
 from trunnion.files.delimited import Delimited, Dialect
 from trunnion.files.recognised import PLAIN, Recognised
 from trunnion.files.text import Source
@@ -25,6 +32,7 @@ from trunnion.files.text import Source
 LOG = logging.getLogger("trunnion.files")
 
 MM_OF = {"mm": 1.0, "inch": 25.4}
+TIME = "time_s"
 """Unit of lengths that a file may be in → mm."""
 
 
@@ -147,6 +155,8 @@ def read_table(
                 f"{kind.expected_columns()}",
             )
     columns = file.columns(lambda name: is_numeric(kind.kinds.get(name)))
+    named = _with_time(columns, kind)
+    clock = _clock(columns)
     try:
         if options.units != "mm":
             columns |= _in_mm(columns, MM_OF[options.units])
@@ -159,12 +169,31 @@ def read_table(
         encoding=source.encoding,
         separator=file.separator,
         decimal=file.decimal,
+        columns=named,
+        clock=clock,
         units={n: "inch → mm" for n in columns if options.units != "mm" and _is_length(n)},
         notes=tuple(file.notes),
     )
     found = table.read_from(source.name, [n + 1 for n in file.data_lines], recognised)
     LOG.info("%s: %d rows, %s", source.name, len(file.data_lines), recognised.headline())
     return found
+
+
+def _with_time(columns: dict[str, NDArray[Any]], kind: type[Readable]) -> dict[str, str]:
+    """Take the one column of dates with times for `time_s`, and say so, where that is missing."""
+    if TIME not in kind.kinds or TIME in columns:
+        return {}
+    found = [name for name, values in columns.items() if all(map(is_time_stamp, values))]
+    if len(found) != 1 or found[0] in kind.kinds:
+        return {}
+    columns[TIME] = columns.pop(found[0])
+    return {TIME: found[0]}
+
+
+def _clock(columns: Mapping[str, NDArray[Any]]) -> str:
+    """Say from when seconds are counted; empty where the file has seconds."""
+    first = columns[TIME][0] if TIME in columns else ""
+    return f"seconds since {first}" if is_time_stamp(first) else ""
 
 
 def _is_length(name: str) -> bool:

@@ -61,10 +61,16 @@ class Change:
         """Largest size that the change may have, 95 %."""
         return max(abs(self.low), abs(self.high))
 
+    @property
+    def ends(self) -> tuple[Cell, Cell]:
+        """Both values, shown to the digits that their change is known to."""
+        before, after = (measured(v, self.std_error)[0] for v in (self.before, self.after))
+        return before, after
+
     def sentence(self) -> str:
         """Say both values and the change."""
         value, std = (_text(cell) for cell in measured(self.change, self.std_error))
-        ends = f"{self.before:.4g} → {self.after:.4g}".replace("-", "−")
+        ends = " → ".join(map(_text, self.ends))
         change = "rms of the difference" if self.rms else "change"
         return with_unit(f"{self.called} {ends} ({change} {value} ± {std})", self.unit)
 
@@ -231,11 +237,10 @@ class MachineComparison(Result):
 
 
 def _row(q: Change) -> tuple[Cell, ...]:
-    ends = (significant(q.before, 4), significant(q.after, 4))
     changed = "yes" if q.changed else "no"
     return (
         q.called,
-        *ends,
+        *q.ends,
         *measured(q.change, q.std_error),
         q.unit,
         _chance(q.p_value),

@@ -39,7 +39,7 @@ from trunnion.diagnosis.model import (
 from trunnion.machine.budget import Input
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.probing.identify import identify
+from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
@@ -152,7 +152,7 @@ class TouchDiagnosisModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
-        return identify(self.data, self.setup).notes
+        return mistakes_in(self.data, self.setup)
 
     @property
     def start(self) -> Floats:

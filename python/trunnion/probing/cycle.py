@@ -163,7 +163,8 @@ class Cycle:
         for _, (_, to, _) in self.moves():
             for axis, value in to.items():
                 found.setdefault(axis, []).append(value)
-        return {axis: (min(values), max(values)) for axis, values in found.items()}
+        order = sorted(found, key=lambda axis: (axis in "ABC", axis))
+        return {axis: (min(found[axis]), max(found[axis])) for axis in order}
 
     def check_ranges(self) -> None:
         """Refuse moves beyond the ranges of the axes in the set-up."""

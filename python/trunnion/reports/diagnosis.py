@@ -125,7 +125,8 @@ def _verdict(d: Diagnosis) -> str:
     if len(d.alternatives) > 1:
         more = len(d.alternatives) - len(doubted)
         other = f" or one of {more} other sets" if more > 1 else ""
-        parts.append(f"In doubt: {' or '.join(doubted) or 'further causes'}{other}.")
+        of_each = ", with the probability of each set" if doubted else ""
+        parts.append(f"In doubt{of_each}: {' or '.join(doubted) or 'further causes'}{other}.")
     if d.unexplained:
         parts.append(f"Not explained: {d.unexplained}.")
     return " ".join(parts)

@@ -61,6 +61,9 @@ class ControlSetup(Part):
     centre_mm: tuple[float, float, float] | None = key(
         None, Vector(3, COORDINATE), "that origin in machine coordinates, which the program checks"
     )
+    linear_units: str = key(
+        "mm", Choice(("mm", "inch")), "LINEAR_UNITS of LinuxCNC's INI file; programs are in mm"
+    )
     pivot_mm: float | None = key(
         None, COORDINATE, "of a head: from its pivot to where the tool length is 0"
     )

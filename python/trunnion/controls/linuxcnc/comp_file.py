@@ -8,8 +8,13 @@ from numpy.typing import ArrayLike
 from trunnion.base.arguments import checked
 from trunnion.base.checks import floats, whole
 from trunnion.base.errors import InputError
+from trunnion.controls.axis_tables import AxisTables
+from trunnion.controls.linuxcnc.present import MM
 from trunnion.data.iso230_2 import CompensationTable
+from trunnion.setup import Setup
 
+COMP = "comp_{}.txt"
+"""Name of the file of a table."""
 MAX_ROWS = 256
 TURN_DEG = 360.0
 
@@ -45,6 +50,25 @@ def comp_file(nominal: ArrayLike, forward: ArrayLike, reverse: ArrayLike) -> str
         raise InputError("COMP_FILE: got positions that do not ascend, expected ascending ones")
     lines = [" ".join(f"{v:.6f}" for v in row) for row in zip(*columns, strict=True)]
     return "\n".join(lines) + "\n"
+
+
+def comp_lines(coordinates: str, tables: AxisTables) -> list[str]:
+    """Lines of the INI file that load the tables; `coordinates`: letters of the joints."""
+    lines = []
+    for table in tables.tables:
+        section = f"[JOINT_{coordinates.index(table.over)}]"
+        lines += [section, f"COMP_FILE = {COMP.format(table.name)}", "COMP_FILE_TYPE = 0"]
+    return lines
+
+
+def table_files(setup: Setup, tables: AxisTables, name: str) -> dict[str, str]:
+    """COMP_FILE of each table in units of the machine; `name` with a place for the table's."""
+    files = {}
+    for table in tables.tables:
+        unit = MM[setup.control.linear_units] if table.unit == "mm" else 1.0
+        columns = (table.nodes, table.nodes + table.forward, table.nodes + table.reverse)
+        files[name.format(table.name)] = comp_file(*(column / unit for column in columns))
+    return files
 
 
 @checked

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.compensation.machine import Known, MachineErrors
-from trunnion.controls.axis_tables import AxisTable, AxisTables, axis_tables
+from trunnion.controls.axis_tables import AxisTables, axis_tables
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.forecast import (
     SIGNS,
@@ -19,7 +19,7 @@ from trunnion.controls.forecast import (
     table_settings,
 )
 from trunnion.controls.links import table_centre
-from trunnion.controls.linuxcnc.comp_file import MAX_ROWS, comp_file
+from trunnion.controls.linuxcnc.comp_file import COMP, MAX_ROWS, comp_lines, table_files
 from trunnion.controls.linuxcnc.kinematics import (
     PIVOT,
     component,
@@ -59,10 +59,11 @@ def linuxcnc_files(
         What a measurement says of the machine, or location errors by name (µm, arcsec).
     kinematics
         "component": a kinematics component that knows every location error, scale and squareness.
-        "stock": what xyzac-trt-kins or xyzbc-trt-kins can hold: rotation points, offsets, zeros.
+        "stock": what xyzac-trt-kins, xyzbc-trt-kins or (A carries B) the pocketnckins of a Pocket
+        NC can hold: rotation points or the machine's zero, offsets, zeros, tables of single axes.
     present
-        .hal and .ini files of the machine as it was when it was measured: old values beside the new
-        ones, and zeros of the rotary axes are added to theirs.
+        .hal, .ini and .inc files of the machine as it was when it was measured: old values beside
+        the new ones, and offsets of homing are added to theirs.
     any_size
         Write location errors beyond 2 mm or 1°, too.
     seed
@@ -80,6 +81,7 @@ def linuxcnc_files(
         check_stock(setup)
     known = known_errors(setup, estimate, any_size=any_size)
     now = read_present(present)
+    now.check_units(setup)
     own = kinematics == "component"
     made = _component(setup, known, now) if own else stock(setup, known, now)
     return control_files(
@@ -87,7 +89,7 @@ def linuxcnc_files(
         f"LinuxCNC with {NAME if own else STOCK[Chain(setup).letters]}",
         {**made.files, **({"sign_test.ngc": sign_test(setup)} if Chain(setup).letters else {})},
         made.settings, made.held, left_out=made.left_out, reasons=made.reasons, notes=made.notes,
-        between=made.between, seed=seed,
+        between=made.between, remaining=made.remaining, seed=seed,
     )  # fmt: skip
 
 
@@ -108,8 +110,7 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
     for axis, place in zip("xyz", table_centre(setup).tolist(), strict=True):
         pin = f"{NAME}.{axis}-rot-point"
         settings.append(Setting(pin, HAL, "mm", now.pins.get(pin), place, "nominal table centre"))
-    names = {table.name: f"comp_{table.name}.txt" for table in tables.tables}
-    comp = {names[table.name]: _comp(table) for table in tables.tables}
+    comp = table_files(setup, tables, COMP)
     hal = [
         "# Pins of the kinematics component: after the line that loads it.",
         *(f"setp {one.name} {one.new:.6f}" for one in settings),
@@ -138,17 +139,13 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
         files,
         (
             *settings,
-            *table_settings(tables.tables, {t.name: f"comp_{t.name}.txt" for t in tables.tables}),
+            *table_settings(tables.tables, {t.name: COMP.format(t.name) for t in tables.tables}),
         ),
         MachineErrors(errors=mine.errors, effects=together),
         notes=notes,
         reasons=tables.left,
         between=left_between(tables.tables, 1e-6),
     )
-
-
-def _comp(table: AxisTable) -> str:
-    return comp_file(table.nodes, table.nodes + table.forward, table.nodes + table.reverse)
 
 
 def _unit(pin: str) -> str:
@@ -167,7 +164,5 @@ def _remap(code: str, kind: int) -> str:
 def _ini(kins: str, letters: str, tables: AxisTables) -> str:
     lines = ["[KINS]", f"KINEMATICS = {kins}", f"JOINTS = {3 + len(letters)}", "[RS274NGC]"]
     lines += [f"REMAP = M{code} modalgroup=10 ngc={code}remap" for code, _ in _CODES]
-    for table in tables.tables:
-        joint = ("XYZ" + letters).index(table.over)
-        lines += [f"[JOINT_{joint}]", f"COMP_FILE = comp_{table.name}.txt", "COMP_FILE_TYPE = 0"]
+    lines += comp_lines("XYZ" + letters, tables)
     return "\n".join(lines) + "\n"

@@ -10,6 +10,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
 from trunnion.controls.links import COMPONENTS, Link, links, table_centre
+from trunnion.controls.linuxcnc.present import MM
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
@@ -93,13 +94,14 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
         "COORDINATES": " ".join("XYZ" + joints),
         "AXES": str(len(letters)),
         "HEAD": str(len(frames.head)),
+        "UNIT": f"{MM[setup.control.linear_units]}",
         "CONVENTIONAL": str(int(conventional)),
         "PINS": _pins(pin_values(setup, known)),
         "LINKS": "\n".join(
             _link(link, carries_tool=i < min(1, len(frames.head)))
             for i, link in enumerate((*frames.head, *frames.table))
         ),
-        "REACH": "pivot_length + tool_offset" if frames.head else "0",
+        "REACH": "pivot_length + UNIT * tool_offset" if frames.head else "0",
         "SEAT": _vector(frames.seat),
         "NOSE": _vector(frames.nose),
         "LAMBDA": ", ".join(formula for _, _, formula in LINEAR_ERRORS),

@@ -20,6 +20,7 @@ class Made:
     notes: What to do, in order.
     left_out: What cannot be held, with the reason; by effect in `reasons`.
     between: Errors that tables leave between their nodes.
+    remaining: What `held` meets, where that is a compensation beside tables; None: all errors.
     """
 
     files: Mapping[str, str]
@@ -29,3 +30,4 @@ class Made:
     left_out: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     between: Mapping[str, float] = field(default_factory=dict)
+    remaining: MachineErrors | None = None

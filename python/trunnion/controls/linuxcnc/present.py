@@ -8,7 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.setup import Setup
 
+MM = {"mm": 1.0, "inch": 25.4}
+"""Millimetres of a machine unit."""
+_UNITS = {"mm": "mm", "metric": "mm", "inch": "inch", "in": "inch", "imperial": "inch"}
+"""Spellings of LINEAR_UNITS."""
 _SETP = re.compile(r"^\s*setp\s+(\S+)\s+(\S+)", re.IGNORECASE)
 _SECTION = re.compile(r"^\s*\[(\w+)\]")
 _KEY = re.compile(r"^\s*(\w+)\s*=\s*(.*?)\s*$")
@@ -16,10 +21,19 @@ _KEY = re.compile(r"^\s*(\w+)\s*=\s*(.*?)\s*$")
 
 @dataclass(frozen=True)
 class Present:
-    """Pins by name, and keys of the INI file by (section, key), as numbers."""
+    """Pins by name, and keys of the INI file by (section, key), as numbers; LINEAR_UNITS."""
 
     pins: Mapping[str, float] = field(default_factory=dict)
     keys: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    units: str | None = None
+
+    def check_units(self, setup: Setup) -> None:
+        """Raise InputError where the set-up says other units than the INI file."""
+        if self.units not in (None, setup.control.linear_units):
+            raise InputError(
+                f"control.linear_units: got {setup.control.linear_units!r}, expected "
+                f"{self.units!r}: LINEAR_UNITS of the INI file"
+            )
 
 
 def read_present(paths: Iterable[str | Path]) -> Present:
@@ -34,6 +48,7 @@ def read_present(paths: Iterable[str | Path]) -> Present:
     """
     pins: dict[str, float] = {}
     keys: dict[tuple[str, str], float] = {}
+    units = None
     for given in paths:
         path = Path(given)
         suffix = path.suffix.lower()
@@ -51,7 +66,9 @@ def read_present(paths: Iterable[str | Path]) -> Present:
                 section = found[1].upper()
             elif (found := _KEY.match(line)) and found[1].upper() in ("HOME", "HOME_OFFSET"):
                 keys[section, found[1].upper()] = _number(path, number, found[2])
-    return Present(pins, keys)
+            elif found and found[1].upper() == "LINEAR_UNITS":
+                units = _UNITS.get(found[2].lower(), found[2])
+    return Present(pins, keys, units)
 
 
 def _number(path: Path, line: int, text: str) -> float:

@@ -1,44 +1,83 @@
-"""Corrections in the terms of xyzac-trt-kins and xyzbc-trt-kins."""
+"""Corrections in the terms of kinematics that know no tilts: xyzac-trt-kins and the like."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.compensation.machine import MachineErrors
-from trunnion.compensation.parameters import cnc_parameters
+from trunnion.compensation.parameters import CncParameters, cnc_parameters
+from trunnion.controls.axis_tables import AxisTables, axis_tables
 from trunnion.controls.files import Setting
+from trunnion.controls.forecast import left_between, table_settings
+from trunnion.controls.linuxcnc.comp_file import COMP, MAX_ROWS, comp_lines, table_files
 from trunnion.controls.linuxcnc.made import HAL, INI, Made
-from trunnion.controls.linuxcnc.present import Present
+from trunnion.controls.linuxcnc.pocketnc import KINS, check_pocketnc, pocketnc
+from trunnion.controls.linuxcnc.present import MM, Present
 from trunnion.controls.screws import table_letters
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 from trunnion.setup.control import WORK_OFFSETS
 
-STOCK = {"AC": "xyzac-trt-kins", "BC": "xyzbc-trt-kins"}
+STOCK = {"AC": "xyzac-trt-kins", "BC": "xyzbc-trt-kins", "AB": KINS}
 
 
 def check_stock(setup: Setup) -> None:
     """Raise InputError for a machine that none of them holds."""
     letters = table_letters(setup, "kinematics that come with LinuxCNC")
-    if letters not in STOCK:
+    if letters == "AB":
+        check_pocketnc(setup)
+    elif len(set(Chain(setup).senses.tolist())) > 1:
         raise InputError(
-            f"kinematics 'stock': got rotary axes {letters}, expected AC or BC "
-            f"({', '.join(STOCK.values())}); 'component' holds this machine"
+            f"{STOCK[letters]}: got axes of different senses, expected one: it has one pin for both"
         )
 
 
 def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
+    """Corrections for kinematics that know no tilts: parameters, and tables of single axes."""
+    tables = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=True, squareness=False)
+    rest = {k: v for k, v in known.effects.items() if k not in tables.held}
+    remaining = replace(known, effects=rest)
+    if Chain(setup).letters == "AB":
+        found, made = pocketnc(setup, remaining, tables, now)
+        names = "{}.comp"
+    else:
+        found, made = _rotation_points(setup, remaining, tables, now)
+        names = COMP
+    kins = STOCK[Chain(setup).letters]
+    left = tuple(
+        f"{row.name} ({row.share_left:.0%} stays: {kins} has no direction of an axis)"
+        for row in found.removable
+        if row.share_left > 0.02
+        and abs(_size(remaining, row.name)) > 0
+        and row.name.partition(".")[0] not in tables.left
+    )
+    settings = table_settings(tables.tables, {t.name: names.format(t.name) for t in tables.tables})
+    return replace(
+        made,
+        settings=(*made.settings, *settings),
+        left_out=(*left, *made.left_out),
+        reasons=tables.left,
+        between=left_between(tables.tables, 1e-6),
+        remaining=remaining,
+    )
+
+
+def _rotation_points(
+    setup: Setup, known: MachineErrors, tables: AxisTables, now: Present
+) -> tuple[CncParameters, Made]:
     """Rotation points, offsets and zeros for the kinematics that come with LinuxCNC.
 
     The C axis goes through the rotation point; the tilting axis lies `offset` from it.
 
-    Raises InputError: rotary axes that count in different senses.
+    known: Without what the tables hold.
     """
     letters = Chain(setup).letters
     kins = STOCK[letters]
+    unit = setup.control.linear_units
     found = cnc_parameters(setup, known)
     shift = found.centres_um
     tilt = letters[0]
@@ -58,7 +97,7 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     }
     settings = [
         Setting(
-            f"{kins}.{pin}", HAL, "mm", now.pins.get(f"{kins}.{pin}"), float(value),
+            f"{kins}.{pin}", HAL, unit, now.pins.get(f"{kins}.{pin}"), float(value) / MM[unit],
             "rotation point" if "rot" in pin else "tilting axis less rotation point",
             f"towards +{pin[0].upper()} of the machine", _absorbed(known, shift, pin[0].upper()),
         )
@@ -70,20 +109,12 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     work = f"G10 L2 P{number} X{offset[0]:.4f} Y{offset[1]:.4f} Z{offset[2]:.4f}"
     hal = [f"setp {one.name} {one.new:.6f}" for one in settings]
     senses = set(Chain(setup).senses.tolist())
-    if len(senses) > 1:
-        raise InputError(
-            f"{kins}: got axes of different senses, expected one: it has one pin for both"
-        )
-    ini = _joined(homes)
-    left = tuple(
-        f"{row.name} ({row.share_left:.0%} stays: {kins} has no direction of an axis)"
-        for row in found.removable
-        if row.share_left > 0.02 and abs(_size(known, row.name)) > 0
-    )
+    ini = _joined(homes) + "\n".join([*comp_lines("XYZ" + letters, tables), ""])
     files = {
         HAL: "\n".join(hal) + "\n",
         INI: ini,
-        "work_offset.ngc": f"({setup.control.wcs} to the table as estimated)\n{work}\nM2\n",
+        **table_files(setup, tables, COMP),
+        "work_offset.ngc": f"({setup.control.wcs} to the table as estimated)\nG21\n{work}\nM2\n",
     }
     directions = (
         f"{kins} of LinuxCNC 2.10 has a pin conventional-directions: "
@@ -91,8 +122,12 @@ def stock(setup: Setup, known: MachineErrors, now: Present) -> Made:
     )
     if senses == {-1}:
         directions += " Without it the kinematics count the other way, and no number here is right."
-    notes = (directions, "Home the rotary axes after a change of HOME_OFFSET; run sign_test.ngc.")
-    return Made(files, tuple(settings + homes), found, notes, left)
+    unknown = [one.name for one in homes if one.old is None]
+    notes = [directions, "Home the rotary axes after a change of HOME_OFFSET; run sign_test.ngc."]
+    if unknown:
+        said = ", ".join(unknown)
+        notes.append(f"{said}: the present value is not known (--present) and taken as 0.")
+    return found, Made(files, tuple(settings + homes), found, tuple(notes))
 
 
 def _absorbed(known: MachineErrors, shift: Mapping[str, float], axis: str) -> str:
