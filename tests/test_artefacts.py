@@ -58,7 +58,13 @@ def gap(artefact: tn.Artefact, ball: Floats, radius: float, grown: dict[str, flo
     return float(np.linalg.norm(local - np.clip(local, -half, half))) - radius
 
 
-def twin_travel(plan: tn.Touches, setup: tn.Setup, effects: dict[str, dict[str, float]]) -> Floats:
+def twin_travel(
+    plan: tn.Touches,
+    setup: tn.Setup,
+    effects: dict[str, dict[str, float]],
+    errors: dict[str, float] = ERRORS,
+    placement: dict[str, float] = PLACEMENT,
+) -> Floats:
     """Travel from each start to the contact, (n,), mm."""
     n = len(plan)
     conditions = forward.Conditions(
@@ -74,7 +80,7 @@ def twin_travel(plan: tn.Touches, setup: tn.Setup, effects: dict[str, dict[str, 
     theirs = forward.Setup(
         place_mm=a.place_mm, turn_deg=a.turn_deg, ball_radius_mm=setup.probe.ball_radius_mm
     )
-    truth = forward.Truth(errors=ERRORS, placement=PLACEMENT)
+    truth = forward.Truth(errors=errors, placement=placement)
     assert plan.start_mm is not None
     lines = forward.approach_lines(conditions, plan.start_mm, theirs, truth)
     grown = {name: value for one in effects.values() for name, value in one.items()}

@@ -275,7 +275,12 @@ def test_a_setup_reads_well() -> None:
     tables = FULL.to_dict()
     own = {"kind": "sphere", "diameter_mm": 20.0, "centre_mm": [0, 0, 60]}
     standing = {"place_mm": [0, 0, 0], "turn_deg": 0, "tolerance_mm": 2, "tolerance_deg": 1}
-    known = {"calibration_um": 0, "calibration_arcsec": 0, "temperature_std_k": 0}
+    known = {
+        "calibration_um": 0,
+        "calibration_arcsec": 0,
+        "temperature_c": 20,
+        "temperature_std_k": 0,
+    }
     assert tables["artefact"] == own | standing | known | {"expansion_ppm_k": 11.5}
     assert tables == tomllib.loads(FULL.to_toml())
 

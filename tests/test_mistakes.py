@@ -58,6 +58,23 @@ def test_positions_in_another_unit_are_named(
         method(moved(measured(SETUP), factor), SETUP)
 
 
+def test_angles_in_radians_are_named() -> None:
+    data = measured(SETUP)
+    radians = data.with_columns(**{k: np.radians(data[k]) for k in ("a_deg", "c_deg")})
+    for method in METHODS:
+        with pytest.raises(tn.DataError, match=r"if their angles are in radians\.$"):
+            method(radians, SETUP)
+
+
+@pytest.mark.parametrize("value", [0.004, 7e-5])  # 14 arcsec in degrees, in radians
+def test_angular_errors_in_another_unit_are_named(value: float) -> None:
+    with pytest.warns(UserWarning, match=r"EA0A = .*: are these degrees or radians\?"):
+        tn.simulate(PLAN, SETUP, errors={"EA0A": value, "EX0C": 15.0})
+    known = replace(SETUP, machine=tn.Machine(errors={"EB0C": value}))
+    notes = tn.identify(measured(known), known).notes
+    assert any("They are expected in arcsec" in note for note in notes)
+
+
 @pytest.mark.parametrize("axes", ["A", "C", "AC"])
 def test_a_mirrored_sense_is_named(axes: str) -> None:
     true = replace(SETUP, axes={axis: tn.AxisSetup(sense=-1) for axis in axes})

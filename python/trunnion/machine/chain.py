@@ -270,11 +270,11 @@ class Chain:
 
 
 def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
-    """Kind of the artefact and its dimensions, mm, as the core takes them.
+    """Kind of the artefact and its dimensions at its temperature, mm, as the core takes them.
 
     Raises InputError: a set-up without an artefact.
     """
-    artefact = setup.artefact
+    artefact, grown = setup.artefact, setup.artefact.growth
     if artefact.kind == "none":
         raise InputError(
             "artefact: got none in the set-up, expected [artefact] with kind "
@@ -284,18 +284,19 @@ def artefact_dimensions(setup: Setup) -> tuple[str, list[float]]:
         diameter, centre = artefact.diameter_mm, artefact.centre_mm
         if diameter is None or centre is None:
             raise InputError("sphere: got no diameter_mm or centre_mm, expected both")
-        return "sphere", [diameter, *centre]
+        return "sphere", [diameter * grown, *centre]
     if artefact.kind == "spheres":
         diameter, spheres = artefact.diameter_mm, artefact.spheres_mm
         if diameter is None or spheres is None:
             raise InputError("spheres: got no diameter_mm or spheres_mm, expected both")
-        return "spheres", [diameter, *(value for centre in spheres for value in centre)]
+        return "spheres", [diameter * grown, *(x * grown for centre in spheres for x in centre)]
     if artefact.kind == "ring":
         diameter, outer = artefact.diameter_mm, artefact.outer_diameter_mm
         if diameter is None or outer is None:
             raise InputError("ring: got no diameter_mm or outer_diameter_mm, expected both")
-        return "ring", [diameter, outer, artefact.height_mm]
-    return artefact.kind, [artefact.length_mm, artefact.width_mm, artefact.height_mm]
+        return "ring", [diameter * grown, outer * grown, artefact.height_mm * grown]
+    sizes = artefact.length_mm, artefact.width_mm, artefact.height_mm
+    return artefact.kind, [size * grown for size in sizes]
 
 
 def standing_artefact(setup: Setup) -> _core.Artefact:

@@ -14,11 +14,12 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import Grid, Repeats, growth
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
-from trunnion.probing.inputs import inputs_of
+from trunnion.probing.inputs import certificate, inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
     TouchModel,
@@ -32,11 +33,13 @@ from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.setup import Setup
 
-Floats = NDArray[np.float64]
-
 MAX_STEPS = 50
 HUBER_KNEE = 1.345
 """Knee of Huber's loss in standard deviations: 95 % efficient on Gaussian noise."""
+
+CONTRADICTION_SIGMAS = 3.0
+MIN_GAINED = 1e-3
+"""Share of a certificate's variance below which readings have nothing to say of it."""
 
 
 @checked
@@ -68,8 +71,10 @@ def identify(
         "huber" lowers the weight of readings beyond 1.345 standard deviations (robust).
     priors
         What is known of a parameter beforehand: name ("artefact_length.dl_um") → (value,
-        standard uncertainty), for instance a dimension with its calibration uncertainty. Needs
-        `probe.repeatability_um`.
+        standard uncertainty). Needs `probe.repeatability_um`. A dimension, the ball radius or the
+        expansion of the artefact, where it is fitted, has what the set-up states of it as its prior
+        unless one is given: 0 within `[artefact] calibration_um`, `calibration_arcsec`,
+        `expansion_ppm_k` times `temperature_std_k`, `[probe] calibration_um`.
     max_steps
         Most Gauss-Newton steps.
 
@@ -100,7 +105,7 @@ def identify(
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     with mistakes_named(data, setup):
         result = _identified(data, setup, effects, loss, priors or {}, max_steps)
-    return replace(result, notes=likely_mistakes(result, data, setup))
+    return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
 def mistakes_in(data: Touches, setup: Setup) -> tuple[str, ...]:
@@ -126,41 +131,102 @@ def _identified(
     moves = model.moves(data)
     names = own_names(model, own)
     knee = HUBER_KNEE if loss == "huber" else None
-    how = Loss(knee, known_sigma_um(setup, data), _priors(names, priors))
+    stated = certificate(model)
+    sigma = known_sigma_um(setup, data)
+    by_setup = {name: (0.0, std) for name, (_, std) in stated.items()} if sigma > 0 else {}
+    how = Loss(knee, sigma, _priors(names, {**by_setup, **priors}))
     found = (
         TouchProblem(model, data, moves, own).fit(how, max_steps)
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
     errors = None
+    labels = {names.index(name): label for name, (label, _) in stated.items()}
+    known = _by_priors(names, how, found, labels)
     plain = found
     if not own and np.any(ticks_um(setup, data)):
-        found, errors = _beside_rounding(model, data, moves, found)
+        found, errors = _beside_rounding(model, data, moves, found, known)
     problem = TouchProblem(model, data, moves, own)
-    sources = _sources(problem, plain, found, known=how.sigma_um > 0)
-    return replace(_result(model, data, own, found, knee, errors), sources=sources)
+    sources = _sources(problem, plain, found, known, is_known=how.sigma_um > 0)
+    result = replace(_result(model, data, own, found, knee, errors), sources=sources)
+    return replace(result, notes=_of_the_certificate(result, stated, how, priors))
+
+
+def _by_priors(
+    names: Sequence[str], loss: Loss, found: Found, labels: Mapping[int, str]
+) -> tuple[Source, ...]:
+    """What the estimates owe to what was known beforehand: they move by C/u² with its value."""
+    return tuple(
+        Source(
+            labels.get(k, f"prior of {names[k]}"),
+            std,
+            unit_of(names[k]),
+            found.covariance[:, [k]] / std**2,
+        )
+        for k, _, std in loss.priors
+    )
+
+
+def _of_the_certificate(
+    result: IdentificationResult,
+    stated: Mapping[str, tuple[str, float]],
+    loss: Loss,
+    given: Mapping[str, tuple[float, float]],
+) -> tuple[str, ...]:
+    """Say where what the set-up states could not be used, or the readings contradict it."""
+    said = []
+    for name, (label, std) in stated.items():
+        if name in given:
+            continue
+        if not loss.sigma_um:
+            needs = "that needs [probe] repeatability_um"
+            said.append(f"{name} is fitted without the {label}, {std:g}: {needs}.")
+            continue
+        # Of what is known beforehand, the part that the readings have determined.
+        gained = std**2 - result.std_errors[name] ** 2
+        off = abs(result[name]) / np.sqrt(gained) if gained > MIN_GAINED * std**2 else 0.0
+        if off > CONTRADICTION_SIGMAS:
+            said.append(
+                f"The readings contradict the {label}: {name} = {result[name]:.3g}, stated as 0 ± "
+                f"{std:g} (1 σ), {off:.1f} standard deviations away."
+            )
+    return tuple(said)
 
 
 def _sources(
-    problem: TouchProblem, plain: Found, found: Found, *, known: bool
+    problem: TouchProblem,
+    plain: Found,
+    found: Found,
+    known: tuple[Source, ...],
+    *,
+    is_known: bool,
 ) -> tuple[Source, ...]:
-    """What the estimates' uncertainty comes from; ``found``: covariance that knows of ticks."""
+    """What the estimates' uncertainty comes from; ``found``: covariance that knows of ticks.
+
+    ``known``: what was known beforehand; ``is_known``: whether the noise of a reading is.
+    """
     model, data = problem.model, problem.data
     weighted = problem.jacobian(found.values) * found.weights[:, None]
     if plain.sigma_um > 0:
         cofactor = plain.covariance / plain.sigma_um**2
     else:
         cofactor = linear_fit(weighted, np.zeros(len(weighted)), hold=problem.held).cofactor
-    freedom = np.inf if known else float(found.degrees_of_freedom)
+    freedom = np.inf if is_known else float(found.degrees_of_freedom)
     rounding = rounding_um(model.setup, data)
-    readings = of_readings(found.covariance, found.sigma_um, "µm", rounding, freedom)
+    rest = found.covariance - _covariance(known, len(found.values))
+    readings = of_readings(rest, found.sigma_um, "µm", rounding, freedom)
     stated = inputs_of(model, data, found.values[: len(model.names)])
     gain = cofactor @ weighted.T
-    return (*readings, *(one.source(gain @ one.columns) for one in stated))
+    return (*readings, *known, *(one.source(gain @ one.columns) for one in stated))
+
+
+def _covariance(sources: Sequence[Source], count: int) -> Floats:
+    """What sources add to the covariance of so many parameters."""
+    return sum((one.covariance() for one in sources), np.zeros((count, count)))
 
 
 def _beside_rounding(
-    model: TouchModel, data: Touches, moves: Moves, found: Found
+    model: TouchModel, data: Touches, moves: Moves, found: Found, known: tuple[Source, ...]
 ) -> tuple[Found, Repeats | None]:
     """Covariance that knows what ticks do: repeats on one grid, and touches that round alike.
 
@@ -180,6 +246,7 @@ def _beside_rounding(
     covariance, weighted = found.covariance, jacobian * found.weights[:, None]
     if shared is not None:
         covariance = found.sigma_um**2 * cofactor @ shared.covariance(weighted) @ cofactor
+        covariance = covariance + _covariance(known, len(covariance))
     if drawn is not None:
         more = growth(cofactor @ (weighted.T @ drawn), np.diag(covariance))
         covariance = covariance * np.outer(more, more)
@@ -304,13 +371,15 @@ def identify_many(
     if own:
         raise InputError("effects: got a user's own, expected ids of the catalogue")
     model = TouchModel(setup, ids)
+    sigma = known_sigma_um(setup, plan)
+    stated = {name: (0.0, std) for name, (_, std) in certificate(model).items()} if sigma else {}
     values, errors, converged = model.core.fit_many(
         model.moves(plan),
         positions.reshape(len(positions), -1),
         model.values(),
         huber=None,
-        sigma_um=known_sigma_um(setup, plan),
-        priors=[],
+        sigma_um=sigma,
+        priors=_priors(model.names, stated),
         max_steps=max_steps,
         threads=threads,
     )

@@ -22,12 +22,9 @@ DIMENSIONS = (
 )
 
 
-def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, ...]:
-    """List what the set-up states an uncertainty of, with its influence on touches.
-
-    ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,).
-    """
-    artefact, probe = model.setup.artefact, model.setup.probe
+def stated_of(setup: Setup) -> dict[str, tuple[str, float]]:
+    """Effects that the set-up states to be nothing within a standard uncertainty: name, std."""
+    artefact, probe = setup.artefact, setup.probe
     expansion = artefact.expansion_ppm_k * artefact.temperature_std_k
     sizes = (k.replace("_", " ") for k in DIMENSIONS)
     stated = {
@@ -43,22 +40,39 @@ def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, 
         "artefact_expansion": ("temperature of the artefact", expansion),
     }
     given = {k: one for k, one in stated.items() if one[1] > 0}
-    return (*_known_to(model.setup, data, given), *_rotary_steps(model, data, values))
+    known = {info.id for info in catalogue(setup)} if given else set()
+    return {k: one for k, one in given.items() if k in known}
+
+
+def certificate(model: TouchModel) -> dict[str, tuple[str, float]]:
+    """What the set-up states of parameters that are fitted: what states it, std, by parameter."""
+    stated = stated_of(model.setup)
+    ids = {name: name.split(".", maxsplit=1)[0] for name in model.names}
+    return {name: stated[id_] for name, id_ in ids.items() if id_ in stated}
+
+
+def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, ...]:
+    """List what the set-up states an uncertainty of, with its influence on touches.
+
+    ``model``, ``values``: touches with the effects that are fitted, and their parameters (p,);
+    what is fitted is no input.
+    """
+    stated = stated_of(model.setup)
+    others = {k: one for k, one in stated.items() if k not in model.effect_ids}
+    return (*_known_to(model.setup, data, others), *_rotary_steps(model, data, values))
 
 
 def _known_to(
     setup: Setup, data: Touches, stated: Mapping[str, tuple[str, float]]
 ) -> Iterator[Input]:
     """Effects that are known to be nothing within a standard uncertainty: id → name, std."""
-    known = {info.id for info in catalogue(setup)} if stated else set()
-    ids = [k for k in stated if k in known]
-    if not ids:
+    if not stated:
         return
-    model = TouchModel(setup, ids)
+    model = TouchModel(setup, list(stated))
     columns = model.core.linearise(model.moves(data), model.values())[1]
-    for id_ in ids:
-        (at,) = (i for i, name in enumerate(model.names) if name.startswith(f"{id_}."))
-        yield Input(*stated[id_], unit_of(model.names[at]), columns[:, [at]])
+    for at, name in enumerate(model.names):
+        if (id_ := name.split(".", maxsplit=1)[0]) in stated:
+            yield Input(*stated[id_], unit_of(name), columns[:, [at]])
 
 
 def _rotary_steps(model: TouchModel, data: Touches, values: Floats) -> Iterator[Input]:

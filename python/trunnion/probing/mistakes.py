@@ -32,6 +32,9 @@ LARGE_UM = 1000.0
 TINY_UM = (1e-3, 0.1)
 """Where the largest position error of no machine lies, but that of one in mm does."""
 
+TINY_ARCSEC = (1e-7, 0.1)
+"""Where the largest angular error of no machine lies, but one in degrees or radians does."""
+
 SURE_SIGMAS = 5.0
 """Standard errors that an estimate is large for before its size is discussed."""
 
@@ -76,18 +79,23 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += _by_size(result, setup)
-    if doubt := in_mm(setup.machine.errors):
+    if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
     return tuple(said)
 
 
-def in_mm(errors: Mapping[str, float]) -> str:
-    """Ask whether position errors are in mm; empty where they are no doubt in µm."""
-    lengths = {name: float(value) for name, value in errors.items() if name[1] in "XYZ" and value}
-    if not lengths or not TINY_UM[0] <= max(map(abs, lengths.values())) < TINY_UM[1]:
-        return ""
-    given = ", ".join(f"{name} = {value:g}" for name, value in lengths.items())
-    return f"{given}: are these mm? They are expected in µm."
+def in_other_units(errors: Mapping[str, float]) -> str:
+    """Ask whether errors are in mm, degrees or radians; empty where there is no doubt."""
+    given = {name: float(value) for name, value in errors.items() if value}
+    return " ".join(
+        f"{', '.join(f'{name} = {value:g}' for name, value in some.items())}: {question}"
+        for letters, (least, limit), question in (
+            ("XYZ", TINY_UM, "are these mm? They are expected in µm."),
+            ("ABC", TINY_ARCSEC, "are these degrees or radians? They are expected in arcsec."),
+        )
+        if (some := {name: value for name, value in given.items() if name[1] in letters})
+        and least <= max(map(abs, some.values())) < limit
+    )
 
 
 @contextmanager
@@ -165,6 +173,9 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
         with suppress(TrunnionError):  # too far for positions
             meant = data.with_columns(x_mm=x, y_mm=y, z_mm=z)
             yield f"if their positions are in {unit}", meant, setup
+    turned = {f"{letter}_deg": np.degrees(angle) for letter, angle in data.rotary_deg.items()}
+    with suppress(TrunnionError):  # too far for angles
+        yield "if their angles are in radians", data.with_columns(**turned), setup
     for part, changes, text in _changes(data, setup):
         with suppress(TrunnionError):  # not a set-up: other axes, a cross without arms
             yield text, data, replace(setup, **{part: changes})

@@ -20,6 +20,7 @@ from trunnion.machine.effects import PLACEMENT, split_effects
 from trunnion.machine.estimate import Combinations, bias_in_words, in_words, named_combination
 from trunnion.machine.unnoticed import unnoticed
 from trunnion.probing.design import missing_positions
+from trunnion.probing.inputs import certificate
 from trunnion.probing.model import TouchModel, catalogue, known_sigma_um
 from trunnion.setup import Setup
 
@@ -170,6 +171,8 @@ def observability(
         and the placement. All the others of the catalogue are judged as well.
     noise_um
         Standard deviation of one reading; from the set-up unless given, 1 µm if unknown there.
+        Where it is known, what the set-up states of an effect's parameter counts as its prior, as
+        in :func:`identify`.
 
     Raises
     ------
@@ -199,7 +202,10 @@ def observability(
     linear = np.array([kind != "moment" for kind in model.kinds]) & model.unknown
     names = tuple(name for name, keep in zip(model.names, linear, strict=True) if keep)
     jacobian = jacobian[:, linear]
-    found = linear_fit(jacobian, np.zeros(len(jacobian)))
+    stated = certificate(model) if noise_um or known_sigma_um(setup, plan) else {}
+    priors = [sigma / stated[k][1] * (np.array(names) == k) for k in names if k in stated]
+    rows = np.vstack([jacobian, *priors])
+    found = linear_fit(rows, np.zeros(len(rows)))
     singular = found.singular_values
     missing, columns = _effect_columns(plan, setup)
     plain = jacobian[:, : sum(model.unknown[: len(model.error_names) + len(PLACEMENT)])]

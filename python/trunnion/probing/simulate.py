@@ -14,7 +14,7 @@ from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
-from trunnion.probing.mistakes import in_mm, large_errors_named
+from trunnion.probing.mistakes import in_other_units, large_errors_named
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
@@ -116,7 +116,7 @@ def simulate(
         way = np.linalg.norm(plan.position_mm - plan.start_mm, axis=1)
         reach += float(way.max(initial=0.0))
     named_values = dict(zip(model.error_names, values, strict=False))
-    if doubt := in_mm(named_values):
+    if doubt := in_other_units(named_values):
         warnings.warn(f"simulate, errors: got {doubt}", UserWarning, stacklevel=3)
     with large_errors_named(named_values):
         travel = model.core.simulate(

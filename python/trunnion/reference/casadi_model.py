@@ -437,7 +437,7 @@ class Model:
     def _dimensions(self) -> tuple[Any, Any, Any, Any]:
         """Length, width and height (mm) as they are, and the turn (rad) of the Y bar."""
         artefact, f = self.setup.artefact, self._effect
-        grown = 1 + f("artefact_expansion", "ppm")
+        grown = artefact.growth * (1 + f("artefact_expansion", "ppm"))
         return (
             artefact.length_mm * grown + f("artefact_length", "dl_um"),
             artefact.width_mm * grown + f("artefact_width", "dw_um"),
@@ -452,7 +452,7 @@ class Model:
         """
         ca, artefact = self.ca, self.setup.artefact
         if artefact.diameter_mm is not None:
-            grown = 1 + self._effect("artefact_expansion", "ppm")
+            grown = artefact.growth * (1 + self._effect("artefact_expansion", "ppm"))
             return ca.DM(artefact.centre_mm), ca.DM.zeros(3), artefact.diameter_mm / 2 * grown, 0.0
         length, width, height, gamma = self._dimensions()
         along_x = length * (1 - second_bar) + width * second_bar

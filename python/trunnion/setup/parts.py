@@ -57,8 +57,14 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", "base_mm")
 """Keys that say how an artefact of any kind stands on the table."""
 
-CERTIFICATE = ("calibration_um", "calibration_arcsec", "expansion_ppm_k", "temperature_std_k")
+CERTIFICATE = (
+    *("calibration_um", "calibration_arcsec", "expansion_ppm_k"),
+    *("temperature_c", "temperature_std_k"),
+)
 """Keys that say how well an artefact of any kind is known."""
+
+REFERENCE_C = 20.0
+"""Temperature that dimensions are stated at (ISO 1)."""
 
 UNCERTAINTY = Number(0.0, 1e4)
 SPEED = Number(1e-3, 1e7)
@@ -121,9 +127,10 @@ class Artefact(Part):
     calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
     calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
     expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
-    temperature_std_k: float = key(
-        0.0, Number(0.0, 100.0), "standard uncertainty of its temperature about 20 °C"
+    temperature_c: float = key(
+        REFERENCE_C, Number(-50.0, 150.0), "of the artefact; dimensions are those at 20 °C"
     )
+    temperature_std_k: float = key(0.0, Number(0.0, 100.0), "standard uncertainty of it")
 
     def __post_init__(self) -> None:
         """Check every field, and that the kind has these dimensions."""
@@ -145,6 +152,11 @@ class Artefact(Part):
         if self.diameter_mm is not None and self.effective_stem_diameter_mm >= self.diameter_mm:
             limit = f"less than artefact.diameter_mm = {self.diameter_mm:g}: the sphere is touched"
             raise self.refuse("stem_diameter_mm", limit)
+
+    @property
+    def growth(self) -> float:
+        """Its dimensions at its temperature, as a multiple of those at 20 °C."""
+        return 1.0 + 1e-6 * self.expansion_ppm_k * (self.temperature_c - REFERENCE_C)
 
     @property
     def effective_stem_diameter_mm(self) -> float:
