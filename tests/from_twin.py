@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from trunnion.data.touches import Touches
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Resolution, Setup
 from twin import forward, generator
@@ -61,3 +63,21 @@ def plan(theirs: generator.Plan, twin_setup: forward.Setup, expected_mm: float) 
         columns[f"dir_{name}"] = k.direction[:, i]
         columns[f"start_{name}_mm"] = theirs.start_mm[:, i]
     return Touches(**columns)
+
+
+def twin_plan(planned: Touches, approach_mm: float = 3.0) -> generator.Plan:
+    """A plan of trunnion's as the twin has it."""
+    n = len(planned)
+    senses = planned.rotary_dir
+    conditions = forward.Conditions(
+        planned.rotary_deg["a"],
+        planned.rotary_deg["c"],
+        planned.direction,
+        np.asarray(planned.feed_mm_min),
+        np.asarray(planned.time_s),
+        np.asarray(senses["a"], dtype=float),
+        np.asarray(senses["c"], dtype=float),
+    )
+    start = planned.position_mm - approach_mm * planned.direction
+    none = np.zeros(n, dtype=np.int64)
+    return generator.Plan(conditions, start, none, none, ("",) * n)

@@ -111,6 +111,7 @@ def _probing() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "diagnose": (tn.diagnose, {"data": tn.read_diameters(tn.sample_path("turning/diameters.csv")), "setup": tn.read_setup(tn.sample_path("turning/setup.toml")), "effects": ()}),
         "next_touches": (tn.next_touches, {"d": diagnosis_of("touches"), "n": 2}),
         "expected_discrimination": (tn.expected_discrimination, {"d": diagnosis_of("touches"), "n": 2}),
+        "next_measurement": (tn.next_measurement, {"diagnosis": diagnosis_of("touches"), "setup": setup, "mounting_minutes": {"ballbar": 5.0}}),
         "next_passes": (tn.next_passes, {"diagnosis": diagnosis_of("diameters")}),
         "fit_circles": (tn.fit_circles, {"data": tn.read_sweep(tn.sample_path("axis/sweep.csv"))}),
         "repeatable_part": (tn.repeatable_part, {"d": diagnosis_of("points"), "other": tn.read_points(tn.sample_path("plate/second.csv"))}),

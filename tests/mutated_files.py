@@ -144,6 +144,7 @@ def formats() -> dict[str, Format]:
         "diagnosis sweep",
         "Margins",
         "IdentificationResult",
+        "NextMeasurement",
         "NextPass",
         "ExpectedDiscrimination",
     ):

@@ -272,6 +272,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Ladder": lambda: with_outliers().ladder,
     "Gain": lambda: with_outliers().gain,
     "Circle": lambda: tn.fit_circles(tn.read_sweep(tn.sample_path("axis/sweep.csv")))[1],
+    "NextMeasurement": lambda: tn.next_measurement(with_outliers())[0],
     "NextPass": lambda: tn.next_passes(diagnosis_of("diameters"))[0],
     "ExpectedDiscrimination": lambda: tn.expected_discrimination(diagnosis_of("touches"), 4),
     "RepeatablePart": lambda: tn.repeatable_part(

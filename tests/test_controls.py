@@ -118,13 +118,23 @@ def test_tables_are_what_linuxcnc_reads() -> None:
 
 
 def test_what_has_no_place_is_said() -> None:
-    effects = EFFECTS | {"c_wobble_2": {"ax_arcsec": 5.0}, "backlash_y": {"b_um": 4.0}}
-    made = linuxcnc_files(SETUP, estimate(effects))
+    wobble = {"c_wobble_2": {"ax_arcsec": 5.0}}
+    made = linuxcnc_files(SETUP, estimate(EFFECTS | wobble | {"backlash_y": {"b_um": 4.0}}))
     said = made.summary()
-    assert "Not compensated: c_wobble_2 (LinuxCNC with trunnionkins has no place for it)." in said
     assert "Not compensated: backlash_y (its table needs [axes.Y] range_mm, or --range)." in said
-    assert made.after_um > 1.0  # and stays in the forecast
+    assert "c_wobble_2" not in said
+    assert made.after_um < 1e-6  # error motions are in the kinematics, reversal is no field
     assert linuxcnc_files(SETUP, TABLE_2).after_um < 1e-6
+    oblique = tn.Setup(
+        artefact=SETUP.artefact,
+        machine=tn.Machine(preset="nutating-table"),
+        axes={"C": SETUP.axes["C"]},
+        control=SETUP.control,
+    )
+    known = tn.Estimate(errors={"EX0C": 10.0}, effects={"b_twist": {"k_arcsec": 20.0}})
+    left = linuxcnc_files(oblique, known)
+    assert left.left_out == ("b_twist (LinuxCNC with trunnionkins has no place for it)",)
+    assert left.after_um > 1.0  # and stays in the forecast
 
 
 def test_present_values_stand_beside_the_new_ones(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Corrections in the real LinuxCNC: what its joints do on a machine with errors."""
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -7,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import trunnion as tn
 from controller import Bench, compiled, needs_linuxcnc, run
-from probing_bench import ERRORS, SPEED, hidden, run_program
+from probing_bench import ERRORS, SPEED, Hidden, hidden, run_program
 from reference_trt_ca import TABLE_2, Floats, table_pose
+from trunnion.cli import app
 from trunnion.controls import linuxcnc_files
 from trunnion.setup.control import ControlSetup
 
@@ -115,27 +118,43 @@ def _words(program: str) -> list[str]:
     return line.split()[3:]
 
 
-def test_measured_corrected_and_measured_again(tmp_path: Path) -> None:
-    """Plan, program, log, estimate, component, program again: no line of it written by hand."""
-    case = hidden(31, clearance=4.0, kind="cross", slow_feed_mm_min=30 * SPEED)
-    report = run_program(case, tmp_path / "before")
+def trunnion(folder: Path, *words: str) -> None:
+    """Run a command in a folder."""
+    with contextlib.chdir(folder):
+        done = CliRunner().invoke(app, words, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+
+
+def probed(case: Hidden, folder: Path, name: str, *options: str) -> tn.Estimate:
+    """Program, run, log, touches, estimate: what commands make of a plan."""
+    trunnion(folder, "program", "plan.csv", "setup.toml", "-o", f"{name}.ngc", *options)
+    report = run_program(case, folder / name, text=(folder / f"{name}.ngc").read_text())
     assert report["strikes"] == 0, report
-    before = tn.identify(tn.read_probe_log(tmp_path / "before/touches.log", case.plan), case.setup)
-    files = linuxcnc_files(case.setup, before)
-    component = compiled("trunnionkins", files.files["trunnionkins.comp"])
+    log = f"{name}/touches.log"
+    trunnion(folder, "touches", "plan.csv", log, "setup.toml", "-o", f"{name}.csv")
+    assert len(tn.read_touches(folder / f"{name}.csv")) == len(case.plan), report
+    trunnion(folder, "estimate", f"{name}.csv", "setup.toml", "-o", f"{name}.json")
+    return tn.read_estimate(folder / f"{name}.json")
+
+
+def test_measured_corrected_and_measured_again(tmp_path: Path) -> None:
+    """Plan, program, log, estimate, component, program again: by commands, nothing by hand."""
+    case = hidden(31, clearance=4.0, kind="cross", slow_feed_mm_min=30 * SPEED)
+    (tmp_path / "setup.toml").write_text(case.setup.to_toml())
+    trunnion(tmp_path, "plan", "setup.toml", "-o", "plan.csv", "--feeds", f"{600 * SPEED:g}")
+    case = replace(case, plan=tn.read_touches(tmp_path / "plan.csv"))
+    before = probed(case, tmp_path, "before")
+    words = ("before.json", "setup.toml", "--control", "linuxcnc", "-o", "made")
+    trunnion(tmp_path, "compensate", *words)
+    source = (tmp_path / "made/trunnionkins.comp").read_text()
     bench = replace(
         case.bench,
         kinematics="trunnionkins",
-        components={"trunnionkins": component},
-        hal=files.files["trunnion.hal"],
+        components={"trunnionkins": compiled("trunnionkins", source)},
+        hal=(tmp_path / "made/trunnion.hal").read_text(),
     )
-    again = replace(case, bench=bench)
-    program = tn.probing_program(case.plan, case.setup, corrected=True).text()
-    report = run_program(again, tmp_path / "after", text=program)
-    assert report["strikes"] == 0, report
-    touches = tn.read_probe_log(tmp_path / "after/touches.log", case.plan)
-    assert len(touches) == len(case.plan), report
-    after = tn.identify(touches, case.setup)
+    after = probed(replace(case, bench=bench), tmp_path, "after", "--corrected")
+    trunnion(tmp_path, "compare", "before.csv", "after.csv", "setup.toml")
     for name in ERRORS:
         both = np.hypot(before.std_errors[name], after.std_errors[name])
         assert abs(after.errors[name]) < 4 * both, name
@@ -146,5 +165,7 @@ def test_measured_corrected_and_measured_again(tmp_path: Path) -> None:
         case.setup, case.errors, a_deg=(-90, 0, 90), c_deg=(0, 90, 200)
     ).max_um
     assert found > 40 * left
+    files = linuxcnc_files(case.setup, before)
+    assert files.files["trunnionkins.comp"] == source
     assert files.interval_um is not None
     assert left < 1.5 * files.interval_um[1]

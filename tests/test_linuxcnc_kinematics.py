@@ -11,7 +11,7 @@ from kins_bench import Floats, Kinematics, needs_gcc
 from reference_trt_ca import ARCSEC, table_pose
 from trunnion.compensation import MachineErrors
 from trunnion.controls import linuxcnc_files
-from trunnion.controls.linuxcnc.kinematics import component
+from trunnion.controls.linuxcnc.kinematics import component, held
 from trunnion.controls.screws import screws, steps
 from trunnion.machine.chain import Chain
 from trunnion.setup.control import ControlSetup
@@ -123,6 +123,10 @@ HEADS: dict[str, dict[str, tuple[float, float, float]]] = {
 """Points less the pivot."""
 
 
+ERROR_MOTIONS = ("radial_2", "wobble_2", "axial", "axial_2", "sag", "twist")
+OBLIQUE = ("nutating-table", "nutating-head")
+
+
 def placed(
     machine: str, points: dict[str, tuple[float, float, float]], length_mm: float
 ) -> tn.Setup:
@@ -186,12 +190,22 @@ def frames(pin: Any, model: Any, data: Any, q: Floats) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("machine", [*POINTS, *HEADS])
 def test_the_forecast_is_made_for_the_same_machine(machine: str, tmp_path: Path) -> None:
-    """Joints of the component are the commands of the exact correction in the forecast."""
+    """Joints of the component are the commands of the exact correction in the forecast.
+
+    Error motions included; those of an oblique axis are refused by name.
+    """
     random = np.random.default_rng(8)
     setup = placed(machine, (POINTS | HEADS)[machine], 200.0)
     names = Chain(setup).location_errors
     errors = {name: round(float(random.uniform(-300, 300)), 3) for name in names}
-    known = MachineErrors.of(setup, errors, EFFECTS)
+    motions = {
+        name: {p.name: round(float(random.uniform(-90, 90)), 3) for p in info.parameters}
+        for name, info in Chain(setup).effects.items()
+        if name.partition("_")[2] in ERROR_MOTIONS and machine not in OBLIQUE
+    }
+    assert bool(motions) == (machine not in (*OBLIQUE, "three-axis"))
+    known = MachineErrors.of(setup, errors, EFFECTS | motions)
+    assert held(setup, known).effects.keys() == known.effects.keys()
     kins = Kinematics(component(setup, known), tmp_path)
     kins.set({"tool-offset": 50.0})
     at = random.uniform(-200, 200, (10, 3))

@@ -24,7 +24,8 @@ MAIN = (
     # estimate
     *("identify", "closed_form", "Estimate", "read_estimate"),
     # diagnose
-    *("diagnose", "diagnose_many", "catalogue", "next_touches", "next_passes", "compare"),
+    *("diagnose", "diagnose_many", "catalogue", "next_measurement", "next_touches"),
+    *("next_passes", "compare"),
     # compensate
     *("volumetric_error", "cnc_parameters", "error_map", "ModelCompensation", "residual_interval"),
     # studies, other processes, pictures

@@ -93,6 +93,8 @@ from .models.kinds import diagnose as diagnose
 from .models.many import DiagnosisBatch as DiagnosisBatch
 from .models.many import FailedDiagnosis as FailedDiagnosis
 from .models.many import diagnose_many as diagnose_many
+from .models.next_measurement import NextMeasurement as NextMeasurement
+from .models.next_measurement import next_measurement as next_measurement
 from .models.next_passes import NextPass as NextPass
 from .models.next_passes import next_passes as next_passes
 from .models.next_touches import ExpectedDiscrimination as ExpectedDiscrimination

@@ -33,6 +33,9 @@ class Further(TypedDict, total=False):
     """What `diagnose` prints as JSON beside the diagnosis."""
 
     recognised: Annotated[Any, Of(("trunnion.files.recognised:Recognised",))]
+    next_measurements: list[
+        Annotated[Any, Of(("trunnion.models.next_measurement:NextMeasurement",))]
+    ]
     next_passes: list[Annotated[Any, Of(("trunnion.models.next_passes:NextPass",))]]
 
 
@@ -78,7 +81,10 @@ def diagnose(
     probe_log: ProbeLog = None,
     next_: Annotated[
         int,
-        typer.Option("--next", help="plan this many touches that discriminate the alternatives"),
+        typer.Option(
+            "--next",
+            help="plan this many touches that discriminate the alternatives; rank further tests",
+        ),
     ] = 0,
     joint: Annotated[
         bool, typer.Option("--joint", help="several measurements of one machine, together")
@@ -92,9 +98,10 @@ def diagnose(
     """Say whether the model explains a measurement, and if not, what is wrong, by name.
 
     Several files are diagnosed each by itself on all cores, with a table over all; what cannot be
-    read is named there and the exit code is 2. With --next, --output is where the plan of further
-    touches goes (next.csv if absent); --html, or --output with a name that ends in .html, writes
-    the report: one page with the evidence.
+    read is named there and the exit code is 2. --next ranks further tests by how probably they
+    settle what is in doubt; of touches, --output is then where the plan of further ones goes
+    (next.csv if absent). --html, or --output with a name that ends in .html, writes the report: one
+    page with the evidence.
     """
     several = sum(file.suffix.lower() != ".toml" for file in files) > 1
     if (several or out is not None) and not joint:
@@ -115,23 +122,30 @@ def diagnose(
         values["recognised"] = said[0].to_dict()
     if html is not None:
         shown.append(save(html, d.to_html))
-    if next_:
-        found = tn.expected_discrimination(d, next_)
-        shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
-    elif isinstance(d.data, tn.Diameters):
-        passes = tn.next_passes(d)
-        values["next_passes"] = [one.to_dict() for one in passes]
-        if passes:
-            best = passes[0]
-            shown.append(
-                f"To discriminate between them: {best}"
-                if best.distinguished
-                else "To discriminate between them: none of the passes that were tried would do."
-            )
-    answer = Answer(values, tuple(shown))
-    if output is None or next_:
+    further, said_next = _next(d, next_, output)
+    answer = Answer({**values, **further}, (*shown, *said_next))
+    if output is None or (next_ and isinstance(d.data, tn.Touches)):
         return answer
-    return Answer(values, (*shown, answer.save(output)))
+    return replace(answer, shown=(*answer.shown, answer.save(output)))
+
+
+def _next(d: tn.Diagnosis, n: int, output: Path | None) -> tuple[dict[str, Any], list[Any]]:
+    """Say which further test settles what is in doubt: values by name, and what is shown."""
+    if isinstance(d.data, tn.Diameters):
+        passes = tn.next_passes(d)
+        said = [f"To discriminate between them: {one}" for one in passes[:1] if one.distinguished]
+        none = ["To discriminate between them: none of the passes that were tried would do."]
+        return {"next_passes": [one.to_dict() for one in passes]}, said or none * bool(passes)
+    if not n:
+        return {}, []
+    tests = tn.next_measurement(d)
+    shown: list[Any] = [
+        one.summary() if i else f"Next: {one.summary()}" for i, one in enumerate(tests)
+    ]
+    if isinstance(d.data, tn.Touches):
+        found = tn.expected_discrimination(d, n)
+        shown += [found, save(output or Path("next.csv"), found.plan.to_csv)]
+    return {"next_measurements": [one.to_dict() for one in tests]}, shown
 
 
 def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) -> Answer:
@@ -211,7 +225,8 @@ def _diagnosis(
                 f"{data[0]}: got data that are no touches, expected the plan of --probe-log"
             )
         read = read_log(probe_log, read, setup)
-    if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
+    other = setup and setup.artefact.kind != "none" and not setup.ballbar and not setup.hybrid
+    if isinstance(read, tn.Ballbar) and other:
         raise tn.InputError(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"

@@ -109,6 +109,14 @@ class Discrimination:
             total += float(self.weight[i] * np.mean(clear))
         return total
 
+    def distances(self, chosen: Integers) -> list[float]:
+        """How far each set predicts these readings from the first, in sigma of its own."""
+        out = []
+        for j in range(len(self.sets)):
+            miss = np.linalg.solve(self._factor(j, chosen), (self.means[0] - self.means[j])[chosen])
+            out.append(float(np.linalg.norm(miss)))
+        return out
+
     def alike(self, chosen: Integers) -> list[tuple[int, int]]:
         """Pairs that predict these readings alike: less than one sigma apart in all."""
         out = []

@@ -157,6 +157,10 @@ class JointModel(Model):
         motion = None if own is None else own.motion
         return Effect(id_, parameters, bound.change, bound.jacobian, label, owner, motion)
 
+    def ids_of_part(self, i: int) -> dict[str, str]:
+        """What this model calls the effects of one part, by their ids there."""
+        return {a.effect.id: id_ for id_, acts in self._acts.items() for a in acts if a.part == i}
+
     def _possible_changes(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
         """Changes of what measurements of one kind share, before a later one of them."""
         for i, part in enumerate(self.parts):

@@ -348,7 +348,7 @@ def _measured(
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
     return [
-        Measured(_name_of(one), one, _distinct_rows(one)[1], diagnose(one, setup, effects=effects))
+        Measured(kind_name(one), one, _distinct_rows(one)[1], diagnose(one, setup, effects=effects))
         for one in data
     ]
 
@@ -361,7 +361,7 @@ def _joint(
     return joint_model(measured, model, model)
 
 
-def _name_of(data: Any) -> str:
+def kind_name(data: Any) -> str:
     """Name of the kind of data; of a model of one's own that of its class."""
     classes = {f"{base.__module__}:{base.__qualname__}" for base in type(data).__mro__}
     return next((kind.name for kind in _KINDS if kind.data in classes), type(data).__name__)

@@ -175,7 +175,7 @@ def expected_discrimination(d: Diagnosis, n: int = 8) -> ExpectedDiscrimination:
     pool = _pool(model)
     used = np.flatnonzero(~np.isin(np.arange(len(d.data)), d.outliers))
     old = d.data[used]
-    both = model.bind(_joined(old, pool))
+    both = model.bind(joined_touches(old, pool))
     is_old = np.arange(len(both.data)) < len(old)
     sets = [_hypothesis(model, both, d, used, a.start, a.distance) for a in d.evidence[:MAX_SETS]]
     if not sets:
@@ -235,7 +235,7 @@ def _pool(model: TouchDiagnosisModel) -> Touches:
     return made.with_columns(time_s=np.full(len(made), end + PAUSE_S + 4 * pace))
 
 
-def _joined(a: Touches, b: Touches) -> Touches:
+def joined_touches(a: Touches, b: Touches) -> Touches:
     """One after the other, with the columns that both have."""
     names = [c for c in a.columns if c in b.columns and not c.startswith("start_")]
     return Touches({c: np.concatenate([a.columns[c], b.columns[c]]) for c in names})

@@ -95,7 +95,7 @@ def linuxcnc_files(
 
 def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
     letters = joint_letters(setup)
-    mine = held(known)
+    mine = held(setup, known)
     tables = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=False, squareness=False)
     pins = pin_values(setup, mine)
     settings = [

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib.resources import files
+
+import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.errors import InputError
@@ -29,9 +32,63 @@ PLACES = 6
 """Decimals of numbers in the source: a nanometre."""
 
 
-def held(known: MachineErrors) -> MachineErrors:
-    """Errors that the component holds: location errors, scale and squareness."""
+@dataclass(frozen=True)
+class _Motion:
+    """A parameter of an error motion: on which component of its axis' frame it acts, and how.
+
+    shape: In C, of the position q of the axis.
+    """
+
+    effect: str
+    parameter: str
+    key: str
+    shape: str
+
+    @property
+    def pin(self) -> str:
+        return f"{self.effect}-{self.parameter}".replace("_", "-")
+
+
+_MOTIONS = {
+    "radial_2": {"a?_um": ("?", "cos(2 * q)"), "b?_um": ("?", "sin(2 * q)")},
+    "wobble_2": {"a?_arcsec": ("tilt ?", "cos(2 * q)"), "b?_arcsec": ("tilt ?", "sin(2 * q)")},
+    "axial": {"a1_um": ("along", "cos(q)"), "b1_um": ("along", "sin(q)")},
+    "axial_2": {"a2_um": ("along", "cos(2 * q)"), "b2_um": ("along", "sin(2 * q)")},
+    "sag": {"kx_um": ("X", "sin(q)"), "ky_um": ("Y", "sin(q)"), "kz_um": ("Z", "(cos(q) - 1)")},
+    "twist": {"k_arcsec": ("tilt across", "sin(q)")},
+}
+"""Error motions of an axis along X, Y or Z (docs/reference/effects.md); ? is x, y or z."""
+
+
+def _motions(setup: Setup) -> dict[str, list[_Motion]]:
+    """Error motions that the component holds, by letter of the axis."""
+    known = Chain(setup).effects
+    found: dict[str, list[_Motion]] = {}
+    frames = links(setup)
+    for link in (*frames.head, *frames.table):
+        own = "XYZ"["ABC".index(link.letter)]
+        if np.abs(link.direction).max() < 1.0:
+            continue  # an oblique axis has them in a frame of its own
+        for what, shapes in _MOTIONS.items():
+            effect = f"{link.letter.lower()}_{what}"
+            for parameter in known[effect].parameters if effect in known else ():
+                among = {"along": own, "across": "X" if own == "Y" else "Y"}
+                wild = parameter.name[1]
+                where, shape = (
+                    shapes.get(parameter.name) or shapes[parameter.name.replace(wild, "?", 1)]
+                )
+                name = where.rpartition(" ")[2].replace("?", wild.upper())
+                place = "XYZ".index(among.get(name, name))
+                key = "ABC"[place] if where.startswith("tilt") else "XYZ"[place]
+                motion = _Motion(effect, parameter.name, key, shape)
+                found.setdefault(link.letter, []).append(motion)
+    return found
+
+
+def held(setup: Setup, known: MachineErrors) -> MachineErrors:
+    """Errors that the component holds: location errors, error motions, scale and squareness."""
     mine = {name for name, _, _ in LINEAR_ERRORS}
+    mine |= {motion.effect for listed in _motions(setup).values() for motion in listed}
     effects = {name: values for name, values in known.effects.items() if name in mine}
     return MachineErrors(errors=known.errors, effects=effects)
 
@@ -43,12 +100,15 @@ def is_conventional(setup: Setup) -> bool:
 
 
 def pin_values(setup: Setup, known: MachineErrors) -> dict[str, float]:
-    """Pin → value: each location error of the machine, scale and squareness, zeros."""
+    """Pin → value: location errors, scale and squareness, error motions, zeros."""
     units = Chain(setup).location_errors
     pins = {f"{name.lower()}-{unit}": known.errors.get(name, 0.0) for name, unit in units.items()}
     for name, unit, _ in LINEAR_ERRORS:
         pin = f"{name}-{unit}".replace("_", "-")
         pins[pin] = known.effects.get(name, {}).get(unit, 0.0)
+    for motions in _motions(setup).values():
+        for one in motions:
+            pins[one.pin] = known.effects.get(one.effect, {}).get(one.parameter, 0.0)
     if (pivot := pivot_mm(setup)) is not None:
         pins[PIVOT] = pivot
     pins |= {f"zero-{letter.lower()}-arcsec": 0.0 for letter in Chain(setup).letters}
@@ -85,7 +145,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
     """
     chain, frames, centre = Chain(setup), links(setup), table_centre(setup)
     letters, joints = chain.letters, joint_letters(setup)
-    conventional = is_conventional(setup)
+    conventional, motions = is_conventional(setup), _motions(setup)
     signs = [1.0 if conventional else sense for sense in chain.senses.tolist()]
     words = {
         "NAME": name,
@@ -98,7 +158,7 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
         "CONVENTIONAL": str(int(conventional)),
         "PINS": _pins(pin_values(setup, known)),
         "LINKS": "\n".join(
-            _link(link, carries_tool=i < min(1, len(frames.head)))
+            _link(link, motions.get(link.letter, ()), i, carries_tool=i < min(1, len(frames.head)))
             for i, link in enumerate((*frames.head, *frames.table))
         ),
         "REACH": "pivot_length + UNIT * tool_offset" if frames.head else "0",
@@ -134,16 +194,19 @@ def _pins(values: Mapping[str, float]) -> str:
         what, _, unit = name.rpartition("-")
         said = what.upper() if "0" in what else what.replace("-", " ")
         unit = "mm: pivot to the gauge line" if name == PIVOT else unit.replace("um", "µm")
-        lines.append(f'pin in float {name.replace("-", "_")} = {value!r} "{said}, {unit}";')
+        lines.append(f'pin in float {_c(name)} = {value!r} "{said}, {unit}";')
     return "\n".join(lines)
 
 
-def _link(link: Link, *, carries_tool: bool) -> str:
+def _link(link: Link, motions: Iterable[_Motion], index: int, *, carries_tool: bool) -> str:
     """Return a frame in that of the axis that carries it, with the pins of its errors."""
     parts: dict[str, list[str]] = {key: [] for key in COMPONENTS}
     for key, (own, carried) in link.errors.items():
         term = _pin(own) if carried is None else f"({_pin(own)} - {_pin(carried)})"
         parts[key].append(f"{'u' if key in 'XYZ' else 'a'} * {term}")
+    for one in motions:
+        shape = one.shape.replace("q)", f"angle[{index}])")
+        parts[one.key].append(f"{'u' if one.key in 'XYZ' else 'a'} * {_c(one.pin)} * {shape}")
     for key, shift in zip("XYZ", link.offset, strict=True):
         parts[key].insert(0, f"{shift:.{PLACES}f}")
     if carries_tool:
@@ -156,6 +219,11 @@ def _link(link: Link, *, carries_tool: bool) -> str:
 
 def _vector(values: Floats, places: int = PLACES) -> str:
     return "{" + ", ".join(f"{value + 0.0:.{places}f}" for value in values) + "}"
+
+
+def _c(pin: str) -> str:
+    """Return a pin as C knows it."""
+    return pin.replace("-", "_")
 
 
 def _pin(name: str) -> str:
