@@ -55,7 +55,7 @@ def row(name: str, setup: tn.Setup, make: Callable[[tn.Setup], tn.Touches]) -> s
         plan = make(setup)
     except tn.DataError as refused:
         lacking = [error for error in ERRORS if error in str(refused).split(", expected")[0]]
-        return f"| {name} | refused: nothing identifies {', '.join(lacking)} |"
+        return f"\n{name}: refused, no touch of this artefact identifies {', '.join(lacking)}."
     seen = tn.observability(plan, setup, noise_um=1.0).std_errors
     minutes = tn.probing_program(plan, setup).seconds / 60
     errors = [f"{seen[e]:.2g}" if np.isfinite(seen[e]) else "–" for e in ERRORS]
