@@ -12,7 +12,13 @@ from typer.testing import CliRunner
 import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
-from trunnion.controls import comp_file, iso_table, linuxcnc_files, measured_comp_file
+from trunnion.controls import (
+    comp_file,
+    iso_table,
+    linuxcnc_files,
+    measured_comp_file,
+    twincat_files,
+)
 from trunnion.setup.control import ControlSetup
 
 SETUP = tn.Setup(
@@ -176,6 +182,43 @@ def test_stock_kinematics_get_tables_of_their_axes() -> None:
     both = linuxcnc_files(plain, estimate(without), kinematics="stock")
     assert both.after_um == pytest.approx(alone.after_um, abs=1e-6)
     assert both.before_um > alone.before_um + 1
+
+
+def test_the_interval_is_of_what_these_files_leave() -> None:
+    """Not of an exact correction: what has no place in the control is in it."""
+    names = tuple(TABLE_2)
+    known = tn.Estimate(
+        errors=dict(TABLE_2),
+        effects={"c_wobble_2": {"ax_arcsec": 9.0}},
+        std_errors=dict.fromkeys(names, 0.5),
+        names=names,
+        covariance=0.25 * np.eye(len(names)),
+    )
+    plain = tn.Setup(artefact=SETUP.artefact, control=SETUP.control)
+    exact = linuxcnc_files(plain, known)
+    stock = linuxcnc_files(plain, known, kinematics="stock")
+    tables = twincat_files(plain, known)
+    for files, least in ((exact, 0.1), (stock, 20.0), (tables, 40.0)):
+        assert files.interval_um is not None
+        low, high = files.interval_um
+        assert least < low < high
+        assert high - low < 10
+    assert stock.interval_um is not None
+    assert stock.interval_um[0] < stock.after_um < stock.interval_um[1]
+
+
+def test_a_diagnosis_goes_to_the_control_as_it_is_printed(tmp_path: Path) -> None:
+    cross = tn.sample_path("cross/setup.toml").parent
+    done = CliRunner().invoke(
+        app, ["diagnose", str(cross / "touches.csv"), str(cross / "setup.toml"), "--json"]
+    )
+    (tmp_path / "found.json").write_text(done.output)
+    diagnosis = tn.diagnose(
+        tn.read_touches(cross / "touches.csv"), tn.read_setup(cross / "setup.toml")
+    )
+    found = tn.read_estimate(tmp_path / "found.json")
+    assert found.errors == pytest.approx(diagnosis.model.errors)
+    assert found.effects.keys() == diagnosis.model.effects.keys()
 
 
 def test_what_nobody_measured_or_believes_is_not_written() -> None:

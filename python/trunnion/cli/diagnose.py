@@ -225,7 +225,8 @@ def _diagnosis(
                 f"{data[0]}: got data that are no touches, expected the plan of --probe-log"
             )
         read = read_log(probe_log, read, setup)
-    if isinstance(read, tn.Ballbar) and setup and not setup.ballbar and not setup.hybrid:
+    other = setup and setup.artefact.kind != "none" and not setup.ballbar and not setup.hybrid
+    if isinstance(read, tn.Ballbar) and other:
         raise tn.InputError(
             f"{set_ups[0]}: got neither a table [ballbar] nor [hybrid], expected one of them, or "
             "no set-up for a three-axis machine and a calibrated bar"

@@ -15,7 +15,7 @@ gives them as printed, with the origin offsets that the paper puts into the work
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,11 @@ class Removable(Result):
         return {"share_left": self.share_left}
 
 
+def _signed(value: float) -> str:
+    """Return a number with its sign, as it is keyed in."""
+    return f"{value:+.3f}".replace("-", "−")
+
+
 def _unit(suffix: str) -> str:
     """Return the unit that ends a name as people write it."""
     return suffix.replace("um", "µm")
@@ -117,6 +122,9 @@ class CncParameters(Result):
         Placement of the work that the control reckons with (`dx_um` ... `rc_arcsec`).
     removable
         What such parameters can remove of each error; empty where it was not asked for.
+    before_um, left_um
+        Volumetric error over box and poses, rms, without and with them; None where it was not
+        asked for.
 
     Examples
     --------
@@ -131,6 +139,8 @@ class CncParameters(Result):
     centres_um: Mapping[str, float] = field(default_factory=dict)
     work: Mapping[str, float] = field(default_factory=dict)
     removable: tuple[Removable, ...] = ()
+    before_um: float | None = None
+    left_um: float | None = None
 
     def title(self) -> str:
         """Name the result."""
@@ -165,8 +175,11 @@ class CncParameters(Result):
 
         zeros = {k: float(round_to(np.array(v), rotary)) for k, v in self.zeros_arcsec.items()}
         steps = {"um": linear, "arcsec": rotary}
-        return CncParameters(
-            zeros, each(self.centres_um, {}), each(self.work, steps), self.removable
+        return replace(
+            self,
+            zeros_arcsec=zeros,
+            centres_um=each(self.centres_um, {}),
+            work=each(self.work, steps),
         )
 
     def _set(self) -> list[tuple[str, float, str]]:
@@ -179,18 +192,28 @@ class CncParameters(Result):
         return rows
 
     def sentences(self) -> Sequence[str]:
-        """What to set, and the error of which most is left."""
-        listed = ", ".join(f"{label} {value:+.3f} {unit}" for label, value, unit in self._set())
-        lines = [f"CNC parameters: {listed or 'none'}."]
+        """What they are good for, what to set, and the error of which most is left."""
+        listed = ", ".join(f"{label} {_signed(value)} {unit}" for label, value, unit in self._set())
+        lines = [f"To set in the control: {listed or 'nothing'}."]
+        if self.before_um is not None and self.left_um is not None:
+            lines.insert(
+                0,
+                f"Volumetric error over the work space, rms: {self.before_um:.3g} µm before, "
+                f"{self.left_um:.3g} µm with these parameters.",
+            )
         if self.removable:
             worst = max(self.removable, key=lambda row: row.share_left)
-            lines.append(f"Removed least: {worst.sentences()[0]}")
+            if worst.share_left > 0:
+                lines.append(
+                    f"Such parameters remove least of {worst.name}: {worst.share_left:.0%} of what "
+                    "it does stays; an error map, or kinematics that know it, remove it."
+                )
         return lines
 
     def tables(self) -> tuple[Table, ...]:
         """What to set, and what is left of each error where it was asked for."""
         rows: list[tuple[Cell, ...]] = [
-            (label, Shown(value, f"{value:+.3f}"), unit) for label, value, unit in self._set()
+            (label, Shown(value, _signed(value)), unit) for label, value, unit in self._set()
         ]
         to_set = Table.of("CNC parameters to set", ("", "value", "unit"), rows)
         return (to_set, _removable_table(self.removable)) if self.removable else (to_set,)
@@ -328,10 +351,12 @@ class _Fit:
         return CncParameters(zeros, named, work)
 
     def solve(self) -> CncParameters:
-        values = np.zeros(len(self.names))
+        values, before = np.zeros(len(self.names)), None
         for _ in range(_ROUNDS):
             assumed, zeros = self.parameters(values).control_model(self.setup)
             left = self.residuals(self.truth.fields(assumed, zeros, self.poses)[0])[:, 0]
+            size = float(np.linalg.norm(left))
+            before = size if before is None else before
             rates = self.truth.control_rates(assumed, zeros, self.poses)
             columns = self.rates(rates, len(self.names))[:, self.used]
             if not self.used:
@@ -340,8 +365,9 @@ class _Fit:
             values[self.used] += step
             if np.abs(step).max() < 1e-9:
                 break
-        found = self.parameters(values)
-        return CncParameters(found.zeros_arcsec, found.centres_um, found.work, self.removable())
+        return replace(
+            self.parameters(values), removable=self.removable(), before_um=before, left_um=size
+        )
 
     def removable(self) -> tuple[Removable, ...]:
         """What parameters can remove of one unit of each error: projection, nominal machine."""

@@ -20,7 +20,7 @@ from trunnion.base.checks import finite, whole
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result, Table
 from trunnion.base.units import Floats
-from trunnion.compensation.control import ModelCompensation
+from trunnion.compensation.control import ControlModel, ModelCompensation
 from trunnion.compensation.machine import NOMINAL, Known, MachineErrors
 from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.budget import Budget, Method, drawn, measurand
@@ -87,6 +87,7 @@ def residual_interval(
     c_deg: ArrayLike = 0,
     *,
     b_deg: ArrayLike | None = None,
+    compensation: ControlModel | None = None,
     covariance: ArrayLike | None = None,
     names: Sequence[str] | None = None,
     degrees_of_freedom: float | None = None,
@@ -94,7 +95,7 @@ def residual_interval(
     draws: int = 4000,
     seed: int = 0,
 ) -> ResidualInterval:
-    """Predict what exact compensation by the linear axes will leave, from the covariance.
+    """Predict what a compensation will leave, from the covariance of the estimate.
 
     Parameters
     ----------
@@ -104,6 +105,9 @@ def residual_interval(
         Result of an identification, or location errors by name with `covariance` and `names`.
     x_mm, y_mm, z_mm, a_deg, b_deg, c_deg
         Box of the work and rotary positions, as for `volumetric_error`.
+    compensation
+        What the control reckons with; None: exact compensation by the linear axes, which leaves
+        what the estimate is wrong by.
     covariance, names
         Of the estimate, µm and arcsec; those of the result unless given. Names beyond location
         errors and effects of the machine (placement, probe ...) take no part.
@@ -148,28 +152,24 @@ def residual_interval(
     used, numbers = _taking_part(setup, known, listed)
     index = [listed.index(name) for name in used]
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
-    rates = _Field.of(setup, known, where, numbers, ModelCompensation(known)).rates
-    at_corners, moments = rates.at_corners, rates.moments
+    control = ModelCompensation(known) if compensation is None else compensation
+    field = _Field.of(setup, known, where, numbers, control)
     random = np.random.default_rng(seed)
     root = _root(matrix[np.ix_(index, index)])
-    largest, square = np.empty(draws), np.empty(draws)
+    found = np.empty((draws, 2))
     for first in range(0, draws, _BLOCK):
         count = min(_BLOCK, draws - first)
         drawn = random.standard_normal((count, len(used))) @ root.T
         if np.isfinite(freedom):
             drawn /= np.sqrt(random.chisquare(freedom, count) / freedom)[:, None]
-        block = slice(first, first + count)
-        left = np.tensordot(drawn, at_corners, axes=1)
-        largest[block] = np.sqrt(np.einsum("dmki,dmki->dmk", left, left).max(axis=(1, 2)))
-        parts = np.tensordot(drawn, moments, axes=1).reshape(count, -1)
-        square[block] = np.einsum("di,di->d", parts, parts) / moments.shape[1]
+        found[first : first + count] = field.values(drawn)
     tail = 0.5 * (1.0 - level)
 
     def interval(values: Floats) -> tuple[tuple[float, float], float]:
         low, high, bound = np.quantile(values, [tail, 1.0 - tail, level])
         return (float(low), float(high)), float(bound)
 
-    (max_um, max_bound), (rms_um, rms_bound) = interval(largest), interval(np.sqrt(square))
+    (max_um, max_bound), (rms_um, rms_bound) = interval(found[:, 0]), interval(found[:, 1])
     return ResidualInterval(level, max_um, max_bound, rms_um, rms_bound, draws)
 
 
@@ -297,9 +297,9 @@ class _Field:
         known: MachineErrors,
         where: Workspace,
         used: Sequence[int],
-        compensation: ModelCompensation | None = None,
+        compensation: ControlModel | None = None,
     ) -> _Field:
-        """Of a machine; ``compensation``: None: the control assumes the nominal one."""
+        """Of a machine; ``compensation``: None: the control reckons with the nominal one."""
         core = known.core(setup)
         poses = pose_grid(setup, where.rotary(setup)[0])
         control = ModelCompensation(NOMINAL) if compensation is None else compensation

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import unit_of
-from trunnion.compensation.control import Compensation, ModelCompensation
+from trunnion.compensation.control import Compensation, ControlModel, ModelCompensation
 from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.compensation.uncertainty import residual_interval
 from trunnion.compensation.volumetric import volumetric_error
@@ -78,10 +79,7 @@ def control_files(
     after = volumetric_error(
         setup, remaining or known, compensation=compensation, **rotary, points=(3, 3, 2)
     ).max_um
-    interval = None
-    exact = isinstance(compensation, ModelCompensation)
-    if exact and isinstance(estimate, Estimate) and estimate.names:
-        interval = residual_interval(setup, estimate, **rotary, draws=1000, seed=seed).max_um
+    interval = _interval(setup, estimate, remaining or known, compensation, rotary, seed)
     why = f"{control.partition(' (')[0]} has no place for it"
     every = [*known.effects, *(effect.id for effect in known.own)]
     if isinstance(held, MachineErrors):
@@ -96,6 +94,36 @@ def control_files(
         control, made, tuple(settings), before, after, interval, tuple(left), tuple(notes),
         {name: size for name, size in (between or {}).items() if size > 0} or None,
     )  # fmt: skip
+
+
+def _interval(
+    setup: Setup,
+    estimate: Known,
+    meets: MachineErrors,
+    compensation: Compensation,
+    rotary: Mapping[str, Any],
+    seed: int,
+) -> tuple[float, float] | None:
+    """Interval of the largest error left, 95 %.
+
+    None without a covariance, and where motions that no formula bounds are left over.
+
+    meets: Errors that the compensation meets; what tables hold is as good as its estimate.
+    """
+    if not (isinstance(estimate, Estimate) and estimate.names):
+        return None
+    held = compensation.known.own if isinstance(compensation, ModelCompensation) else ()
+    if not isinstance(compensation, ControlModel) or len(held) < len(meets.own):
+        return None
+    every = MachineErrors.of(setup, estimate)
+    zero = {k: v if k in meets.effects else dict.fromkeys(v, 0.0) for k, v in every.effects.items()}
+    from_residuals = setup.probe.repeatability_um == 0 and np.isfinite(estimate.degrees_of_freedom)
+    freedom = estimate.degrees_of_freedom if from_residuals else None
+    return residual_interval(
+        setup, replace(meets, effects=zero), **rotary, compensation=compensation,
+        covariance=estimate.covariance, names=estimate.names, degrees_of_freedom=freedom,
+        draws=1000, seed=seed,
+    ).max_um  # fmt: skip
 
 
 def rotary_range(setup: Setup) -> dict[str, Any]:

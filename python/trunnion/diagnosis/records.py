@@ -386,11 +386,14 @@ def value_in_words(value: float, std: float | None, unit: str = "") -> str:
     return with_unit(f"{number(value, digits)} ± {number(std, digits)}", unit)
 
 
-def alternatives_table(alternatives: Sequence[Alternative], unit: str = "") -> Table:
-    """Return sets of causes with their distance from the best."""
+def alternatives_table(
+    alternatives: Sequence[Alternative], unit: str = "", labels: Mapping[str, str] | None = None
+) -> Table:
+    """Return sets of causes with their distance from the best; labels where they are known."""
+    known = labels or {}
     rows = [
         (
-            " + ".join(sorted(a.causes)),
+            " + ".join(known.get(i) or i for i in sorted(a.causes)) or "no further cause",
             Shown(a.probability, percent(a.probability)),
             round(a.distance, 1) + 0.0,
             significant(a.rms_um),

@@ -392,7 +392,7 @@ def bias_in_words(
 
 @checked
 def read_estimate(path: str | PathLike[str]) -> Estimate:
-    """Read an estimate: the dictionary of a result, or names and values alone.
+    """Read an estimate: the dictionary of a result or a diagnosis, or names and values alone.
 
     Raises
     ------
@@ -414,6 +414,9 @@ def read_estimate(path: str | PathLike[str]) -> Estimate:
     for method in ("least-squares", "separating"):
         if isinstance(content.get(method), dict):
             content = content[method]
+    # What `trunnion diagnose --json` writes: the model that it comes to.
+    if isinstance(content.get("model"), dict):
+        content = content["model"]
     if "errors" not in content:
         return Estimate(errors=_numbers(path, "errors", content))
     effects = content.get("effects") or {}

@@ -20,7 +20,7 @@ from scipy.linalg import solveh_banded
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
 
-ALONG = "deviation along "
+ALONG = ", read less modelled"
 ENOUGH = 0.95
 """Share of a change that a coordinate explains, at least."""
 AS_GOOD = 0.002
@@ -172,7 +172,7 @@ def weights_of(
     out = []
     for name, enters in model.components.items():
         if name:
-            along = f"{ALONG}{name}" if len(name) == 1 else f"deviation, {name}"
+            along = f"{name}{ALONG}" if len(name) == 1 else f"deviation, {name}"
             out.append(Weight(along, unit, np.asarray(enters, dtype=np.float64)))
     out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
     columns = model.jacobian(nuisance, {})
@@ -182,6 +182,14 @@ def weights_of(
         cost = AS_PARAMETER + 0.01 * (len(model.nuisance) - j)
         out.append(Weight(kind, one.unit, np.asarray(columns[:, j]), cost, like))
     return [w for w in out if np.any(w.enters)]
+
+
+def unit_beside(unit: str, reading: str) -> str:
+    """Return the unit of a place stated as "mm or deg/s", beside readings of one axis."""
+    linear, both, rotary = unit.partition(" or ")
+    if not both:
+        return unit
+    return rotary if reading == "arcsec" else linear + rotary.removeprefix("deg")
 
 
 def positions(v: Covariate) -> tuple[Floats, tuple[str, ...]]:
@@ -197,8 +205,8 @@ def _directions(weights: Sequence[Weight]) -> list[Covariate]:
     out = []
     for weight in weights:
         sense = np.sign(weight.enters)
-        if weight.name.startswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
-            name = f"direction along {weight.name.removeprefix(ALONG)}"
+        if weight.name.endswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
+            name = f"direction along {weight.name.removesuffix(ALONG)}"
             words = np.array(["−", "across", "+"])[sense.astype(int) + 1]
             out.append(Covariate(name, words, classes=True))
     return out

@@ -14,7 +14,14 @@ from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
-from trunnion.plot.coordinates import Coordinate, Weight, coordinate_of, positions, weights_of
+from trunnion.plot.coordinates import (
+    Coordinate,
+    Weight,
+    coordinate_of,
+    positions,
+    unit_beside,
+    weights_of,
+)
 from trunnion.plot.picture import (
     BLUE,
     GREEN,
@@ -182,7 +189,8 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     said = [f"Acts on the readings like: {where.weight.like}."] if where.weight.like else []
     said += [f"Not drawn: {left} readings that feel little of it."] if left else []
     y = Axis(_capital(where.weight.name), where.weight.unit)
-    x_axis = Axis(_capital(where.x.name), where.x.unit, names)
+    x_unit = unit_beside(where.x.unit, where.weight.unit)
+    x_axis = Axis(_capital(where.x.name), x_unit, names)
     return Picture(title, x_axis, y, tuple(series), note=" ".join(said), key=id_)
 
 

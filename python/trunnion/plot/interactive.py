@@ -47,6 +47,8 @@ def _traces(s: Series, *, polar: bool) -> list[dict[str, Any]]:
         out["hoverinfo"] = "skip"
     if s.hover:
         out["text"] = [_text(one) for one in s.hover]
+        if s.form is Form.BARS:
+            out["textposition"] = "none"  # it is for the pointer
     if s.rows is not None:
         out["customdata"] = s.rows.tolist()
     match s.form:
@@ -107,6 +109,7 @@ def _heat(s: Series) -> dict[str, Any]:
 
 def _layout(p: Picture) -> dict[str, Any]:
     clear = "rgba(0,0,0,0)"
+    beside = {"xanchor": "left", "xshift": 3} if p.y.names else {"yshift": 8}
     out: dict[str, Any] = {
         "paper_bgcolor": clear,
         "plot_bgcolor": clear,
@@ -115,7 +118,7 @@ def _layout(p: Picture) -> dict[str, Any]:
         "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
         "barmode": "overlay",
         "annotations": [
-            {"x": x, "y": y, "text": _text(text), "showarrow": False, "yshift": 8}
+            {"x": x, "y": y, "text": _text(text), "showarrow": False, **beside}
             for x, y, text in p.notes_at
             if p.kind is not Kind.POLAR
         ],

@@ -38,7 +38,7 @@ def contributions_picture(d: Diagnosis) -> Picture | None:
     hover = (*(f"{c.rms_um:.3g} {unit} rms" for c in ranked), "")
     return Picture(
         "Causes ranked by what they explain",
-        Axis("Share of mean square", "%", limits=(0.0, 100.0)),
+        Axis("Share of mean square", "%", limits=(0.0, 110.0)),  # room for the last text
         Axis(names=names),
         (
             bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,13 @@ NEXT = {
     "Touches": " (trunnion diagnose --next plans touches that do)",
     "Diameters": " (trunnion diagnose says which pass does)",
 }
+KINDS = {"Ballbar": "a ball-bar test", "Sweep": "a rotary axis", "AxisLog": "an axis log"}
+SLOW = {"drift", "warmup", "expansion", "heating"}  # in the id of what changes with time
 MAX_OUTLIERS = 50
 MAX_PICTURES = 8  # of the measurement
 MAX_PARAMETERS = 6  # of a cause
 MAX_SETS = 4  # in the verdict
+SURE = 0.5  # a probability below it is a doubt
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
     Owner.TIME: "{what}: let the machine warm up, keep the temperature, or measure faster.",
@@ -59,6 +63,10 @@ TODO = {
     "The results above are free of it.",
     Owner.WORKPIECE: "{what}: it belongs to this part, not to the machine.",
 }
+OF_PARTS = (
+    "{what}: correct the program of the next part (trunnion turning correct), or mend it on the "
+    "machine."
+)
 
 
 def diagnosis_document(result: Result, source: Source) -> Document:
@@ -77,7 +85,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict += " A tolerance is exceeded."
     elif "undecided" in decisions:
         verdict += " Of a tolerance it is not decided: the uncertainty is too large."
-    kind = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in source.data))
+    kind = ", ".join(dict.fromkeys(_kind(one) for one in source.data))
     return Document(
         f"Diagnosis{f' of {kind}' if kind else ''}: {d.verdict}",
         source.subtitle(),
@@ -101,6 +109,12 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     )
 
 
+def _kind(data: DataTable) -> str:
+    """Name a kind of data as people call it."""
+    name = type(data).__name__
+    return KINDS.get(name) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+
+
 def _verdict(d: Diagnosis) -> str:
     """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
     if d.verdict == "consistent":
@@ -114,10 +128,12 @@ def _verdict(d: Diagnosis) -> str:
     certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
     sure = [_likely(c) for c in d.causes if c.id in certain]
     doubted = [
-        " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
+        (
+            " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
+            or "no further cause"
+        )
         + f" ({percent(a.probability)})"
         for a in d.evidence[:MAX_SETS]
-        if a.causes - certain
     ]
     parts = []
     if sure:
@@ -125,8 +141,7 @@ def _verdict(d: Diagnosis) -> str:
     if len(d.alternatives) > 1:
         more = len(d.alternatives) - len(doubted)
         other = f" or one of {more} other sets" if more > 1 else ""
-        of_each = ", with the probability of each set" if doubted else ""
-        parts.append(f"In doubt{of_each}: {' or '.join(doubted) or 'further causes'}{other}.")
+        parts.append(f"In doubt, with the probability of each set: {' or '.join(doubted)}{other}.")
     if d.unexplained:
         parts.append(f"Not explained: {d.unexplained}.")
     return " ".join(parts)
@@ -212,9 +227,7 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
             "Something acts that no known cause makes: do not trust the results before it is "
             f"found. Look for what depends on {_dependence(d)}."
         )
-    for c in d.causes:
-        said = TODO[owners.get(c.id, Owner.MACHINE)].format(what=_label(c))
-        lines.append(said if c.probability > 0.5 else f"If it is there: {said}")
+    lines += _advice(d, owners)
     if d.outliers:
         lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
     located = any(error_label(name) != name for name in d.errors_after)
@@ -223,6 +236,24 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
     if not lines:
         lines.append("Nothing: the readings are as the model says, but for noise.")
     return [Points(tuple(lines), "What to do")]
+
+
+def _advice(d: Diagnosis, owners: Mapping[str, Owner]) -> list[str]:
+    """Say what to do about the causes, together where it is the same."""
+    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
+    said: dict[str, list[str]] = {}
+    for c in d.causes:
+        owner = owners.get(c.id, Owner.MACHINE)
+        if owner is Owner.MACHINE and SLOW & set(c.id.split("_")):
+            owner = Owner.TIME
+        parts = type(d.data).__name__ == "Diameters" and owner is Owner.MACHINE
+        text = OF_PARTS if parts else TODO[owner]
+        doubt = "" if c.id in certain and c.probability > SURE else "If it is there: "
+        said.setdefault(doubt + text, []).append(_label(c))
+    return [
+        text.format(what="; ".join([first, *(x[:1].lower() + x[1:] for x in others)]))
+        for text, (first, *others) in said.items()
+    ]
 
 
 def _dependence(d: Diagnosis) -> str:

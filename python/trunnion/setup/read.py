@@ -50,8 +50,9 @@ def setup_of(content: Mapping[str, Any], file: TomlText | None = None) -> Setup:
     axes = tables.pop("axes")
     axes.only(AXES)
     processes: dict[str, Any] = {name: tables.pop(name) for name in PROCESS_TABLES}
+    no_touches = any(processes.values()) or content.keys() == {"report"}
     built: dict[str, Any] = {
-        name: _artefact(table, needed=not any(processes.values()))
+        name: _artefact(table, needed=not no_touches)
         if name == "artefact"
         else table.build(PARTS[name])
         for name, table in tables.items()
