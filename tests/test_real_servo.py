@@ -63,6 +63,21 @@ def test_emps_is_found_from_any_nominal_values(gain: float, tau: float) -> None:
     assert np.all(np.diff(d.ladder.rms_um) < 0)
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("noise_um", [1.0, 4.0])
+def test_emps_beside_an_instrument_that_is_not_the_counter(noise_um: float, seed: int) -> None:
+    """White noise that the loop does not see; the drive's voltage is still the control's output."""
+    log = tn.read_axis_log(measured("emps_lap1.csv"))
+    noise = 1e-3 * noise_um * np.random.default_rng(seed).normal(size=len(log))
+    d = tn.diagnose(log.with_columns(x_act_mm=log["x_act_mm"] + noise), setup(160.18, 11.11))
+    assert d.verdict == "explained"
+    axis = d.model.servo.axes["X"]
+    assert axis.gain_per_s == pytest.approx(156.5, abs=0.5)
+    assert axis.coulomb_um == pytest.approx(14.9, abs=0.4)
+    assert axis.time_constant_ms == pytest.approx(9.4, abs=0.1)
+    assert not d.named & {"input_drive_v", "resonance_x", "stribeck_x"}
+
+
 def test_positions_in_steps_of_a_millimetre_are_refused() -> None:
     with measured("cnc_mill_05.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -52,6 +52,7 @@ MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
+BETTER = 0.9  # times the rms, that a fit near the data leaves where it takes another's place
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be found
@@ -78,12 +79,12 @@ def diagnose(model: Model) -> Diagnosis:
         len(model.effects),
     )
     with one_blas_thread():
-        case, choice = _ordinary(model)
-        if choice is None:
-            case = case_of(model.near(always=True), dependent=True)
-            choice = _choose(case)
-        if case.dependent:
-            case, choice = _settled(_plain(model), case, choice)
+        case, choice, sure = _ordinary(model)
+        if choice is None or not sure:
+            about = case_of(model.near(always=True), dependent=True)
+            about, other = _settled(_plain(model), about, _choose(about))
+            if choice is None or _to_first_order(about, other[1].fit):
+                case, choice = about, other
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
             again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
@@ -98,23 +99,37 @@ def diagnose(model: Model) -> Diagnosis:
         return report(case, choice[1], choice[2])
 
 
-def _ordinary(model: Model) -> tuple[Case, Choice | None]:
-    """Explain about the set-up's own values; no choice where that does not do.
+def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
+    """Explain about the set-up's own values; no choice where that does not do, and whether it does.
 
-    Residuals are no stationary noise; the noise was estimated beside something else than what the
-    causes leave; or the data are far from the set-up, and the causes, all simulated together, are
-    not what was fitted, or not all.
+    It does not where residuals are no stationary noise; where the noise was estimated beside
+    something else than what the causes leave; or where the data are far from the set-up, and the
+    causes, all simulated together, are not what was fitted, or not all. Where it is not all, a fit
+    near the data may hold it all.
     """
     case = case_of(model)
     if case.dependent:
-        return case, None
+        return case, None, False
     choice = _choose(case)
     if _worse(case, choice):
-        return case, None
+        return case, None, False
     found = choice[1]
-    if (found.terms or not _to_first_order(case, found.fit)) and model.near() is not model:
-        return case, None
-    return case, choice
+    exact = _to_first_order(case, found.fit)
+    if exact and not found.terms:
+        return case, choice, True
+    if model.near() is not model:
+        return case, None, False
+    about = model.near(always=True)
+    if about is model:
+        return case, choice, True
+    if not exact:  # beside the noise sums of chords are, but a set may add up to what is none
+        return case, choice, False
+    again = case_of(about)
+    other = _choose(again)
+    if rms(other[1].fit.residuals) > BETTER * rms(found.fit.residuals):
+        return case, choice, True
+    again.given = _plain(model)
+    return again, None if again.dependent else other, not again.dependent
 
 
 def _to_first_order(case: Case, found: Fit) -> bool:
@@ -259,6 +274,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
         return None
     again = _whitened(case.model, case.plain, grid, whiten)
     again.likely = _without_the_weakest(case, found, choice[2])
+    again.given = case.given
     return again
 
 

@@ -33,6 +33,8 @@ LINEAR_PITCHES_MM = tuple(float(v) for v in np.geomspace(1.5, 60.0, 90))
 ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
+MAX_DAMPING = 0.35  # beyond, nothing resonates: the response has a peak of 1.5 at most
+BEYOND = 1.2  # times the highest frequency that is tried, to which the best one is refined
 
 
 @dataclass(frozen=True)
@@ -143,13 +145,14 @@ class Resonance(AxisEffect):
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
         nyquist = 0.5 / min(run.period_s for run in axis.runs)
-        frequency, damping = self._best_place(axis, 0.8 * nyquist, places)
+        top_hz = min(0.8 * nyquist, RESONANCES_HZ[-1])
+        frequency, damping = self._best_place(axis, top_hz, places)
         frequencies = tuple(frequency * k for k in (0.97, 1.0, 1.03))
-        dampings = tuple(min(damping * k, 0.9) for k in (0.8, 1.0, 1.25))
+        dampings = tuple(min(damping * k, MAX_DAMPING) for k in (0.8, 1.0, 1.25))
         parameters = (
             Parameter("share", unit="1", bounds=(0.0, 1.5)),
-            Parameter("frequency_hz", unit="Hz", grid=frequencies, bounds=(2.0, nyquist)),
-            Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, 0.9)),
+            Parameter("frequency_hz", unit="Hz", grid=frequencies, bounds=(2.0, BEYOND * top_hz)),
+            Parameter("damping", unit="1", grid=dampings, bounds=(1e-3, MAX_DAMPING)),
         )
         columns = ResonanceColumns(axis)
         return gridded(self.id_of(axis), parameters, columns, self.label_of(axis))
@@ -163,7 +166,7 @@ class Resonance(AxisEffect):
         keys = (f"{self.id_of(axis)}_hz", f"{self.id_of(axis)}_damping")
         if keys[0] not in places.found:
             left, y = places.unexplained(axis.rows)
-            grid = [(f, d) for f in RESONANCES_HZ if f < top_hz for d in DAMPINGS]
+            grid = [(f, d) for f in RESONANCES_HZ if f <= top_hz for d in DAMPINGS]
             cost = np.concatenate(
                 [np.sum((y[:, None] - left(c)) ** 2, axis=0) for c in _resonances(axis, grid)]
             )
@@ -172,7 +175,7 @@ class Resonance(AxisEffect):
                 frequency, damping = np.exp(place)
                 return y - left(_resonance(axis, float(frequency), float(damping)))
 
-            low, high = np.log([2.0, 1e-3]), np.log([1.2 * top_hz, 0.8])
+            low, high = np.log([2.0, 1e-3]), np.log([BEYOND * top_hz, MAX_DAMPING])
             fits = [
                 least_squares(
                     miss, np.log(grid[i]), bounds=(low, high), diff_step=[1e-4], max_nfev=25

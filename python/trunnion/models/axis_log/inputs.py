@@ -17,6 +17,8 @@ from trunnion.diagnosis.effect import Effect, Parameter, linear
 from trunnion.models.axis_log.columns import Signals
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
 
+WINDOWS = (1, 5, 15, 25)  # samples, over which the measured motion is smoothed
+ORDER = 2
 OUTPUT_SHARE = 0.99  # of a column's variance, that follows from the motion of one axis
 
 
@@ -80,14 +82,32 @@ def _numbers(log: AxisLog) -> Iterator[tuple[str, Floats]]:
 
 
 def _share(values: Floats, axis: AxisSignal) -> float:
-    """Share of a column's variance that follows from the motion of an axis at the same instant."""
-    parts = [np.ones(len(values)), axis.commanded, axis.commanded - axis.actual]
-    for of, order in ((axis.actual, 1), (axis.commanded, 1), (axis.commanded, 2)):
-        rate = of.copy()
-        for run in axis.runs:
-            for _ in range(order):
-                rate[run.rows] = np.gradient(rate[run.rows], run.period_s)
-        parts.append(rate)
+    """Share of a column's variance that follows from the motion of an axis at the same instant.
+
+    The measured motion is smoothed over several windows, and the best counts: noise of the
+    measurement, most of all in the speed, is not in what the control puts out.
+    """
+    shortest = min(run.count for run in axis.runs)
+    windows = [w for w in WINDOWS if w <= shortest]
+    return max((_share_of(values, axis, w) for w in windows), default=0.0)
+
+
+def _share_of(values: Floats, axis: AxisSignal, window: int) -> float:
+    """The same over one window of samples."""
+    from scipy.signal import savgol_filter  # it imports scipy.stats: only where there is a column
+
+    actual, commanded = axis.actual.copy(), axis.commanded
+    speed, rate, acceleration = (np.empty_like(actual) for _ in range(3))
+    for run in axis.runs:
+        rows, period = run.rows, run.period_s
+        rate[rows] = np.gradient(commanded[rows], period)
+        acceleration[rows] = np.gradient(rate[rows], period)
+        speed[rows] = np.gradient(actual[rows], period)
+        if window > 1:
+            own = axis.actual[rows]
+            actual[rows] = savgol_filter(own, window, ORDER)
+            speed[rows] = savgol_filter(own, window, ORDER, deriv=1, delta=period)
+    parts = [np.ones(len(values)), commanded, commanded - actual, speed, rate, acceleration]
     columns = np.stack(parts, axis=1)
     size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     columns = columns / np.where(size > 0, size, 1.0)
