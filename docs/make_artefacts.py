@@ -1,4 +1,4 @@
-"""Which plan on which artefact identifies which errors, in how many minutes.
+"""Which plan on which artefact identifies which errors, in how many minutes; R-tests, ball-bars.
 
 Makes docs/results/artefacts.md. Everything is computed: plans by the planner, uncertainties by
 `observability` at 1 µm a reading, minutes by the time that the probing program takes.
@@ -55,11 +55,49 @@ def row(name: str, setup: tn.Setup, make: Callable[[tn.Setup], tn.Touches]) -> s
         plan = make(setup)
     except tn.DataError as refused:
         lacking = [error for error in ERRORS if error in str(refused).split(", expected")[0]]
-        return f"| {name} | refused: nothing identifies {', '.join(lacking)} |"
+        return f"\n{name}: refused, no touch of this artefact identifies {', '.join(lacking)}."
     seen = tn.observability(plan, setup, noise_um=1.0).std_errors
     minutes = tn.probing_program(plan, setup).seconds / 60
     errors = [f"{seen[e]:.2g}" if np.isfinite(seen[e]) else "–" for e in ERRORS]
     return f"| {name} | {len(plan)} | {minutes:.1f} | " + " | ".join(errors) + " |"
+
+
+BALL = (90.0, 20.0, 60.0)
+C_ALONE = {"A": np.zeros(8), "C": np.arange(0.0, 360.0, 45.0)}
+A_ALONE = {"A": np.linspace(-90.0, 90.0, 9), "C": np.zeros(9)}
+BOTH = {"A": np.repeat([0.0, 60.0, -60.0, 90.0], 8), "C": np.tile(np.arange(0.0, 360.0, 45.0), 4)}
+TESTS = {"C alone": C_ALONE, "A alone": A_ALONE, "both": BOTH}
+BARS = {"X": (100.0, 0.0, 0.0), "Y": (0.0, 100.0, 0.0), "Z": (0.0, 0.0, 100.0)}
+HEAD_OF_TESTS = """## R-test and ball-bar on a ball 92 mm off the axis
+
+The same, by [tests](../how-to/rotary-tests.md) in which the tool follows a ball on the table: C all
+around in steps of 45°, A from -90° to 90°, or both; the tool's point known. How long a test takes
+depends on the instrument.
+"""
+
+
+def test_row(name: str, setup: tn.Setup, plans: list[tn.RotaryTest], *, bar: bool) -> str:
+    """One test of rotary axes: what it identifies."""
+    made = [tn.simulate_rotary_test(plan, setup, BALL, bar=bar) for plan in plans]
+    data = tn.RotaryTest({k: np.concatenate([one[k] for one in made]) for k in made[0].columns})
+    seen = tn.identify_rotary_test(data, setup, BALL, sigma_um=1.0).std_errors
+    errors = [f"{seen[e]:.2g}" if np.isfinite(seen[e]) else "–" for e in ERRORS]
+    return f"| {name} | {len(data) * (1 if bar else 3)} | " + " | ".join(errors) + " |"
+
+
+def tests_of_axes() -> list[str]:
+    """The table of tests that follow a ball."""
+    setup = tn.Setup(artefact=tn.Artefact("none"))
+    lines = [HEAD_OF_TESTS, f"| test | readings | {' | '.join(ERRORS)} |"]
+    lines.append("|---|" + "---|" * (1 + len(ERRORS)))
+    for name, turns in TESTS.items():
+        plan = tn.plan_rotary_test(setup, BALL, turns)
+        lines.append(test_row(f"R-test, {name}", setup, [plan], bar=False))
+    plans = {k: tn.plan_rotary_test(setup, BALL, BOTH, bar_mm=bar) for k, bar in BARS.items()}
+    for letter, plan in plans.items():
+        lines.append(test_row(f"ball-bar along {letter}, both", setup, [plan], bar=True))
+    name = "ball-bar along X, then Y, then Z, both"
+    return [*lines, test_row(name, setup, list(plans.values()), bar=True), ""]
 
 
 def page() -> str:
@@ -72,7 +110,7 @@ def page() -> str:
         lines.append("|---|" + "---|" * (2 + len(ERRORS)))
         lines += [row(name, setup, make) for name, make in PLANS.items()]
         lines.append("")
-    return "\n".join(lines)
+    return "\n".join([*lines, *tests_of_axes()])
 
 
 if __name__ == "__main__":

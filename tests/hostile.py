@@ -27,6 +27,7 @@ from result_examples import (
     diagnosis_of,
     finishing,
     profile,
+    r_test,
     short,
 )
 from trunnion import compensation, contouring, hybrid, nc, turning
@@ -101,6 +102,9 @@ def _probing() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "observability": (tn.observability, {**plan, "effects": ("drift_z",), "noise_um": 0.3}),
         "smallest_length_mm": (tn.smallest_length_mm, {"linear_um": 0.1, "rotary_arcsec": 0.36}),
         "compare_methods": (tn.compare_methods, {**base, "truth": LOCATION}),
+        "plan_rotary_test": (tn.plan_rotary_test, {"setup": setup, "ball_mm": (90, 0, 60), "positions_deg": {"A": [0, 30], "C": [0, 90]}, "bar_mm": (100, 0, 0), "frame": "work"}),
+        "simulate_rotary_test": (tn.simulate_rotary_test, {"plan": r_test()[0], "setup": setup, "ball_mm": (90, 0, 60), "errors": LOCATION, "bar": False, "tool_offset_um": (0, 0, 0), "noise_um": 0.1, "seed": 1}),
+        "identify_rotary_test": (tn.identify_rotary_test, {"data": r_test()[0], "setup": setup, "ball_mm": (90, 20, 60), "sigma_um": 0.5, "tool_is_known": False}),
         "sample_path": (tn.sample_path, {"name": "cross/setup.toml"}),
         "canonical_error_name": (tn.canonical_error_name, {"text": "E_xoc"}),
         "catalogue": (tn.catalogue, {"of": "touches", "setup": setup}),

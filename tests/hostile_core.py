@@ -28,6 +28,7 @@ PLACE: dict[str, Any] = {
     "place_mm": [0.0] * 3,
     "turn_deg": 0.0,
     "stem_diameter_mm": 0.0,
+    "base_mm": [0.0, 0.0, 0.0],
     "tolerance_mm": 1.0,
     "tolerance_deg": 1.0,
 }

@@ -130,6 +130,18 @@ def ballbar() -> hybrid.BallbarIdentification:
     return hybrid.identify_ballbar(plan, machine, sigma_um=0.5)
 
 
+def r_test() -> tuple[tn.RotaryTest, tn.Setup, tuple[float, float, float]]:
+    """Readings of an R-test on a machine with an error, its set-up and the place of the ball."""
+    setup, ball = tn.Setup(artefact=tn.Artefact("none")), (90.0, 20.0, 60.0)
+    turns = {"A": np.repeat([0.0, 60.0, -60.0], 4), "C": np.tile([0.0, 90.0, 180.0, 270.0], 3)}
+    plan = tn.plan_rotary_test(setup, ball, turns)
+    return (
+        tn.simulate_rotary_test(plan, setup, ball, {"EX0C": 9.0}, noise_um=0.5, seed=1),
+        setup,
+        ball,
+    )
+
+
 def identifiability() -> hybrid.Identifiability:
     machine = hybrid.Mechanism()
     return hybrid.identifiability(hybrid.ballbar_plan(machine, CENTRE, step_deg=15.0), machine)
@@ -240,6 +252,8 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Constraint": lambda: hybrid.Mechanism().constraint(POSE),
     "ClosureDependence": lambda: hybrid.Mechanism().closure_dependence(POSE, {"base3_c": 10.0}),
     "Identifiability": identifiability,
+    "RotaryTest": lambda: r_test()[0],
+    "RotaryTestIdentification": lambda: tn.identify_rotary_test(*r_test()),
     "BallbarIdentification": ballbar,
     "CubeStudy": lambda: hybrid.cube_study(hybrid.Mechanism(), ["e4", "e5"]),
     "CubeChange": lambda: hybrid.transformed_cube(hybrid.Mechanism(), "e4"),

@@ -39,6 +39,10 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "touches": (tn.read_touches, PLAN.with_columns(note=["a", 'b, "c"'], point=[1, 2]).to_csv()),
     "points": (tn.read_points, "nominal_x_mm,nominal_y_mm,x_mm,y_mm,group\n1,2,3,4,a\n"),
     "sweep": (tn.read_sweep, "angle_deg,target,x_mm,y_mm,z_mm\n1,2,3,4,5\n"),
+    "rotary_test": (
+        tn.read_rotary_test,
+        "a_deg,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um,ball\n1,2,3,4,5,6,7,a\n",
+    ),
     "diameters": (tn.read_diameters, "z_mm,error_um,pass,feed_sign\n1,2,3,-1\n"),
     "axis_log": (tn.read_axis_log, "time_s,x_cmd_mm,x_act_mm,run\n0,1,1,a\n1,1,1,a\n"),
     "ballbar": (tn.read_ballbar, "setup,x_mm,y_mm,length_mm,sense\n1,2,3,4,1\n"),

@@ -55,6 +55,8 @@ from .data.points import Points as Points
 from .data.points import read_points as read_points
 from .data.positioning import Positioning as Positioning
 from .data.positioning import read_positioning as read_positioning
+from .data.rotary_test import RotaryTest as RotaryTest
+from .data.rotary_test import read_rotary_test as read_rotary_test
 from .data.sweep import Sweep as Sweep
 from .data.sweep import read_sweep as read_sweep
 from .data.touches import Touches as Touches
@@ -121,6 +123,10 @@ from .probing.program import ProbingProgram as ProbingProgram
 from .probing.program import probing_program as probing_program
 from .probing.result import ClosedFormResult as ClosedFormResult
 from .probing.result import IdentificationResult as IdentificationResult
+from .probing.rotary_test import RotaryTestIdentification as RotaryTestIdentification
+from .probing.rotary_test import identify_rotary_test as identify_rotary_test
+from .probing.rotary_test import plan_rotary_test as plan_rotary_test
+from .probing.rotary_test import simulate_rotary_test as simulate_rotary_test
 from .probing.simulate import simulate as simulate
 from .reference import casadi_baseline as casadi_baseline
 from .reference.comparison import Comparison as Comparison

@@ -1,0 +1,409 @@
+"""R-test and ball-bar tests of rotary axes: a ball on the table that the tool follows.
+
+The reading is where the ball is from the tool's point: p - F(q), turned into the machine's
+directions, with F the machine's forward kinematics with its errors; a ball-bar reads its length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trunnion.base.arguments import checked
+from trunnion.base.checks import array, point, positive
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
+from trunnion.base.units import Floats, Integers
+from trunnion.data.rotary_test import READINGS, RotaryTest
+from trunnion.machine.budget import of_readings
+from trunnion.machine.chain import Chain
+from trunnion.machine.effects import Owner
+from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.setup import Setup
+
+MAX_DEVIATION_MM = 5.0
+MAX_STEPS = 20
+STEP = 1.0
+"""Of every parameter, µm and arcsec, over which readings are differenced."""
+OFFSETS = ("dx_um", "dy_um", "dz_um")
+TOOL = "tool_offset"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RotaryTestIdentification(Estimate):
+    """Location errors from an R-test or a ball-bar test of rotary axes: an :class:`Estimate`.
+
+    Beside the errors it has how far each ball is from its place (``effects["ball"]``, with labels
+    ``effects["ball_1"]``) and, where asked for, the tool's point from its place
+    (``effects["tool_offset"]``), µm.
+
+    Attributes
+    ----------
+    residuals_um
+        Measured minus modelled readings: (n, 3) of an R-test, (n, 1) of a ball-bar.
+    converged
+        Whether the last step was within rounding.
+    """
+
+    residuals_um: Floats
+    converged: bool
+
+    @property
+    def rms_um(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residuals_um**2)))
+
+    def sentences(self) -> list[str]:
+        """What is worth saying beside the table."""
+        lines = [
+            f"{self.residuals_um.size} readings, {self.degrees_of_freedom:g} degrees of freedom, "
+            f"residuals {self.rms_um:.4g} µm rms, one reading {self.sigma_um:.4g} µm (1 σ)."
+        ]
+        if not self.converged:
+            lines.append("Did NOT converge: do not use these numbers.")
+        return [*lines, *super().sentences()]
+
+
+@checked
+def plan_rotary_test(
+    setup: Setup,
+    ball_mm: ArrayLike,
+    positions_deg: Mapping[str, ArrayLike],
+    *,
+    bar_mm: ArrayLike = (0.0, 0.0, 0.0),
+    frame: Literal["machine", "work"] = "machine",
+) -> RotaryTest:
+    """Plan the moves that keep the tool at a ball on the table while rotary axes turn.
+
+    Parameters
+    ----------
+    setup
+        The machine; the linear axes follow by its kinematics without errors.
+    ball_mm
+        Centre of the ball on the table, (3,), mm: at rest where all axes are at zero.
+    positions_deg
+        Positions of the rotary axes by letter, control's sign, (n,) each or one number for all.
+    bar_mm
+        For a ball-bar, from the ball to the tool's point, (3,) or (n, 3), mm; an R-test has none.
+    frame
+        In which the bar points: the machine's, or turning with the work.
+
+    Returns
+    -------
+    RotaryTest
+        Commanded positions, without readings.
+
+    Raises
+    ------
+    InputError, DataError
+        No finite numbers, other shapes, rotary axes that the machine lacks.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("none"))
+    >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), {"A": 0.0, "C": [0, 90]})
+    >>> (plan.position_mm.round(6) + 0.0).tolist()
+    [[100.0, 0.0, 50.0], [0.0, 100.0, 50.0]]
+    """
+    chain = Chain(setup)
+    turned = chain.to_machine(positions_deg)
+    ball = np.broadcast_to(point("ball_mm", ball_mm), (len(turned), 3))
+    bar = array("bar_mm", bar_mm, 3, rows=1 if np.ndim(bar_mm) < 2 else len(turned))
+    bar = np.broadcast_to(bar, (len(turned), 3))
+    points = ball + bar if frame == "work" else ball
+    linear = chain.machine({}).linear_axes_for(np.ascontiguousarray(points), turned)
+    linear = np.asarray(linear).reshape(-1, 3) + (bar if frame == "machine" else 0.0)
+    angles = {f"{letter.lower()}_deg": v for letter, v in chain.to_control(turned).items()}
+    x, y, z = linear.T
+    return RotaryTest(**angles, x_mm=x, y_mm=y, z_mm=z)
+
+
+@checked
+def simulate_rotary_test(
+    plan: RotaryTest,
+    setup: Setup,
+    ball_mm: ArrayLike,
+    errors: Mapping[str, float] | None = None,
+    *,
+    bar: bool = False,
+    tool_offset_um: ArrayLike = (0.0, 0.0, 0.0),
+    noise_um: float = 0.0,
+    seed: int | None = None,
+) -> RotaryTest:
+    """Return the readings of an R-test, or of a ball-bar, on a machine with location errors.
+
+    Parameters
+    ----------
+    plan, setup
+        Commanded positions, and the machine.
+    ball_mm
+        Where the ball is on the table, (3,), mm.
+    errors
+        Location errors, µm and arcsec; those of the set-up where not given.
+    bar
+        Whether a ball-bar reads lengths; else an R-test reads displacements.
+    tool_offset_um
+        From where the control has the tool's point to where it is, machine frame, (3,).
+    noise_um, seed
+        Standard deviation of a reading, and what it is drawn by.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        Noise without a seed, an error that the machine lacks.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("none"))
+    >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), {"A": 0.0, "C": [0, 90]})
+    >>> made = tn.simulate_rotary_test(plan, setup, (100, 0, 50), {"EX0C": 12.0})
+    >>> (made.dx_um.round(6) + 0.0).tolist()
+    [12.0, 12.0]
+    """
+    if noise_um and seed is None:
+        raise InputError(
+            "seed: got none, expected a whole number: there is no noise without a seed"
+        )
+    chain = Chain(setup)
+    offset = np.array(point("tool_offset_um", tool_offset_um))
+    balls = np.broadcast_to(point("ball_mm", ball_mm), (len(plan), 3))
+    apart = relative_um(chain, plan, chain.named_errors(errors), balls) - offset
+    noise = np.random.default_rng(seed).normal(0.0, 1.0, apart.shape) * noise_um
+    if bar:
+        lengths = 1e-3 * (np.linalg.norm(apart, axis=1) + noise[:, 0])
+        return plan.with_columns(length_mm=lengths)
+    return plan.with_columns(**dict(zip(READINGS, (apart + noise).T, strict=True)))
+
+
+def relative_um(
+    chain: Chain, data: RotaryTest, errors: Mapping[str, float], balls_mm: Floats
+) -> Floats:
+    """Ball's centre minus tool's point in the machine's directions, (n, 3)."""
+    machine = chain.machine(errors)
+    turned = chain.to_machine(data.rotary_deg, len(data))
+    axes = np.hstack([data.position_mm, turned])
+    tool = machine.forward(axes)[:, :3]
+    step = np.eye(3, axes.shape[1])
+    directions = [machine.forward(axes + one)[:, :3] - tool for one in step]
+    found: Floats = 1e3 * np.einsum("kni,ni->nk", np.array(directions), balls_mm - tool)
+    return found
+
+
+@checked
+def identify_rotary_test(
+    data: RotaryTest,
+    setup: Setup,
+    ball_mm: ArrayLike | Mapping[str | int, ArrayLike],
+    *,
+    sigma_um: float | None = None,
+    tool_is_known: bool = True,
+) -> RotaryTestIdentification:
+    """Estimate location errors and the place of each ball from an R-test or a ball-bar test.
+
+    Least squares on the exact kinematics.
+
+    Parameters
+    ----------
+    data
+        Commanded positions with readings.
+    setup
+        The machine; known errors are where the search starts, estimates are totals.
+    ball_mm
+        About where the ball was on the table, (3,), mm; with several places by their label.
+        Estimates say how far from it.
+    sigma_um
+        Noise of one reading if known; else from the residuals.
+    tool_is_known
+        Whether the tool's point is on the axis of the spindle and its length known to within the
+        noise. If not, its offset is unknown as well, and what is not distinguished from it is
+        stated.
+
+    Raises
+    ------
+    DataError
+        No readings, fewer than unknowns, or readings more than 5 mm from the modelled ones.
+    InputError
+        A noise that is not above 0, no place of a ball.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("none"))
+    >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), {"A": [0, 0, 0, 0, 60, -60, 60, -60],
+    ...                                                  "C": [0, 90, 180, 270, 0, 0, 90, 90]})
+    >>> made = tn.simulate_rotary_test(plan, setup, (100, 0, 50), {"EX0C": 12.0})
+    >>> round(tn.identify_rotary_test(made, setup, (100, 0, 50))["EX0C"], 4)
+    12.0
+    """
+    problem = _Problem.of(data, setup, ball_mm, tool_is_known=tool_is_known)
+    known = 0.0 if sigma_um is None else positive("sigma_um", sigma_um)
+    x = problem.start
+    converged = False
+    for _ in range(MAX_STEPS):
+        off = problem.residuals(x)
+        fit = linear_fit(problem.jacobian(x), off)
+        x = x + fit.solution
+        converged = bool(np.abs(fit.solution).max(initial=0.0) < 1e-7)
+        if converged:
+            break
+    return _result(problem, x, fit, known, converged=converged)
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Readings as a function of errors, places of the balls and the offset of the tool's point."""
+
+    data: RotaryTest
+    setup: Setup
+    balls_mm: Floats
+    index: Integers
+    labels: tuple[str, ...]
+    tool_is_known: bool
+
+    @classmethod
+    def of(
+        cls,
+        data: RotaryTest,
+        setup: Setup,
+        ball_mm: ArrayLike | Mapping[str | int, ArrayLike],
+        *,
+        tool_is_known: bool,
+    ) -> _Problem:
+        """Check the readings, and put each at its ball."""
+        labels: tuple[str, ...] = ("ball",)
+        index = np.zeros(len(data), dtype=np.intp)
+        places: Sequence[ArrayLike]
+        if isinstance(ball_mm, Mapping):
+            given = {str(label): place for label, place in ball_mm.items()}
+            if data.ball is None:
+                raise DataError("ball: got no such column, expected the label of each place")
+            names, index = np.unique(data.ball.astype(str), return_inverse=True)
+            if lacking := sorted(set(names.tolist()) - set(given)):
+                raise InputError(f"ball_mm: got none of ball {lacking[0]}, expected its place")
+            labels = tuple(f"ball_{name}" for name in names.tolist())
+            places = [given[name] for name in names.tolist()]
+        else:
+            places = [ball_mm]
+        balls = np.array([point("ball_mm", place) for place in places])
+        problem = cls(data, setup, balls, index.reshape(-1), labels, tool_is_known)
+        problem.check()
+        return problem
+
+    def check(self) -> None:
+        """Refuse readings that are too few, or of another test."""
+        measured = self.measured
+        if measured.size <= len(self.names):
+            raise DataError(
+                f"rotary test: got {measured.size} readings, expected more than "
+                f"{len(self.names)} unknowns"
+            )
+        off = np.abs(measured - self.modelled(self.start)).max(axis=1)
+        row = int(np.argmax(off))
+        if off[row] > 1e3 * MAX_DEVIATION_MM:
+            raise DataError(
+                f"{self.data.place(row)}: got a reading {1e-3 * off[row]:.4g} mm from the modelled "
+                f"one, expected within {MAX_DEVIATION_MM:g} mm: are ball_mm, the senses of the "
+                "rotary axes and the units right?"
+            )
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The machine."""
+        return Chain(self.setup)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        groups = (*self.labels, *(() if self.tool_is_known else (TOOL,)))
+        offsets = [f"{group}.{name}" for group in groups for name in OFFSETS]
+        return (*self.chain.location_errors, *offsets)
+
+    @property
+    def start(self) -> Floats:
+        """Errors as the set-up states them, balls and tool's point at their places."""
+        x = np.zeros(len(self.names))
+        known = self.chain.named_errors(None)
+        for k, name in enumerate(self.names):
+            x[k] = known.get(name, 0.0)
+        return x
+
+    @cached_property
+    def measured(self) -> Floats:
+        """Readings in µm, (n, 3) or (n, 1)."""
+        displacement, length = self.data.displacement_um, self.data.length_mm
+        if displacement is not None:
+            return displacement
+        if length is None:
+            raise DataError(
+                f"rotary test: got no readings, expected {', '.join(READINGS)} or length_mm"
+            )
+        return 1e3 * length[:, None]
+
+    def modelled(self, x: Floats) -> Floats:
+        """Readings of these unknowns."""
+        count = len(self.chain.location_errors)
+        errors = dict(zip(self.names, x[:count].tolist(), strict=False))
+        offsets = x[count:].reshape(-1, 3)
+        balls = (self.balls_mm + 1e-3 * offsets[: len(self.labels)])[self.index]
+        apart = relative_um(self.chain, self.data, errors, balls)
+        if not self.tool_is_known:
+            apart = apart - offsets[-1]
+        if self.data.displacement_um is not None:
+            return apart
+        lengths: Floats = np.linalg.norm(apart, axis=1)
+        return lengths[:, None]
+
+    def residuals(self, x: Floats) -> Floats:
+        """Measured minus modelled, one after another."""
+        return np.ravel(self.measured - self.modelled(x))
+
+    def jacobian(self, x: Floats) -> Floats:
+        """Derivative of the readings, (readings, unknowns), by central differences.
+
+        What moves the ball across a bar changes its length in second order: no information.
+        """
+        ahead = (STEP * row for row in np.eye(len(x)))
+        columns = [
+            (self.modelled(x + d) - self.modelled(x - d)).ravel() / (2 * STEP) for d in ahead
+        ]
+        found = np.column_stack(columns)
+        return np.where(np.sqrt(np.mean(found**2, axis=0)) < RANK_TOLERANCE, 0.0, found)
+
+
+def _result(
+    problem: _Problem, x: Floats, fit: LinearFit, known: float, *, converged: bool
+) -> RotaryTestIdentification:
+    """Estimates by name."""
+    off = problem.measured - problem.modelled(x)
+    freedom = off.size - fit.rank
+    sigma = known or float(np.sqrt(np.sum(off**2) / freedom))
+    names, count = problem.names, len(problem.chain.location_errors)
+    covariance = sigma**2 * fit.cofactor
+    groups = (*problem.labels, *(() if problem.tool_is_known else (TOOL,)))
+    offsets = x[count:].reshape(-1, 3)
+    degrees = np.inf if known else float(freedom)
+    return RotaryTestIdentification(
+        errors=dict(zip(names, map(float, x[:count]), strict=False)),
+        effects={
+            group: dict(zip(OFFSETS, map(float, row), strict=True))
+            for group, row in zip(groups, offsets, strict=True)
+        },
+        owners=dict.fromkeys(groups, Owner.PLACEMENT),
+        std_errors=dict(zip(names, map(float, sigma * fit.std), strict=True)),
+        names=names,
+        covariance=covariance,
+        sigma_um=sigma,
+        degrees_of_freedom=degrees,
+        combinations=tuple(named_combination(names, row) for row in fit.combinations),
+        sources=of_readings(covariance, sigma, "µm", 0.0, degrees),
+        tolerances=dict(problem.setup.machine.tolerance),
+        residuals_um=off,
+        converged=converged,
+    )
