@@ -16,7 +16,7 @@ from scipy import signal
 
 import servo_rig_twin as rig
 import trunnion as tn
-from promise import kept
+from promise import kept, needed_runs
 from trunnion.base.errors import DataError
 from trunnion.diagnosis.case import Case, Explanation, rms
 from trunnion.diagnosis.dependence import growth
@@ -26,6 +26,7 @@ from trunnion.models.kinds import model_of
 from trunnion.setup import Artefact, Setup
 
 MEASURED = Path(__file__).resolve().parents[2] / "shared" / "measured" / "servo"
+RIGS = 0.9  # of rigs, whose gain, friction and causes are found
 CORNERS = [(1.0, 1.0), (0.8, 0.8), (0.8, 1.2), (1.2, 0.8), (1.2, 1.2), (1.02, 0.95)]
 
 
@@ -117,6 +118,30 @@ def test_lugre_friction_on_two_masses_is_coulomb_friction(gain: float, tau: floa
     assert axis.coulomb_um == pytest.approx(truth.coulomb_um, rel=0.1)
     assert d.effects["offset_x"]["offset_um"] == pytest.approx(truth.offset_um, abs=0.5)
     assert d.gain.rms_after_um < 0.1 * d.gain.rms_before_um
+
+
+@pytest.mark.power
+def test_rigs_beside_instruments_that_are_not_their_counters() -> None:
+    """Masses and gains at random, nominal values 15 % off, white noise that no loop sees."""
+    random = np.random.default_rng(2026)
+    hits, runs = 0, needed_runs(RIGS)
+    for seed in range(runs):
+        mass, speed, gain, tau = random.uniform(0.8, 1.2, size=4)
+        base = rig.Rig()
+        one = replace(base, load_kg=base.load_kg * mass, velocity_gain=base.velocity_gain * speed)
+        log = rig.log(one, command(), np.random.default_rng(seed))
+        noise = random.choice([0.5, 2.0, 5.0]) * 1e-3 * random.normal(size=len(log))
+        time_constant = 1e3 * (one.motor_kg + one.load_kg) / one.velocity_gain
+        nominal = setup(one.position_gain * (1 + 0.75 * (gain - 1)), time_constant * tau)
+        d = tn.diagnose(log.with_columns(x_act_mm=log["x_act_mm"] + noise), nominal)
+        axis = d.model.servo.axes["X"]
+        certain = frozenset.intersection(*d.alternatives)
+        hits += (
+            axis.gain_per_s == pytest.approx(one.gain, rel=0.005)
+            and axis.coulomb_um == pytest.approx(one.coulomb_um, rel=0.05)
+            and certain <= {"gain_x", "time_constant_x", "friction_x", "offset_x", "stribeck_x"}
+        )
+    assert kept(hits, runs, RIGS)
 
 
 def test_force_pulses_that_no_column_records_are_stated_with_size_and_time() -> None:

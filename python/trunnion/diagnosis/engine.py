@@ -52,7 +52,6 @@ MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
-SAME = 1.05  # times the rms, that a fit of a model that is not complete may leave
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be found
@@ -84,7 +83,9 @@ def diagnose(model: Model) -> Diagnosis:
             about = case_of(model.near(always=True), dependent=True)
             about, other = _settled(_plain(model), about, _choose(about))
             settled = _to_first_order(about, other[1].fit)
-            if choice is None or (settled and _left(about, other) <= SAME * _left(case, choice)):
+            if choice is None or (
+                settled and _score(case, about, other) < _score(case, case, choice)
+            ):
                 case, choice = about, other
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
@@ -118,19 +119,24 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
     exact = _to_first_order(case, found.fit)
     if (found.terms or not exact) and model.near() is not model:
         return case, None, False
-    if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
+    # Where what is left has a structure, it may be what sums of chords are not.
+    known = not found.terms or _is_linear(case, found.fit)
+    if known or (about := model.near(always=True)) is model:
         return case, choice, True
     again = case_of(about)
     other = _choose(again)
-    if _left(again, other) > _left(case, choice):
-        return case, choice, not (again.dependent or other[1].terms)
+    if _score(case, again, other) > _score(case, case, choice):
+        return case, choice, False
     again.given = _plain(model)
     return again, other, not (again.dependent or other[1].terms)
 
 
-def _left(case: Case, choice: Choice) -> float:
-    """Rms that the causes of a choice leave when they are simulated together."""
-    return rms(case.model.exact_residuals(choice[1].fit.nuisance, choice[1].fit.effects))
+def _score(given: Case, case: Case, choice: Choice) -> float:
+    """Score of a choice whose causes are simulated together, by the noise of the given case."""
+    found = choice[1].fit
+    left = rms(case.model.exact_residuals(found.nuisance, found.effects))
+    rss = len(case.rows) * left**2
+    return float(given.floor.deviance(rss, given.plain.dof)) + choice[1].penalty
 
 
 def _off(case: Case, found: Fit) -> float:

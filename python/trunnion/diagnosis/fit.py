@@ -139,7 +139,10 @@ def fit(
         promised = float(np.sum((solved.basis.T @ w) ** 2))
         if promised <= 1e-10 * rss or rss <= 0:
             break
-        taken = _downhill(problem, at, solved.solution @ problem.directions, rss)
+        step = solved.solution @ problem.directions
+        taken = _downhill(problem, at, step, rss)
+        if taken is None and problem.beyond(at, step).any():
+            taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
         if taken is None:
             break
         at, r, w, rss_new = taken
@@ -214,6 +217,29 @@ class _Problem:
         """Combinations that are not identifiable at the start, and those of ``solved``."""
         first = np.pad(self.judged.combinations, ((0, 0), (0, len(self.index))))
         return np.concatenate([first, solved.combinations @ self.directions])
+
+    def beyond(self, at: _Point, step: Array) -> Flags:
+        """Which parameters a step would take beyond their bounds, (p,)."""
+        return np.asarray(np.abs(self.room(at, step) - step) > 1e-12 * np.abs(step))
+
+    def room(self, at: _Point, step: Array) -> Array:
+        """Return a step as far as the bounds let it go, each parameter for itself, (p,)."""
+        out = step.copy()
+        first = len(at.nuisance)
+        for i, (e, p) in enumerate(self.index, first):
+            value = at.values[e.id][p.name]
+            out[i] = np.clip(value + step[i], *p.bounds) - value
+        return out
+
+    def within(self, at: _Point, jac: Array, w: Array, step: Array) -> Array:
+        """Return the step to the least squares with what is beyond its bounds held there."""
+        held = np.zeros(len(step), dtype=bool)
+        while (over := self.beyond(at, step) & ~held).any():
+            held |= over
+            fixed = np.where(held, self.room(at, step), 0.0)
+            others = self.solve(np.where(held, 0.0, jac), w - self.used(jac @ fixed))
+            step = np.where(held, fixed, others.solution @ self.directions)
+        return step
 
     def moved(self, at: _Point, step: Array) -> _Point:
         """Return the point after a step, effects within their bounds."""
