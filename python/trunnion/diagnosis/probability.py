@@ -13,6 +13,7 @@ candidates.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -144,7 +145,13 @@ class Probabilities:
 
     def _count(self, leaders: Members) -> int:
         """How many sets one of leaders stands for."""
-        return int(np.prod([len(self.candidates.alike[m]) for m in leaders], dtype=int))
+        return math.prod(self._many[m] for m in leaders if m in self._many)
+
+    @cached_property
+    def _many(self) -> dict[int, int]:
+        """How many candidates a leader stands for, where it is more than itself."""
+        sizes = ((leader, len(alike)) for leader, alike in self.candidates.alike.items())
+        return {leader: count for leader, count in sizes if count > 1}
 
 
 def _members(mask: int) -> Members:

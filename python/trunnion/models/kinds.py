@@ -308,29 +308,54 @@ def diagnose(
     >>> d.verdict, [cause.id for cause in d.causes]
     ('explained', ['scale_x', 'straightness_y_of_x'])
     """
-    if isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset"):
-        data = table_of(data)
+    data = _as_table(data)
     if isinstance(data, list | tuple):
         return _of_several(data, setup, effects)
+    return _alone(data, setup, effects).alone
+
+
+def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
+    """Diagnose one measurement, of which rows that repeat others count once."""
     used, first = _distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
-        return found
+        return Measured(kind_name(data), data, None, found, model)
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
     found = replace(found, notes=(*_time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
         found = replace(found, contributions=contributions)
-    if first is None:
-        return found
-    note = (
-        f"{len(data) - len(used)} of {len(data)} rows repeat others in every column (were they "
-        "pasted twice?): each counts once."
-    )
-    outliers = tuple(int(first[row]) for row in found.outliers)
-    return replace(found, outliers=outliers, notes=(note, *found.notes))
+    if first is not None:
+        note = (
+            f"{len(data) - len(used)} of {len(data)} rows repeat others in every column (were they "
+            "pasted twice?): each counts once."
+        )
+        outliers = tuple(int(first[row]) for row in found.outliers)
+        found = replace(found, outliers=outliers, notes=(note, *found.notes))
+    return Measured(kind_name(data), data, first, found, model)
+
+
+def measured_of(found: Diagnosis) -> Measured:
+    """Return the measurement that was diagnosed, with its model made anew.
+
+    Raises
+    ------
+    InputError
+        As `Diagnosis.rebuilt_model`.
+    """
+    model = found.rebuilt_model()
+    used, first = _distinct_rows(found.data)
+    if first is not None:
+        model = model_of(used, found.setup, found.candidates)
+    return Measured(kind_name(found.data), found.data, first, found, model)
+
+
+def _as_table(data: Any) -> Any:
+    """Return data with named columns as data of their kind, anything else as it is."""
+    named = isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset")
+    return table_of(data) if named else data
 
 
 def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
@@ -347,10 +372,7 @@ def _measured(
     """Diagnose each of several measurements alone."""
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-    return [
-        Measured(kind_name(one), one, _distinct_rows(one)[1], diagnose(one, setup, effects=effects))
-        for one in data
-    ]
+    return [_alone(_as_table(one), setup, effects) for one in data]
 
 
 def _joint(
@@ -358,7 +380,7 @@ def _joint(
 ) -> JointModel:
     """Return the model of several measurements of one machine."""
     model = partial(model_of, setup=setup, effects=effects)
-    return joint_model(measured, model, model)
+    return joint_model(measured, model)
 
 
 def kind_name(data: Any) -> str:

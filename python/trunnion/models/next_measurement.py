@@ -31,10 +31,9 @@ from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel, Part
-from trunnion.models.kinds import kind_name
+from trunnion.models.kinds import measured_of
 from trunnion.models.next_touches import MAX_SETS, joined_touches, next_touches
 from trunnion.models.positioning import PositioningModel
-from trunnion.models.several import Measured
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
 from trunnion.probing.steps import cycle_of, with_starts
@@ -259,8 +258,8 @@ def _more_touches(diagnosis: Diagnosis) -> Iterator[_Test]:
     """Further touches with the artefact where it is."""
     if not isinstance(diagnosis.data, Touches):
         return
-    old = Measured("touches", diagnosis.data, None, diagnosis).used
-    model = cast(TouchDiagnosisModel, diagnosis.rebuilt_model().bind(old))
+    model = cast(TouchDiagnosisModel, measured_of(diagnosis).used)
+    old = model.data
     noise = max(diagnosis.sigma, MIN_NOISE_UM)
     for label, new in (
         ("the same touches in reversed order", _reversed(old)),
@@ -329,14 +328,12 @@ def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
 
 def _joint(diagnosis: Diagnosis) -> tuple[JointModel, Mapping[str, str]]:
     """The diagnosed measurement as a joint model, and what that calls its effects."""
-    model = diagnosis.rebuilt_model()
-    if isinstance(model, JointModel):
+    if isinstance(diagnosis.data, tuple):
+        model = cast(JointModel, diagnosis.rebuilt_model())
         return model, {e.id: e.id for e in model.effects}
-    kind = kind_name(diagnosis.data)
-    alone = Measured(kind, diagnosis.data, None, diagnosis)
-    own = model.bind(alone.used)
-    rows = np.arange(len(own.readings))
-    joint = JointModel([Part(kind, kind, own, rows, alone.noise(own))])
+    one = measured_of(diagnosis)
+    rows = np.arange(len(one.used.readings))
+    joint = JointModel([Part(one.kind, one.kind, one.used, rows, one.noise(one.used))])
     return joint, joint.ids_of_part(0)
 
 

@@ -29,12 +29,15 @@ class Measured:
         Rows that do not repeat others in every column; None: all.
     alone
         Its own diagnosis.
+    model
+        The model that it was diagnosed with, of the distinct rows.
     """
 
     kind: str
     data: Any
     distinct: Integers | None
     alone: Diagnosis
+    model: Model
 
     @property
     def size(self) -> int:
@@ -50,10 +53,11 @@ class Measured:
         return np.setdiff1d(every, self.alone.outliers).astype(np.intp)
 
     @property
-    def used(self) -> Any:
-        """The data of these rows."""
-        whole = not isinstance(self.data, Table) or len(self.rows) == len(self.data)
-        return self.data if whole else self.data[self.rows]
+    def used(self) -> Model:
+        """The model of these rows."""
+        if not isinstance(self.data, Table) or not self.alone.outliers:
+            return self.model
+        return self.model.bind(self.data[self.rows])
 
     def noise(self, model: Model) -> Callable[[Floats], Floats]:
         """Return what makes the noise of the used readings white, of size 1."""
@@ -82,7 +86,6 @@ class _Scaled:
 
 def joint_model(
     measured: Sequence[Measured],
-    model_of: Callable[[Any], Model],
     binder: Callable[[Sequence[Any]], Model],
 ) -> JointModel:
     """Return the model of several measurements, each without the outliers of its own diagnosis."""
@@ -91,7 +94,7 @@ def joint_model(
     for one in measured:
         earlier = sum(part.kind == one.kind for part in parts)
         name = one.kind if not earlier else f"{one.kind} {earlier + 1}"
-        model = model_of(one.used)
+        model = one.used
         rows = np.asarray(model.readings.rows)
         rows = one.rows[rows] if isinstance(one.data, Table) else rows
         parts.append(Part(name, one.kind, model, rows + start, one.noise(model)))
