@@ -49,6 +49,17 @@ class RotaryTestIdentification(Estimate):
         Measured minus modelled readings: (n, 3) of an R-test, (n, 1) of a ball-bar.
     converged
         Whether the last step was within rounding.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("none"))
+    >>> turns = {"A": [0, 0, 0, 0, 60, -60, 60, -60], "C": [0, 90, 180, 270, 0, 0, 90, 90]}
+    >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), turns)
+    >>> made = tn.simulate_rotary_test(plan, setup, (100, 0, 50), {"EY0C": 7.0})
+    >>> found = tn.identify_rotary_test(made, setup, (100, 0, 50))
+    >>> found.residuals_um.shape, found.converged
+    ((8, 3), True)
     """
 
     offsets_um: dict[str, tuple[float, float, float]]
