@@ -19,18 +19,21 @@ def overview() -> None:
     """The touches at A = C = 0, and the estimates of the shipped measurement."""
     setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
     touches = tn.read_touches(tn.sample_path("cross/touches.csv"))
-    figure = plt.figure(figsize=(13.0, 5.2), layout="constrained")
-    left = figure.add_subplot(1, 2, 1, projection="3d")
+    figure = plt.figure(figsize=(13.0, 4.4), layout="constrained")
+    grid = figure.add_gridspec(1, 4, width_ratios=(1.2, 0.1, 1.0, 1.0))  # the second: room for Z
+    left = figure.add_subplot(grid[0], projection="3d")
     plot_artefact(tn.plan(setup)[:16], setup, ax=left)
-    left.set_title("16 of the 72 touches")
-    right = figure.add_subplot(1, 2, 2)
+    left.set_title("Touches at A = C = 0, 16 of 72", fontsize="medium")
     results = {
         "printed forms": tn.closed_form(touches, setup, "printed"),
         "separating forms": tn.closed_form(touches, setup, "separating"),
         "least squares": tn.identify(touches, setup),
     }
-    plot_estimates(results, TABLE_2, ax=right)
-    right.set_title('Artefact 50 µm and 60" off its place, 0.3 µm repeatability')
+    for place, unit, what in ((2, "µm", "Offsets"), (3, "arcsec", "Tilts")):
+        ax = figure.add_subplot(grid[place])
+        plot_estimates(results, TABLE_2, ax=ax, unit=unit, legend=False, title=f"{what}, U (k = 2)")
+        if unit == "µm":
+            ax.legend(loc="lower left", bbox_to_anchor=(0.0, 0.05), frameon=False)
     figure.savefig(FIGURES / "overview.png", dpi=90)
     plt.close(figure)
 

@@ -110,7 +110,7 @@ def test_comparison_calls_quantities_by_their_labels() -> None:
     found = tn.compare(AXIS, grown)
     assert "mean_reversal_um" in found.changed
     said = found.summary()
-    assert "mean reversal B̄ 6.167 → −3.833" in said
+    assert "mean reversal B̄ 6.17 → −3.83" in said
     assert "reversal_um" not in said
 
 

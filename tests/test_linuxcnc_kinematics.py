@@ -1,5 +1,6 @@
 """The kinematics component for LinuxCNC holds the machine of the contract, both ways."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from trunnion.controls import linuxcnc_files
 from trunnion.controls.linuxcnc.kinematics import component, held
 from trunnion.controls.screws import screws, steps
 from trunnion.machine.chain import Chain
+from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.setup.control import ControlSetup
 from trunnion.setup.machines import presets
 
@@ -216,6 +218,59 @@ def test_the_forecast_is_made_for_the_same_machine(machine: str, tmp_path: Path)
     offset = CENTRE + np.array([0, 0, 50.0])
     joints = np.array([kins.inverse(np.r_[p + offset, r]) for p, r in zip(at, rotary, strict=True)])
     np.testing.assert_allclose(joints[:, :3] - offset, commands[:, :3], rtol=0, atol=1e-9)
+
+
+TRAVEL = Travel((10.0, -20.0, 100.0), (250.0, 200.0, 120.0))
+
+
+def straight(points: Floats) -> Floats:
+    """EYX = 8 P2(u) - 5 P3(u), and a turn of the table of X about Z by 6″ u; mm."""
+    u = np.clip((points[:, 0] - 10.0) / 250.0, -1, 1)
+    y = np.clip(points[:, 1] + 20.0, -200, 200) - 20.0
+    out = np.zeros_like(points)
+    out[:, 1] = 1e-3 * (8 * (3 * u**2 - 1) / 2 - 5 * (5 * u**3 - 3 * u) / 2)
+    out[:, 0] -= 6 * ARCSEC * u * y
+    return out
+
+
+@pytest.mark.parametrize("machine", ["three-axis", "trt-ca", "table-c-head-b"])
+def test_motions_of_the_linear_axes_are_in_the_component(machine: str, tmp_path: Path) -> None:
+    random = np.random.default_rng(9)
+    plain = placed(machine, {}, 200.0)
+    ranges = {axis: tn.AxisSetup(range_mm=(-300.0, 300.0)) for axis in "XY"}
+    setup = replace(plain, axes={**plain.axes, **ranges})
+    effects = {
+        "straightness_y_of_x": {"a2_um": 8.0, "a3_um": -5.0},
+        "angular_z_of_x": {"a1_arcsec": 6.0, "a2_arcsec": 0.0},
+    }
+    known = tn.Estimate(
+        errors=dict.fromkeys(Chain(setup).location_errors, 0.0),
+        effects=effects,
+        motions={name: LinearMotion(name, TRAVEL) for name in effects},
+    )
+    files = linuxcnc_files(setup, known)
+    assert files.left_out == ()
+    assert files.between_nodes is not None
+    between = files.between_nodes["xyz map"]
+    assert files.after_um < 0.01
+    assert between < 0.5 < 4 < files.before_um  # it bends at the ends of the travel
+    kins = Kinematics(files.files["trunnionkins.comp"], tmp_path)
+    count = len(kins.letters)
+    joints = np.c_[random.uniform(-290, 290, (40, 3)) + CENTRE, np.zeros((40, count))]
+    if machine == "table-c-head-b":
+        kins.set({"tool-offset": 50.0})
+        joints[:, 2] += 50.0
+    found = np.array([kins.forward(row) for row in joints])
+    off = found[:, :3] - joints[:, :3] - straight(joints[:, :3] - CENTRE)
+    assert 1e3 * np.linalg.norm(off, axis=-1).max() < between + 1e-3
+    joints[:, 3:] = random.uniform(-170, 170, (40, count))
+    for kind in (0, 2):
+        kins.switch(kind)
+        back = np.array([kins.inverse(kins.forward(row)) for row in joints])
+        np.testing.assert_allclose(back, joints, rtol=0, atol=1e-9)
+    bare = linuxcnc_files(plain, known)
+    assert all("its map needs [axes." in text for text in bare.left_out)
+    assert bare.after_um > 4
 
 
 @pytest.mark.parametrize("preset", ["trt-ca", "trt-bc", "tt-ab", "[w B' A' b X Y Z (C) t]"])

@@ -83,7 +83,8 @@ def control_files(
     why = f"{control.partition(' (')[0]} has no place for it"
     every = [*known.effects, *(effect.id for effect in known.own)]
     if isinstance(held, MachineErrors):
-        every = [x for x in every if x not in held.effects]
+        in_files = {*held.effects, *(effect.id for effect in held.own)}
+        every = [x for x in every if x not in in_files]
     elif remaining is not None:
         every = [x for x in every if x in remaining.effects and x in (reasons or {})]
     else:
@@ -106,14 +107,13 @@ def _interval(
 ) -> tuple[float, float] | None:
     """Interval of the largest error left, 95 %.
 
-    None without a covariance, and where motions that no formula bounds are left over.
+    None without a covariance, and with motions of the linear axes, whose covariance is not known.
 
     meets: Errors that the compensation meets; what tables hold is as good as its estimate.
     """
     if not (isinstance(estimate, Estimate) and estimate.names):
         return None
-    held = compensation.known.own if isinstance(compensation, ModelCompensation) else ()
-    if not isinstance(compensation, ControlModel) or len(held) < len(meets.own):
+    if not isinstance(compensation, ControlModel) or meets.own:
         return None
     every = MachineErrors.of(setup, estimate)
     zero = {k: v if k in meets.effects else dict.fromkeys(v, 0.0) for k, v in every.effects.items()}

@@ -41,7 +41,7 @@ from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import report
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.selection import MAX_CAUSES, search
+from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -52,7 +52,7 @@ MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
 MAX_NONLINEAR = 0.1  # of the rms of the residuals, that is left to the second order
-BETTER = 0.9  # times the rms, that a fit near the data leaves where it takes another's place
+SAME = 1.05  # times the rms, that a fit of a model that is not complete may leave
 MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be found
@@ -83,7 +83,8 @@ def diagnose(model: Model) -> Diagnosis:
         if choice is None or not sure:
             about = case_of(model.near(always=True), dependent=True)
             about, other = _settled(_plain(model), about, _choose(about))
-            if choice is None or _to_first_order(about, other[1].fit):
+            settled = _to_first_order(about, other[1].fit)
+            if choice is None or (settled and _left(about, other) <= SAME * _left(case, choice)):
                 case, choice = about, other
         for _ in range(MAX_ROUNDS if case.grid is not None else 0):
             # What was found was in the noise that the errors of rounding were weighed against.
@@ -115,27 +116,38 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
         return case, None, False
     found = choice[1]
     exact = _to_first_order(case, found.fit)
-    if exact and not found.terms:
-        return case, choice, True
-    if model.near() is not model:
+    if (found.terms or not exact) and model.near() is not model:
         return case, None, False
-    about = model.near(always=True)
-    if about is model:
+    if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
         return case, choice, True
-    if not exact:  # beside the noise sums of chords are, but a set may add up to what is none
-        return case, choice, False
     again = case_of(about)
     other = _choose(again)
-    if rms(other[1].fit.residuals) > BETTER * rms(found.fit.residuals):
-        return case, choice, True
+    if _left(again, other) > _left(case, choice):
+        return case, choice, not (again.dependent or other[1].terms)
     again.given = _plain(model)
-    return again, None if again.dependent else other, not again.dependent
+    return again, other, not (again.dependent or other[1].terms)
+
+
+def _left(case: Case, choice: Choice) -> float:
+    """Rms that the causes of a choice leave when they are simulated together."""
+    return rms(case.model.exact_residuals(choice[1].fit.nuisance, choice[1].fit.effects))
+
+
+def _off(case: Case, found: Fit) -> float:
+    """Rms of what a fit's causes, simulated together, leave otherwise than linearised."""
+    exact = case.model.exact_residuals(found.nuisance, found.effects)
+    return rms(exact - found.residuals)
+
+
+def _is_linear(case: Case, found: Fit) -> bool:
+    """Whether what is left to the second order could order no sets of causes otherwise."""
+    share = _off(case, found) / max(rms(found.residuals), TINY)
+    return len(found.residuals) * share**2 <= WITHIN
 
 
 def _to_first_order(case: Case, found: Fit) -> bool:
     """Whether a fit's causes, simulated together, leave about what they leave linearised."""
-    exact = case.model.exact_residuals(found.nuisance, found.effects)
-    return rms(exact - found.residuals) <= MAX_NONLINEAR * rms(found.residuals)
+    return _off(case, found) <= MAX_NONLINEAR * rms(found.residuals)
 
 
 def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:

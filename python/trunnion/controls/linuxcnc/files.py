@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -28,6 +29,7 @@ from trunnion.controls.linuxcnc.kinematics import (
     joint_letters,
     pin_values,
 )
+from trunnion.controls.linuxcnc.linear_map import linear_map
 from trunnion.controls.linuxcnc.made import HAL, INI, Made
 from trunnion.controls.linuxcnc.present import Present, read_present
 from trunnion.controls.linuxcnc.sign_test import sign_test
@@ -95,7 +97,9 @@ def linuxcnc_files(
 
 def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
     letters = joint_letters(setup)
-    mine = held(setup, known)
+    grid, no_map = linear_map(setup, known)
+    mapped = grid.effects if grid is not None else ()
+    mine = replace(held(setup, known), own=tuple(x for x in known.own if x.id in mapped))
     tables = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=False, squareness=False)
     pins = pin_values(setup, mine)
     settings = [
@@ -120,7 +124,7 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
         "net trunnion-kins-type motion.analog-out-03 => motion.switchkins-type",
     ]
     files = {
-        f"{NAME}.comp": component(setup, mine),
+        f"{NAME}.comp": component(setup, mine, grid),
         HAL: "\n".join(hal) + "\n",
         INI: _ini(NAME, letters, tables),
         **{f"{code}remap.ngc": _remap(code, kind) for code, kind in _CODES},
@@ -139,12 +143,16 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
         files,
         (
             *settings,
+            *([] if grid is None else [grid.setting(f"{NAME}.comp")]),
             *table_settings(tables.tables, {t.name: COMP.format(t.name) for t in tables.tables}),
         ),
-        MachineErrors(errors=mine.errors, effects=together),
+        replace(mine, effects=together),
         notes=notes,
-        reasons=tables.left,
-        between=left_between(tables.tables, 1e-6),
+        reasons={**tables.left, **no_map},
+        between={
+            **left_between(tables.tables, 1e-6),
+            **({} if grid is None else {"xyz map": grid.left_um}),
+        },
     )
 
 

@@ -13,6 +13,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
 from trunnion.controls.links import COMPONENTS, Link, links, table_centre
+from trunnion.controls.linuxcnc.linear_map import LinearMap, map_words
 from trunnion.controls.linuxcnc.present import MM
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -135,7 +136,9 @@ def joint_letters(setup: Setup) -> str:
     return "".join(sorted(Chain(setup).letters))
 
 
-def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") -> str:
+def component(
+    setup: Setup, known: MachineErrors, grid: LinearMap | None = None, name: str = "trunnionkins"
+) -> str:
     """Source of the component, for ``halcompile --install``.
 
     Raises
@@ -164,6 +167,8 @@ def component(setup: Setup, known: MachineErrors, name: str = "trunnionkins") ->
         "REACH": "pivot_length + UNIT * tool_offset" if frames.head else "0",
         "SEAT": _vector(frames.seat),
         "NOSE": _vector(frames.nose),
+        **map_words(grid),
+        "ROUNDS": "1" if grid is None else "4",
         "LAMBDA": ", ".join(formula for _, _, formula in LINEAR_ERRORS),
         "SIGNS": ", ".join(f"{sign:g}" for sign in [*signs, 0.0]),
         "JOINTS": ", ".join([*(f"joint[{3 + joints.index(c)}]" for c in letters), "0"]),
