@@ -12,7 +12,9 @@ from typer.testing import CliRunner
 import trunnion as tn
 from reference_trt_ca import TABLE_2
 from trunnion.cli import app
+from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import read_estimate
+from trunnion.machine.linear_axes import LinearMotion, Travel
 from trunnion.plot.volumetric import plot_over_poses, plot_share, plot_volumetric
 
 mpl.use("Agg")
@@ -122,3 +124,36 @@ def test_plots_share_a_scale() -> None:
         plot_over_poses(before)
     with pytest.raises(tn.InputError, match="scale_um: got"):
         plot_volumetric(before, scale_um=(1.0, 0.5))
+
+
+@pytest.mark.parametrize("preset", ["three-axis", "four-axis-a", "four-axis-c", "tt-ab", "head-bc"])
+def test_every_machine_gets_a_map_and_parameters(preset: str, folder: Path) -> None:
+    (folder / "setup.toml").write_text(
+        f'[machine]\npreset = "{preset}"\n[artefact]\nkind = "none"\n', encoding="utf-8"
+    )
+    given = {"errors": {}, "effects": {"scale_x": {"ppm": 40.0}}}
+    coarse = ("--linear-step-mm", "150", "--rotary-step-deg", "90")
+    run(folder, given, *coarse)
+    table = tn.read_error_map(folder / "o" / "error_map.csv")
+    setup = tn.read_setup(folder / "setup.toml")
+    rotary = dict.fromkeys(Chain(setup).letters, 0.0)
+    # 40 ppm too long: X is sent 4 µm less at 100 mm.
+    found = table.correction_um([[100.0, 20.0, 50.0]], rotary)
+    np.testing.assert_allclose(found, [[-4.0, 0.0, 0.0]], atol=0.11)
+
+
+def test_what_moves_with_the_linear_axes_is_in_the_map(folder: Path) -> None:
+    """A diagnosis of points as it is printed: an error map of three axes holds all of it."""
+    (folder / "setup.toml").write_text(
+        '[machine]\npreset = "three-axis"\n[artefact]\nkind = "none"\n', encoding="utf-8"
+    )
+    travel = Travel((0.0, 0.0), (150.0, 120.0))
+    bent = tn.Estimate(
+        errors={},
+        effects={"straightness_y_of_x": {"a2_um": 10.0, "a3_um": 0.0}},
+        motions={"straightness_y_of_x": LinearMotion("straightness_y_of_x", travel)},
+    )
+    run(folder, bent.to_dict(), "--linear-step-mm", "10")
+    table = tn.read_error_map(folder / "o" / "error_map.csv")
+    found = table.correction_um([[x, 0.0, 0.0] for x in (0.0, 75.0, 150.0)], {})
+    np.testing.assert_allclose(found[:, 1], [5.0, 1.25, -10.0], atol=0.15)

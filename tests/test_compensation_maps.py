@@ -138,7 +138,6 @@ BAD_FILES = {
     "hole": (HEAD + ROWS + "0,0,20,5,0,1,2,3\n", "no row for the node a_deg = 0, c_deg = 0"),
     "no number": (HEAD + ROWS + "0,0,20,0,0,1,x,3\n", ":5:14: dy_um: got 'x', expected"),
     "no column": (HEAD.replace(",dz_um", "") + "0,0,0,0,0,1,2\n", ":2:1: dz_um: no such column"),
-    "no rotary": (HEAD.replace("a_deg,c_deg,", "") + "0,0,0,1,2,3\n", "no position of a rotary"),
 }  # fmt: skip
 
 
@@ -182,3 +181,15 @@ def test_a_map_for_a_head(tmp_path: Path) -> None:
 
 def test_names_are_those_of_the_machine() -> None:
     assert set(NAMES) == set(TABLE_2)
+
+
+def test_a_map_without_rotary_axes_is_one_of_three_axes(tmp_path: Path) -> None:
+    rows = HEAD.replace("a_deg,c_deg,", "") + "0,0,0,1,2,3\n50,0,0,3,2,3\n"
+    (tmp_path / "map.csv").write_text(rows, encoding="utf-8")
+    table = tn.read_error_map(tmp_path / "map.csv")
+    three = tn.Setup(tn.Artefact("none"), machine=tn.Machine("three-axis"))
+    points = np.array([[25.0, 0.0, 0.0]])
+    sent = table.commands(three, points, np.zeros((1, 0)))
+    np.testing.assert_allclose(sent, [[25.002, 0.002, 0.003]], atol=1e-9)
+    with pytest.raises(tn.InputError, match=r"got one for axes none, expected A, C"):
+        table.commands(tn.Setup(tn.Artefact("none")), points, np.zeros((1, 2)))

@@ -228,3 +228,44 @@ def test_titles_and_legends_do_not_cover_data() -> None:
             )
             assert title.get_window_extent().y0 >= box.y1 - 2
     plt.close("all")
+
+
+def test_what_parameters_of_a_control_leave_is_ranked() -> None:
+    setup = tn.Setup(tn.Artefact("cross"))
+    found = tn.cnc_parameters(setup, {"EX0C": 15.0, "EB0A": 10.0})
+    (picture,) = tn.plot.pictures(found)
+    lengths = np.asarray(picture.series[0].x)
+    assert picture.y.names[0] == "tilt of the A axis about Y"
+    assert np.all(np.diff(lengths) <= 0)
+    # An offset is a centre of the control's transformation: nothing of it is left.
+    assert lengths[picture.y.names.index("offset of the C axis along X")] < 1e-6
+    # EB0A turns the A axis alone, by w = (1 - Rx(a)) y: its error is w × r at r = Rx(a) Rz(c) p.
+    a, c = (np.radians(np.arange(*ends, 15)) for ends in ((-90, 91), (0, 360)))
+    moments, squares = np.diag([150.0**2, 120.0**2, 150.0**2]) / 3, []  # of the box, from z = 0
+    for tilt, turn in np.stack(np.meshgrid(a, c), axis=-1).reshape(-1, 2):
+        (s1, s2), (c1, c2) = np.sin([tilt, turn]), np.cos([tilt, turn])
+        pose = np.array([[1, 0, 0], [0, c1, -s1], [0, s1, c1]]) @ np.array(
+            [[c2, -s2, 0], [s2, c2, 0], [0, 0, 1]]
+        )
+        w, m = np.array([0.0, 1.0 - c1, -s1]), pose @ moments @ pose.T
+        squares.append(w @ w * np.trace(m) - w @ m @ w)
+    tilted = tn.cnc_parameters(setup, {"EB0A": 10.0})
+    expected = 1e3 * np.radians(10.0 / 3600) * np.sqrt(np.mean(squares))
+    assert tilted.before_um == pytest.approx(expected, rel=1e-4)
+    assert tilted.left_um is not None
+    assert 0 < tilted.left_um < expected
+    alone = tn.cnc_parameters(setup, {"EX0C": 15.0})
+    assert alone.before_um == pytest.approx(15.0, rel=1e-6)  # a shift, the same everywhere
+    assert alone.left_um == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(tn.InputError, match="least-squares"):
+        tn.cnc_parameters(setup, {"EX0C": 15.0}, method="direct").plot()
+
+
+def test_a_batch_shows_what_is_explained_of_each() -> None:
+    plate = tn.sample_path("plate/first.csv")
+    batch = tn.diagnose_many([plate, "none.csv"], workers=1)
+    (picture,) = tn.plot.pictures(batch)
+    assert picture.y.names == ("first.csv: explained",)
+    d = tn.diagnose(tn.read(plate))
+    share = 1 - (d.gain.rms_after_um / d.gain.rms_before_um) ** 2
+    assert np.asarray(picture.series[0].x)[0] == pytest.approx(100 * share, abs=1.5)

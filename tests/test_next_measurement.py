@@ -73,7 +73,10 @@ def settled(d: tn.Diagnosis, test: tn.NextMeasurement, truth: Truth, rng: Rng) -
     if isinstance(more, tn.Touches):
         names = [name for name in d.data.columns if name in more.columns]
         both = {n: np.concatenate([d.data.columns[n], more.columns[n]]) for n in names}
-        again = tn.diagnose(tn.Touches(both), d.setup)
+        try:
+            again = tn.diagnose(tn.Touches(both), d.setup)
+        except tn.DataError:  # a touch beside its face, as the artefact stands: nothing is settled
+            return False
     else:
         again = tn.diagnose([d.data, more], d.setup)
     left = {frozenset(i.removeprefix("touches:") for i in causes) for causes in again.alternatives}

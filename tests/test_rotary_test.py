@@ -57,7 +57,7 @@ def test_an_r_test_gives_the_errors_and_the_place_of_the_ball() -> None:
     there = (BALL[0] + 0.31, BALL[1] - 0.12, BALL[2] + 0.05)
     fit = tn.identify_rotary_test(tn.simulate_rotary_test(plan, SETUP, there, ERRORS), SETUP, BALL)
     assert fit.errors == pytest.approx(ERRORS, abs=1e-5)
-    assert fit["ball.dx_um"] == pytest.approx(310.0, abs=1e-5)
+    assert fit.offsets_um["ball"] == pytest.approx((310.0, -120.0, 50.0), abs=1e-5)
     assert fit.converged
     assert fit.not_identifiable == ()
 
@@ -147,7 +147,7 @@ def test_two_places_of_the_ball(tmp_path: Path) -> None:
     read = tn.read_rotary_test(tmp_path / "both.csv")
     fit = tn.identify_rotary_test(read, SETUP, {"low": BALL, "high": high})
     assert fit.errors == pytest.approx(ERRORS, abs=1e-4)
-    assert {"ball_low", "ball_high"} <= set(fit.effects)
+    assert set(fit.offsets_um) == {"ball_low", "ball_high"}
 
 
 def test_what_is_wrong_with_a_test_is_said() -> None:
@@ -165,3 +165,19 @@ def test_what_is_wrong_with_a_test_is_said() -> None:
         made.with_columns(length_mm=np.full(32, 100.0))
     with pytest.raises(tn.InputError, match="no noise without a seed"):
         tn.simulate_rotary_test(plan, SETUP, BALL, noise_um=1.0)
+
+
+def test_its_estimate_compensates_and_simulates_as_any_other() -> None:
+    plan = tn.plan_rotary_test(SETUP, BALL, TURNS)
+    made = tn.simulate_rotary_test(plan, SETUP, BALL, ERRORS)
+    fit = tn.identify_rotary_test(made, SETUP, BALL)
+    cross = tn.Setup(artefact=tn.Artefact("cross"))
+    touches = tn.simulate(tn.plan(cross), cross, fit)
+    assert tn.identify(touches, cross).errors == pytest.approx(ERRORS, abs=1e-4)
+    left = {name: ERRORS[name] - fit[name] for name in ERRORS}
+    assert tn.volumetric_error(cross, left).max_um < 1e-3
+    assert tn.volumetric_error(cross, fit).max_um > 10
+    alone = tn.simulate_rotary_test(bars((1, 0, 0)), SETUP, BALL, ERRORS, bar=True)
+    partial = tn.identify_rotary_test(alone, SETUP, BALL)
+    with pytest.raises(tn.DataError, match="not identifiable"):
+        tn.volumetric_error(cross, partial)

@@ -15,7 +15,6 @@ from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values, names, numbers
-from trunnion.data.linuxcnc_log import probe_log_of
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -194,6 +193,8 @@ def simulate(
     )
     values = {"touches": len(measured), "columns": list(measured.columns)}
     if probe_log is not None:
+        from trunnion.data.linuxcnc_log import probe_log_of
+
         log = probe_log_of(plan, measured, "simulated")
         said = save(probe_log, lambda path: path.write_text(log, encoding="utf-8"))
         more = () if output is None else (save(output, measured.to_csv),)

@@ -130,10 +130,14 @@ def compensate(
         return Answer.of(made, *said, *_report(html, made, setup))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
-        setup, known, linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
+        setup, known, **_ends(setup), linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
     )
     answer = _general(setup, estimate, known, table, output, seed)
-    more = _report(html, tn.cnc_parameters(setup, known), setup) if html is not None else []
+    more = (
+        []
+        if html is None
+        else _report(html, tn.cnc_parameters(setup, dataclasses.replace(known, own=())), setup)
+    )
     return Answer(answer.values, (*answer.shown, *more))
 
 
@@ -153,15 +157,17 @@ def _general(
     seed: int,
 ) -> Answer:
     """Error map, parameters and pictures, for any control."""
-    parameters = tn.cnc_parameters(setup, known)
+    # Parameters and tool direction follow no motion of the linear axes; the fields below have them.
+    parameters = tn.cnc_parameters(setup, dataclasses.replace(known, own=()))
     kinds: dict[str, Compensation | None] = {
         "nothing compensated": None,
         "error map": table,
         "linear axes, exact": tn.ModelCompensation(known),
         "CNC parameters": parameters,
         "CNC parameters, rounded": parameters.rounded(setup),
-        "all axes, exact": tn.InverseCompensation(known),
     }
+    if not known.own:
+        kinds["all axes, exact"] = tn.InverseCompensation(known)
     at_zero = {name: _field(setup, known, kind, over=False) for name, kind in kinds.items()}
     over = {name: _field(setup, known, kind, over=True) for name, kind in kinds.items()}
     found: dict[str, Any] = {
@@ -169,7 +175,7 @@ def _general(
         for what, fields in (("at_zero", at_zero), ("over_range", over))
     }
     shown: list[Any] = [_table(at_zero, over), *parameters.tables()]
-    interval = _interval(setup, estimate, seed)
+    interval = None if known.own else _interval(setup, estimate, seed)
     if interval is not None:
         shown.append(interval.table())
         found["predicted_interval_over_range"] = interval.to_dict()
@@ -253,9 +259,17 @@ def _range(setup: Setup) -> dict[str, Any]:
     """Rotary positions over the whole range."""
     from trunnion.machine.chain import Chain
 
-    tilt = Chain(setup).tilting
-    tilts = {"a_deg": _TILTS if tilt == "A" else 0, "b_deg": _TILTS if tilt == "B" else None}
-    return {**tilts, "c_deg": _TURNS}
+    chain = Chain(setup)
+    at: dict[str, Any] = {"a_deg": 0, "b_deg": None, "c_deg": 0}
+    for letter in chain.letters:
+        at[f"{letter.lower()}_deg"] = _TURNS if letter == chain.turning else _TILTS
+    return at
+
+
+def _ends(setup: Setup) -> dict[str, Any]:
+    """Lowest and highest rotary positions of the same range, for an error map."""
+    given = {name: at for name, at in _range(setup).items() if isinstance(at, tuple)}
+    return {name: (float(at[0]), float(at[-1])) for name, at in given.items()}
 
 
 def _field(
@@ -308,14 +322,18 @@ def _picture(
     over: dict[str, VolumetricError],
     path: Path,
 ) -> None:
-    """Sections at zero and the largest error over the poses, before and after, one scale."""
+    """Sections at zero and the largest error over the poses, before and after, one scale.
+
+    Poses are drawn for two rotary axes.
+    """
     from matplotlib.figure import Figure
 
     shown = {"nothing compensated": None, "error map": table, "CNC parameters": parameters}
     top = max(value.max_um for value in over.values())
     scale = (0.01, top) if top > 0.01 else None
-    figure = Figure(figsize=(13.0, 7.0), layout="constrained")
-    panels = figure.subplots(2, 3)
+    count = 2 if all(field.max_by_pose_um.ndim == 2 for field in over.values()) else 1
+    figure = Figure(figsize=(13.0, 3.5 * count), layout="constrained")
+    panels = figure.subplots(count, 3, squeeze=False)
     for column, (name, kind) in enumerate(shown.items()):
         section = tn.volumetric_error(setup, known, compensation=kind)
         tn.plot.plot_volumetric(
@@ -323,6 +341,8 @@ def _picture(
         )
         upper = panels[0, column]
         upper.set_title(f"{name}, all axes at zero\n{upper.get_title()}", fontsize="medium")
+        if count == 1:
+            continue
         tn.plot.plot_over_poses(over[name], scale_um=scale, colorbar=False, ax=panels[1, column])
         lower = panels[1, column]
         lower.set_title(f"{name}, over the range\n{lower.get_title()}", fontsize="medium")

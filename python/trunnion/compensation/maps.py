@@ -152,7 +152,7 @@ class ErrorMap(report.Result):
         chain = Chain(setup)
         if set(chain.letters) != set(self.rotary_deg):
             raise InputError(
-                f"error map: got one for axes {', '.join(self.rotary_deg)}, expected "
+                f"error map: got one for axes {', '.join(self.rotary_deg) or 'none'}, expected "
                 f"{', '.join(chain.letters)} (machine {setup.machine.name})"
             )
         commands = nominal_commands(setup, points_mm, rotary_deg)
@@ -394,10 +394,10 @@ def _interpolation_error(setup: Setup, known: MachineErrors, table: ErrorMap) ->
 
     linear = [halved(nodes) for nodes in (table.x_mm, table.y_mm, table.z_mm)]
     worst = 0.0
-    first, *others = table.rotary_deg
+    first, *others = table.rotary_deg or ("",)
     # One position of the first axis at a time: the halved grid is 32 times the table.
-    for position in halved(table.rotary_deg[first]):
-        rotary = {first: np.array([position])}
+    for position in halved(table.rotary_deg[first]) if first else (0.0,):
+        rotary = {first: np.array([position])} if first else {}
         rotary |= {letter: halved(table.rotary_deg[letter]) for letter in others}
         exact = _corrections(setup, known, rotary, linear)
         axes = [*rotary.values(), *linear]
@@ -455,8 +455,6 @@ class MapRows(Table):
         return [nodes for nodes, _ in found], rows
 
     def _check(self) -> None:
-        if len(self.names()) == 3:
-            raise ColumnError("a_deg", None, "no position of a rotary axis", "a_deg, b_deg, c_deg")
         self.order()
         step = self.resolution_um
         for name in ("dx_um", "dy_um", "dz_um") if step > 0 else ():

@@ -344,7 +344,7 @@ class _Fit:
     def parameters(self, values: Floats) -> CncParameters:
         named = {self.names[i]: float(values[i]) for i in self.used}
         zeros = {}
-        if "zero_" + self.chain.letters[0] in named:
+        if any(f"zero_{k}" in named for k in self.chain.letters):
             found = np.array([named.pop(f"zero_{k}") for k in self.chain.letters])
             zeros = {k: float(v) for k, v in self.chain.to_control(found).items()}
         work = {f"{k}_um": named.pop(k) for k in ("dx", "dy", "dz") if k in named}

@@ -257,7 +257,9 @@ class Case:
     @property
     def _rounding(self) -> float:
         """Rms of what rounding leaves of exact readings."""
-        size = float(np.max(np.abs(self.model.readings.values), initial=1.0))
+        readings = self.model.readings
+        recorded = readings.values if readings.recorded is None else readings.recorded
+        size = float(np.max(np.abs(recorded), initial=1.0))
         return max(EXACT * size, MIN_STEP)
 
     @property

@@ -25,6 +25,7 @@ MAX_ALTERNATIVES = 50
 MAX_EXACT = 16  # sets that are tried for an exact fit
 LINEAR_ERROR = 2e-3  # of the plain model's residuals, what columns linearised there miss
 FEW_LEFT = 0.1  # the same where moments and durations are not fitted yet
+FORMULA_ERROR = 1e-4  # the same, what formulas to first order miss; instruments resolve no less
 ASSUMED_ERRORS = (1e-2, 2e-3, 2e-4)  # of these, for data without noise: the fewest causes first
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 TINY = 1e-300
@@ -62,11 +63,19 @@ def _exactly(case: Case) -> Explanation | None:
     cause too many.
     """
     for share in ASSUMED_ERRORS:
-        variance = share**2 * case.plain.rss / max(case.plain.dof, 1)
-        found = _exact_among(case, replace(case, floor=Floor(max(variance, case.floor.variance))))
+        found = _exact_among(case, _with_errors(case, share))
         if found is not None:
             return found
-    return None
+    # The readings come from other formulas, which agree with these to first order.
+    found = _explained(_with_errors(case, FORMULA_ERROR))
+    left = found.fit.rss / max(case.plain.rss, TINY)
+    return found if found.sets and left < (2 * FORMULA_ERROR) ** 2 else None
+
+
+def _with_errors(case: Case, share: float) -> Case:
+    """Case of readings with at least this noise, as a share of the plain model's residuals."""
+    variance = share**2 * case.plain.rss / max(case.plain.dof, 1)
+    return replace(case, floor=Floor(max(variance, case.floor.variance)))
 
 
 def _exact_among(case: Case, noisy: Case) -> Explanation | None:

@@ -98,7 +98,12 @@ def conditions_of(setup: Setup | Conditions | None) -> Conditions:
     """
     if isinstance(setup, Conditions):
         return setup
-    return Section.of("turning", {} if setup is None else setup.turning).build(Conditions)
+    if setup is None:
+        raise InputError(
+            "setup: missing, expected a set-up (TOML) with a table [turning] and its overhang_mm, "
+            "from the chuck face to the free end"
+        )
+    return Section.of("turning", setup.turning).build(Conditions)
 
 
 @dataclass(frozen=True)

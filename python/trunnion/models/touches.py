@@ -394,6 +394,11 @@ def build(
     data: Touches, setup: Setup | None, effects: Sequence[EffectLike | str] = ()
 ) -> TouchDiagnosisModel:
     """Build the model of touches; the set-up is needed."""
+    if setup is None:
+        raise InputError(
+            "setup: missing, expected a set-up (TOML) with the machine, the artefact and the probe "
+            "of these touches (trunnion init writes one)"
+        )
     if not isinstance(setup, Setup):
         raise InputError(f"setup: got {type(setup).__name__}, expected the Setup of these touches")
     with mistakes_named(data, setup):

@@ -61,6 +61,10 @@ from .points import plot_points as plot_points
 from .points import points_picture as points_picture
 from .positioning import plot_positioning as plot_positioning
 from .positioning import positioning_picture as positioning_picture
+from .ranking import batch_pictures as batch_pictures
+from .ranking import cnc_parameters_pictures as cnc_parameters_pictures
+from .ranking import plot_batch as plot_batch
+from .ranking import plot_cnc_parameters as plot_cnc_parameters
 from .ranking import plot_contributions as plot_contributions
 from .ranking import plot_rates as plot_rates
 from .rotary import error_motion_pictures as error_motion_pictures

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError
+from trunnion.compensation.parameters import CncParameters
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.many import DiagnosisBatch
 from trunnion.plot.picture import Axis, Picture, Series, bars
 from trunnion.plot.style import BLUE, GREEN, MUTED, RED, SKY
+from trunnion.setup.names import error_label
 
 RATES = {"found": GREEN, "aliased": SKY, "missed": MUTED, "wrong": RED}
 """Outcomes of a diagnosis with their colours."""
@@ -86,3 +90,60 @@ def rates_picture(
         Axis(names=tuple(names)),
         tuple(reversed(stacked)),
     )
+
+
+def plot_cnc_parameters(p: CncParameters, *, ax: Any = None, **style: Any) -> Any:
+    """Draw how much of each error the best parameters of a control leave, in percent."""
+    found = cnc_parameters_pictures(p)
+    if not found:
+        raise InputError(
+            'plot_cnc_parameters: got parameters by method "direct", expected "least-squares": '
+            "they know what is left of each error"
+        )
+    return found[0].draw(ax, **style)
+
+
+def cnc_parameters_pictures(p: CncParameters) -> list[Picture]:
+    """Return what is left of each error as bars; nothing where it was not asked for."""
+    ranked = sorted(p.removable, key=lambda one: -one.share_left)
+    if not ranked:
+        return []
+    left = np.array([100 * one.share_left for one in ranked])
+    return [
+        Picture(
+            "What such parameters leave of each error",
+            Axis("Left of its volumetric error, rms", "%", limits=(0.0, 110.0)),
+            Axis(names=tuple(error_label(one.name) for one in ranked)),
+            (bars(left, colour=BLUE),),
+            notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(left)),
+        )
+    ]
+
+
+def plot_batch(batch: DiagnosisBatch, *, ax: Any = None, **style: Any) -> Any:
+    """Draw the share of each measurement's residual that its causes explain, in percent."""
+    found = batch_pictures(batch)
+    if not found:
+        raise InputError("plot_batch: got no measurement that was diagnosed, expected one")
+    return found[0].draw(ax, **style)
+
+
+def batch_pictures(batch: DiagnosisBatch) -> list[Picture]:
+    """Return the explained share of each measurement as bars; nothing where all have failed."""
+    done = [
+        (name, one)
+        for name, one in zip(batch.names, batch.results, strict=True)
+        if isinstance(one, Diagnosis)
+    ]
+    if not done:
+        return []
+    shares = np.array([100 * sum(c.share for c in one.contributions) for _, one in done])
+    return [
+        Picture(
+            "What the causes explain of each measurement",
+            Axis("Share of mean square", "%", limits=(0.0, 110.0)),
+            Axis(names=tuple(f"{Path(name).name}: {one.verdict}" for name, one in done)),
+            (bars(shares, colour=BLUE),),
+            notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(shares)),
+        )
+    ]

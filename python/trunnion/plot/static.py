@@ -54,7 +54,8 @@ def draw_picture(
     _set_axes(ax, p)
     for x, y, text in p.notes_at:
         at = (np.radians(x) if polar else x, y)
-        ax.annotate(text, at, (3, 3), textcoords="offset points", fontsize="small")
+        beside = {"xytext": (4, 0), "va": "center"} if p.y.names else {"xytext": (3, 3)}
+        ax.annotate(text, at, textcoords="offset points", fontsize="small", **beside)
     _head(ax, title, p, legend=legend)
     return ax
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 ARROW_MM = 12.0
 LONGEST_MM = 15.0
 EDGE = "#5f6b75"
+SEEN = 0.5  # percent: a shorter bar is not seen
 
 
 def plot_artefact(
@@ -269,12 +270,13 @@ def observability_picture(seen: Observability) -> Picture:
     for label, colour, members in kinds:
         mine = np.array([k in members for k in shares], dtype=bool)
         if mine.any():
-            # a bar of nothing is still one that can be seen
-            shown = np.where(mine, np.maximum(values, 0.4), np.nan)
-            series.append(bars(shown, label, colour=colour))
+            named = label if np.any(values[mine] >= SEEN) else ""
+            series.append(bars(np.where(mine, values, np.nan), named, colour=colour))
+    none = [k for k, name in enumerate(shares) if name in lost]
     return Picture(
         f"What these touches show of {len(shares)} effects beside errors and placement",
         Axis("Share left", "%", limits=(0.0, 100.0)),
         Axis(names=names),
         tuple(series),
+        notes_at=tuple((float(values[k]), float(k), "not identifiable") for k in none),
     )

@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 from trunnion.base.arguments import checked
 from trunnion.base.checks import array, point, positive
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.report import Table
 from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
-from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.setup import Setup
 
@@ -38,18 +38,32 @@ TOOL = "tool_offset"
 class RotaryTestIdentification(Estimate):
     """Location errors from an R-test or a ball-bar test of rotary axes: an :class:`Estimate`.
 
-    Beside the errors it has how far each ball is from its place (``effects["ball"]``, with labels
-    ``effects["ball_1"]``) and, where asked for, the tool's point from its place
-    (``effects["tool_offset"]``), µm.
-
     Attributes
     ----------
+    offsets_um
+        How far each ball ("ball", or "ball_" and its label) and, where it is unknown, the tool's
+        point ("tool_offset") are from their places.
+    offsets_std_um
+        Their standard errors; inf for what is not identifiable.
     residuals_um
         Measured minus modelled readings: (n, 3) of an R-test, (n, 1) of a ball-bar.
     converged
         Whether the last step was within rounding.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> setup = tn.Setup(tn.Artefact("none"))
+    >>> turns = {"A": [0, 0, 0, 0, 60, -60, 60, -60], "C": [0, 90, 180, 270, 0, 0, 90, 90]}
+    >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), turns)
+    >>> made = tn.simulate_rotary_test(plan, setup, (100, 0, 50), {"EY0C": 7.0})
+    >>> found = tn.identify_rotary_test(made, setup, (100, 0, 50))
+    >>> found.residuals_um.shape, found.converged
+    ((8, 3), True)
     """
 
+    offsets_um: dict[str, tuple[float, float, float]]
+    offsets_std_um: dict[str, tuple[float, float, float]]
     residuals_um: Floats
     converged: bool
 
@@ -67,6 +81,12 @@ class RotaryTestIdentification(Estimate):
         if not self.converged:
             lines.append("Did NOT converge: do not use these numbers.")
         return [*lines, *super().sentences()]
+
+    def tables(self) -> tuple[Table, ...]:
+        """Estimates with standard errors, and the places of balls and tool."""
+        places = [(k, *xyz, *self.offsets_std_um[k]) for k, xyz in self.offsets_um.items()]
+        columns = ("of", "x", "y", "z", "std. x", "std. y", "std. z")
+        return (*super().tables(), Table.of("Offsets from the stated places, µm", columns, places))
 
 
 @checked
@@ -385,25 +405,28 @@ def _result(
     freedom = off.size - fit.rank
     sigma = known or float(np.sqrt(np.sum(off**2) / freedom))
     names, count = problem.names, len(problem.chain.location_errors)
-    covariance = sigma**2 * fit.cofactor
+    covariance = sigma**2 * fit.cofactor[:count, :count]
+    std = sigma * fit.std
     groups = (*problem.labels, *(() if problem.tool_is_known else (TOOL,)))
-    offsets = x[count:].reshape(-1, 3)
     degrees = np.inf if known else float(freedom)
     return RotaryTestIdentification(
         errors=dict(zip(names, map(float, x[:count]), strict=False)),
-        effects={
-            group: dict(zip(OFFSETS, map(float, row), strict=True))
-            for group, row in zip(groups, offsets, strict=True)
-        },
-        owners=dict.fromkeys(groups, Owner.PLACEMENT),
-        std_errors=dict(zip(names, map(float, sigma * fit.std), strict=True)),
-        names=names,
+        std_errors=dict(zip(names, map(float, std[:count]), strict=False)),
+        names=names[:count],
         covariance=covariance,
         sigma_um=sigma,
         degrees_of_freedom=degrees,
         combinations=tuple(named_combination(names, row) for row in fit.combinations),
         sources=of_readings(covariance, sigma, "µm", 0.0, degrees),
         tolerances=dict(problem.setup.machine.tolerance),
+        offsets_um=_by_group(groups, x[count:]),
+        offsets_std_um=_by_group(groups, std[count:]),
         residuals_um=off,
         converged=converged,
     )
+
+
+def _by_group(groups: Sequence[str], values: Floats) -> dict[str, tuple[float, float, float]]:
+    """Three values for each group."""
+    rows = values.reshape(-1, 3).tolist()
+    return {group: (x, y, z) for group, (x, y, z) in zip(groups, rows, strict=True)}

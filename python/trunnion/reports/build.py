@@ -125,7 +125,7 @@ def _residuals(result: Estimate) -> list[Item]:
     residuals = getattr(result, "residuals_um", None)
     if residuals is None or not len(residuals):
         return []
-    values = np.asarray(residuals, dtype=np.float64)
+    values = np.asarray(residuals, dtype=np.float64).ravel()  # of an R-test: X, Y, Z of each
     return [order_picture(values, "µm"), normal_picture(values, "µm")]
 
 
