@@ -1,4 +1,4 @@
-"""Write papers.md: every result of the four papers beside what this package gives: ``make docs``.
+"""Write a page a paper: its every result beside what this package gives: ``make docs``.
 
 Numbers of the papers are copied from them; ours come from runs, here and now.
 """
@@ -16,7 +16,7 @@ from trunnion import hybrid
 from trunnion.demo import PAPER_ESTIMATES, table_3
 from trunnion.samples.truth import TABLE_2
 
-PAGE = Path(__file__).parent / "results" / "papers.md"
+RESULTS = Path(__file__).parent / "results"
 POSE = (1100.0, 1150.0, 1100.0, 0.0, 18.0)
 """Legs, mm, and wrist, degrees: in the middle of the working space."""
 
@@ -24,45 +24,60 @@ Row = tuple[str, str, str, str, str]
 HEAD = ("in the paper", "here", "the paper says", "we get", "why they differ, or what was chosen")
 
 
-def page() -> str:
-    """Return the whole page."""
-    sections: Sequence[tuple[str, str, Callable[[], Iterable[Row]]]] = (
+Rows = Callable[[], Iterable[Row]]
+
+
+def papers() -> Sequence[tuple[str, str, str, str, Rows]]:
+    """File, title, what the paper is about, where to read on, rows of its table."""
+    return (
         (
+            "paper-rotary-table.md",
             "Kang, Kim, Jee (2022): location errors of a tilting rotary table with a cross",
+            "Eight location errors found by touches on a cross, and compensated.",
             "[closed-forms.md](../explanation/closed-forms.md), `notebooks/01_calibrate.ipynb`, "
             "`trunnion demo`.",
             cross,
         ),
         (
+            "paper-turning.md",
             "C. K. Park, D. S. Park (1990): correction of turning programs",
+            "Turning programs corrected by probed diameters.",
             "[turning.md](../how-to/turning.md), `notebooks/03_turning.ipynb`. The crossings of "
-            "Figs. 18 "
-            "and 20 "
-            "are the only measured facts of the paper that its text holds; all else is simulated.",
+            "Figs. 18 and 20 are the only measured facts of the paper that its text holds; all "
+            "else is simulated.",
             lathe,
         ),
         (
+            "paper-contouring.md",
             "Byun, Jee (2010): cross-coupled control of five axes",
+            "Contour errors of five axes under cross-coupled control.",
             "[contouring.md](../how-to/contouring.md), `notebooks/04_contouring.ipynb`. The "
-            "figures have no "
-            "numbers: order and ratio can be compared.",
+            "figures have no numbers: order and ratio can be compared.",
             five_axes,
         ),
         (
+            "paper-hybrid.md",
             "Ko, Kim, Kim, Na: sensitivities of a hybrid parallel machine",
+            "What 17 errors of a hybrid parallel machine do at its tool.",
             "`notebooks/05_hybrid.ipynb`, `trunnion.hybrid`. Fig. 1, which defines the errors, "
-            "is not in "
-            "the text: e1, e3, e4, e8 to e15 and all dimensions are a reconstruction.",
+            "is not in the text: e1, e3, e4, e8 to e15 and all dimensions are a reconstruction.",
             parallel,
         ),
     )
-    parts = ["# The four papers, result by result\n\nMade by `make docs` from runs.\n"]
-    for title, where, rows in sections:
+
+
+def pages() -> dict[str, str]:
+    """Return the text of each page by its file: an index, and a page a paper."""
+    made = {}
+    index = ["# The four papers, result by result\n", "Made by `make docs` from runs.\n"]
+    for file, title, about, where, rows in papers():
         lines = [f"| {' | '.join(HEAD)} |", "|---" * len(HEAD) + "|"]
         lines += [f"| {' | '.join(row)} |" for row in rows()]
-        parts.append(f"## {title}\n\n{where}\n\n" + "\n".join(lines) + "\n")
-    parts.append(artefacts())
-    return "\n".join(parts)
+        made[file] = (
+            f"# {title}\n\nMade by `make docs` from runs. {where}\n\n" + "\n".join(lines) + "\n"
+        )
+        index.append(f"- [{title}]({file}). {about}")
+    return {"papers.md": "\n".join([*index, "", artefacts()]), **made}
 
 
 def artefacts() -> str:
@@ -418,5 +433,6 @@ def _differences(machine: hybrid.Mechanism) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    picture(PAGE.parents[1] / "figures" / "papers_turning.png")
-    PAGE.write_text(page(), encoding="utf-8")
+    picture(RESULTS.parent / "figures" / "papers_turning.png")
+    for file, text in pages().items():
+        (RESULTS / file).write_text(text, encoding="utf-8")

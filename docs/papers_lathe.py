@@ -1,4 +1,4 @@
-"""Rows of papers.md for the turning paper, and its picture; used by make_papers.py."""
+"""Rows of paper-turning.md, and its picture; used by make_papers.py."""
 
 from collections.abc import Iterable
 from pathlib import Path

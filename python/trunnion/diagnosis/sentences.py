@@ -83,9 +83,7 @@ def _noise(d: Diagnosis) -> str:
 def _ambiguous(d: Diagnosis) -> list[str]:
     """Say what is certain, then what is in doubt."""
     certain = frozenset.intersection(*d.alternatives)
-    lines = [
-        f"Ambiguous: {len(d.alternatives)} sets of causes are equally consistent with the data."
-    ]
+    lines = [f"Ambiguous: {len(d.alternatives)} sets of causes are possible."]
     sure = [_probable(c) for c in d.causes if c.id in certain]
     if sure:
         lines.append(f"In all of them: {'; '.join(sure)}.")
