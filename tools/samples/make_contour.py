@@ -45,6 +45,9 @@ time_constant_ms = 5.85
 [servo.C]
 gain_per_s = 81.8201
 time_constant_ms = 5.75
+
+[report]
+machine = "simulated five-axis machine (sample of trunnion)"
 """
 
 

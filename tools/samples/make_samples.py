@@ -27,6 +27,9 @@ tick_um = 0.1
 [resolution]
 linear_um = 0.1
 rotary_arcsec = 0.36
+
+[report]
+machine = "simulated five-axis mill (sample of trunnion)"
 """
 
 

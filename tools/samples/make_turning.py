@@ -32,6 +32,9 @@ SETUP = """\
 overhang_mm = 65.0
 feed_mm_rev = 0.1
 spindle_rpm = 1200.0
+
+[report]
+machine = "simulated lathe (sample of trunnion)"
 """
 
 
