@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import array, point, positive
+from trunnion.base.checks import array, point, positive, whole
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Table
 from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
@@ -195,7 +195,8 @@ def simulate_rotary_test(
     offset = np.array(point("tool_offset_um", tool_offset_um))
     balls = np.broadcast_to(point("ball_mm", ball_mm), (len(plan), 3))
     apart = relative_um(chain, plan, chain.named_errors(errors), balls) - offset
-    noise = np.random.default_rng(seed).normal(0.0, 1.0, apart.shape) * noise_um
+    rng = np.random.default_rng(None if seed is None else whole("seed", seed, 0))
+    noise = rng.normal(0.0, 1.0, apart.shape) * noise_um
     if bar:
         lengths = 1e-3 * (np.linalg.norm(apart, axis=1) + noise[:, 0])
         return plan.with_columns(length_mm=lengths)
