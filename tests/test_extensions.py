@@ -245,7 +245,7 @@ def test_a_machine_of_ones_own_is_a_few_lines_of_a_set_up(tmp_path: Path) -> Non
     for name, value in errors.items():
         if np.isfinite(fit.std_errors[name]):
             assert fit.errors[name] == pytest.approx(value, abs=4 * fit.std_errors[name])
-    # A shift of the head is a shift of the table: the pair of X is not told apart, and is named.
+    # A shift of the head is a shift of the table: the pair of X is not distinguished, and is named.
     assert {"EX0B", "EX0C"} <= {name for name, std in fit.std_errors.items() if np.isinf(std)}
     assert {"EA0B", "EB0B", "EC0B"} <= {k for k, std in fit.std_errors.items() if np.isfinite(std)}
     assert tn.diagnose(data, setup).verdict == "consistent"

@@ -222,14 +222,16 @@ class _Problem:
         """Which parameters a step would take beyond their bounds, (p,)."""
         return np.asarray(np.abs(self.room(at, step) - step) > 1e-12 * np.abs(step))
 
+    def reached(self, at: _Point, step: Array) -> list[float]:
+        """Values of the effects' parameters after a step, within their bounds."""
+        steps = zip(self.index, step[len(at.nuisance) :], strict=True)
+        return [float(np.clip(at.values[e.id][p.name] + d, *p.bounds)) for (e, p), d in steps]
+
     def room(self, at: _Point, step: Array) -> Array:
         """Return a step as far as the bounds let it go, each parameter for itself, (p,)."""
-        out = step.copy()
-        first = len(at.nuisance)
-        for i, (e, p) in enumerate(self.index, first):
-            value = at.values[e.id][p.name]
-            out[i] = np.clip(value + step[i], *p.bounds) - value
-        return out
+        before = np.array([at.values[e.id][p.name] for e, p in self.index])
+        count = len(at.nuisance)
+        return np.concatenate([step[:count], np.array(self.reached(at, step)) - before])
 
     def within(self, at: _Point, jac: Array, w: Array, step: Array) -> Array:
         """Return the step to the least squares with what is beyond its bounds held there."""
@@ -245,8 +247,8 @@ class _Problem:
         """Return the point after a step, effects within their bounds."""
         count = len(at.nuisance)
         new = {k: Values(v) for k, v in at.values.items()}
-        for (e, p), d in zip(self.index, step[count:], strict=True):
-            new[e.id][p.name] = float(np.clip(new[e.id][p.name] + d, *p.bounds))
+        for (e, p), value in zip(self.index, self.reached(at, step), strict=True):
+            new[e.id][p.name] = value
         return _Point(at.nuisance + step[:count], new)
 
 

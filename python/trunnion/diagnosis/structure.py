@@ -20,7 +20,7 @@ from trunnion.diagnosis.records import value_in_words
 from trunnion.machine.estimate import Estimate
 
 WHY_NOT = "nobody has named what makes it"
-TOLD_APART = 2.0
+DISTINGUISHED = 2.0
 """How much wider structure may make the standard error of anything else, and be in the model."""
 
 
@@ -137,7 +137,7 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
     """Fit the causes with the structure that is left: the case with it among the effects, the fit.
 
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
-    and so is structure that the data do not tell apart from the causes: it would take their place
+    and so is structure that the data do not distinguish from the causes: it would take their place
     (a drift by order of measurement, a backlash where the direction turns once).
     """
     if not e.terms or kept.dependent:
@@ -152,17 +152,17 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
         found = fit(model, kept.rows, [*effects, added], f.nuisance, values, kept.whiten)
     except DataError:
         return kept, f, None
-    if found.rss >= f.rss or found.dof < 1 or not _told_apart(f, found):
+    if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):
         return kept, f, None
     return replace(kept, model=model), found, source
 
 
-def _told_apart(without: Fit, found: Fit) -> bool:
+def _distinguished(without: Fit, found: Fit) -> bool:
     """Whether no standard error of what else is fitted is much wider with structure beside it."""
     before = np.sqrt(np.diag(without.covariance))
     after = np.sqrt(np.diag(found.covariance))[: len(before)]
     known = np.isfinite(before) & (before > 0)
-    return bool(np.all(after[known] <= TOLD_APART * before[known]))
+    return bool(np.all(after[known] <= DISTINGUISHED * before[known]))
 
 
 def structure_of(

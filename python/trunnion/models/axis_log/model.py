@@ -200,8 +200,15 @@ class AxisLogModel(Model):
 
     def near(self, *, always: bool = False) -> "AxisLogModel":
         """Return the model about a point near its log; itself where chords are exact enough."""
-        point = near(self._signals.axes, self._inputs.columns.values(), always=always)
-        return self if point is None else self._about(point)
+        return self._nearby if always or self._near[1] else self
+
+    @cached_property
+    def _near(self) -> tuple[Point, bool]:
+        return near(self._signals.axes, self._inputs.columns.values())
+
+    @cached_property
+    def _nearby(self) -> "AxisLogModel":
+        return self._about(self._near[0])
 
     def about(self, nuisance: Floats, effects: EffectValues) -> "AxisLogModel":
         """Return the model about a fit of itself."""

@@ -39,17 +39,14 @@ class Point:
     starts: Mapping[str, Floats] = field(default_factory=dict)
 
 
-def near(
-    axes: Iterable[AxisSignal], inputs: Iterable[Floats], *, always: bool = False
-) -> Point | None:
-    """Return the point near a log; None where sums of chords are exact enough.
+def near(axes: Iterable[AxisSignal], inputs: Iterable[Floats]) -> tuple[Point, bool]:
+    """Return the point near a log, and whether sums of chords are not exact enough without it.
 
-    ``inputs``: further columns of the log, (rows,) each, that may act on each axis. ``always``:
-    return it anyway.
+    ``inputs``: further columns of the log, (rows,) each, that may act on each axis.
     """
     effects: dict[str, float] = {}
     starts: dict[str, Floats] = {}
-    far = always
+    far = False
     inputs = list(inputs)
     for axis in axes:
         found = _Search(axis, inputs)
@@ -57,7 +54,7 @@ def near(
         far = far or found.nonlinear()
         effects |= dict(zip(found.taken, found.at[: len(found.taken)].tolist(), strict=True))
         starts[axis.letter] = found.starts()
-    return Point(effects, starts) if far else None
+    return Point(effects, starts), far
 
 
 class _Search:
