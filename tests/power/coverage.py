@@ -18,11 +18,8 @@ import numpy as np
 
 import trunnion as tn
 from power import report
-from power.random_cases import COUNTS, UNKNOWN_SHARE, size
-from power.study import draw_effects, draw_unknown, ground
+from power.random_cases import touches_of
 from twin.contact import NoTouchError
-from twin.forward import Truth
-from twin.generator import measure, random_errors, random_placement
 
 WANTED, TOLERANCE = 0.95, 0.015
 HEAD = """# Do the uncertainties of location errors hold?
@@ -56,17 +53,8 @@ class Case:
 def case(plan: str, number: int, seed: int) -> Case:
     """Draw a case and diagnose it."""
     rng = np.random.default_rng([seed, number, *plan.encode()])
-    made, setup, _, read = ground(plan)
-    noise = size(rng, 0.1, 2.0)
-    rms = noise * (size(rng, 0.7, 7.0) if plan == "paper" else size(rng, 0.3, 3.0))
-    count = int(rng.choice(len(COUNTS), p=COUNTS))
-    hidden = draw_effects(rng, plan, count, rms) if count else {}
-    unknown = bool(rng.random() < UNKNOWN_SHARE)
-    extra = draw_unknown(rng, plan, rms) if unknown else None
-    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
-    drawn = int(rng.integers(1 << 31))
-    m = measure(made, setup, truth, noise_um=noise, tick_um=0.1, unknown=extra, seed=drawn)
-    d = tn.diagnose(tn.Touches(m.columns), read)
+    drawn, truth = touches_of(rng, plan)
+    d = tn.diagnose(drawn.data, drawn.setup)
     off, conditional = {}, {}
     for name, std in d.errors_std.items():
         if np.isfinite(std):
@@ -75,7 +63,14 @@ def case(plan: str, number: int, seed: int) -> Case:
             own = std**2 - d.doubt.get(name, 0.0) ** 2
             conditional[name] = float(miss / np.sqrt(max(own, 1e-12)))
     return Case(
-        plan, number, unknown, d.verdict, d.named == set(hidden), tuple(hidden), off, conditional
+        plan,
+        number,
+        drawn.unknown,
+        d.verdict,
+        d.named == drawn.hidden,
+        tuple(truth.effects),
+        off,
+        conditional,
     )
 
 

@@ -52,9 +52,8 @@ def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(map(str, rng.choice(names, min(count, len(names)), replace=False)))
 
 
-def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
-    """Touches of a cross, the paper's plan or a rich one, 0.1 to 2 µm of noise."""
-    name = str(rng.choice(["paper", "rich"]))
+def touches_of(rng: Rng, name: str) -> tuple[Drawn, Truth]:
+    """Touches of a cross by a plan of `ground`, 0.1 to 2 µm of noise, and what is true."""
     plan, setup, _, read = ground(name)
     noise = size(rng, 0.1, 2.0)
     rms = noise * (size(rng, 0.7, 7.0) if name == "paper" else size(rng, 0.3, 3.0))
@@ -65,7 +64,12 @@ def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
     seed = int(rng.integers(1 << 31))
     m = measure(plan, setup, truth, noise_um=noise, tick_um=0.1, unknown=extra, seed=seed)
-    return Drawn(tn.Touches(m.columns), read, frozenset(hidden), unknown)
+    return Drawn(tn.Touches(m.columns), read, frozenset(hidden), unknown), truth
+
+
+def touches(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """Touches of a cross, the paper's plan or a rich one."""
+    return touches_of(rng, str(rng.choice(["paper", "rich"])))[0]
 
 
 def points(rng: Rng, number: int) -> Drawn:
