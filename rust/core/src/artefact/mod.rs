@@ -103,6 +103,32 @@ pub struct Dimension {
     pub size: f64,
 }
 
+impl Dimension {
+    /// Diameter of a sphere or a bore.
+    const fn diameter(size: f64) -> Self {
+        Self {
+            id: "artefact_diameter",
+            title: "diameter of the artefact",
+            parameter: "dd_um",
+            unit: Unit::Um,
+            place: Place::LENGTH,
+            size,
+        }
+    }
+
+    /// Height of a block or a ring.
+    const fn height(size: f64) -> Self {
+        Self {
+            id: "artefact_height",
+            title: "height of the artefact",
+            parameter: "dh_um",
+            unit: Unit::Um,
+            place: Place::HEIGHT,
+            size,
+        }
+    }
+}
+
 /// A convex part of an artefact, as an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part {
@@ -287,14 +313,7 @@ fn of_a_block(length: f64, width: f64, height: f64) -> Vec<Dimension> {
             place: Place::WIDTH,
             size: width,
         },
-        Dimension {
-            id: "artefact_height",
-            title: "height of the artefact",
-            parameter: "dh_um",
-            unit,
-            place: Place::HEIGHT,
-            size: height,
-        },
+        Dimension::height(height),
     ]
 }
 

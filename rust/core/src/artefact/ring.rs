@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 use super::solid::Solid;
 use super::{Artefact, Dimension, Kind, Part, Shape, Target, View, exactly, positive};
 use crate::machine::{Place, Places};
-use crate::units::Unit;
 use crate::{Error, Result};
 
 /// A ring, mm: its axis is Z of the artefact's frame, its base on z = 0.
@@ -46,25 +45,7 @@ impl Shape for Ring {
     }
 
     fn dimensions(&self) -> Vec<Dimension> {
-        let unit = Unit::Um;
-        vec![
-            Dimension {
-                id: "artefact_diameter",
-                title: "diameter of the artefact",
-                parameter: "dd_um",
-                unit,
-                place: Place::LENGTH,
-                size: self.bore,
-            },
-            Dimension {
-                id: "artefact_height",
-                title: "height of the artefact",
-                parameter: "dh_um",
-                unit,
-                place: Place::HEIGHT,
-                size: self.height,
-            },
-        ]
+        vec![Dimension::diameter(self.bore), Dimension::height(self.height)]
     }
 
     /// Four points of the wall at each of two heights, and four on top.

@@ -6,7 +6,6 @@ use super::solid::Solid;
 use super::{Artefact, Dimension, Kind, Part, Shape, Target, View, exactly, positive};
 use crate::machine::{Place, Places};
 use crate::pose::Pose;
-use crate::units::Unit;
 use crate::{Error, Result};
 
 /// A sphere, mm; the stem that carries it is an obstacle of the plan only.
@@ -45,14 +44,7 @@ impl Shape for Sphere {
     }
 
     fn dimensions(&self) -> Vec<Dimension> {
-        vec![Dimension {
-            id: "artefact_diameter",
-            title: "diameter of the artefact",
-            parameter: "dd_um",
-            unit: Unit::Um,
-            place: Place::LENGTH,
-            size: self.diameter,
-        }]
+        vec![Dimension::diameter(self.diameter)]
     }
 
     fn targets(&self, view: &View) -> Vec<Target> {

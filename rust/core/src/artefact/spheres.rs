@@ -85,21 +85,13 @@ impl Shape for Spheres {
     }
 
     fn dimensions(&self) -> Vec<Dimension> {
-        let unit = Unit::Um;
         vec![
-            Dimension {
-                id: "artefact_diameter",
-                title: "diameter of the artefact",
-                parameter: "dd_um",
-                unit,
-                place: Place::LENGTH,
-                size: self.diameter,
-            },
+            Dimension::diameter(self.diameter),
             Dimension {
                 id: "artefact_spacing",
                 title: "distances between the spheres, by their largest",
                 parameter: "ds_um",
-                unit,
+                unit: Unit::Um,
                 place: Place::WIDTH,
                 size: self.span(),
             },
