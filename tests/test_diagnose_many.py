@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import trunnion as tn
 from result_examples import turned_axis
+from trunnion.base.workers import map_processes
 
 FILES = [
     tn.sample_path("plate/first.csv"),
@@ -56,6 +57,11 @@ def test_what_cannot_be_sent_to_a_process_is_named() -> None:
 
     with pytest.raises(tn.InputError, match="expected effects of your own defined at the top"):
         tn.diagnose_many(FILES[:1] * 2, effects=[Own()], workers=2)
+
+
+def test_what_fails_in_a_process_is_not_taken_for_what_cannot_be_sent() -> None:
+    with pytest.raises(TypeError, match="bad operand type"):
+        map_processes(abs, ["text", 1.0], 2, lambda _: None)
 
 
 WAITING = """

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from trunnion.base.errors import InputError
 
@@ -33,9 +33,11 @@ def map_processes(
     """
     if min(workers, len(items)) <= 1:
         return [_counted(work(item), done) for item in items]
+    # Packed here: what the pool cannot pack, its own thread would meet after the pool has ended.
+    packed = [_packed(work, item) for item in items]
     with processes(min(workers, len(items))) as pool:
         try:
-            futures: list[Future[R]] = [pool.submit(work, item) for item in items]
+            futures: list[Future[R]] = [pool.submit(_unpacked, each) for each in packed]
             for future in as_completed(futures):
                 _counted(future.result(), done)
         except BrokenProcessPool as error:
@@ -44,12 +46,22 @@ def map_processes(
                 'starts processes needs `if __name__ == "__main__":` around its work); expected '
                 "to go on with workers=1"
             ) from error
-        except (pickle.PicklingError, AttributeError, TypeError) as error:
-            raise InputError(
-                f"workers: got data that cannot be sent to another process ({error}), expected "
-                "effects of your own defined at the top of a module, or workers=1"
-            ) from error
         return [future.result() for future in futures]
+
+
+def _packed(work: Callable[[T], R], item: T) -> bytes:
+    try:
+        return pickle.dumps((work, item))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise InputError(
+            f"workers: got data that cannot be sent to another process ({error}), expected "
+            "effects of your own defined at the top of a module, or workers=1"
+        ) from error
+
+
+def _unpacked(packed: bytes) -> Any:
+    work, item = pickle.loads(packed)  # written by `_packed` of this very program
+    return work(item)
 
 
 def _counted(result: R, done: Callable[[int], None]) -> R:
