@@ -142,13 +142,19 @@ class PositioningModel(LinearModel):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Say what one instrument on a turning axis does not tell."""
-        if not self.data.rotary or self.data.instruments or not np.ptp(self.readings.values):
-            return ()
-        return (
-            "One instrument on a turning axis: whether the axis or the instrument has the "
-            "error, the data do not say. Another instrument on the same stops would.",
-        )
+        """Say what stops without a repeat, or one instrument on a turning axis, do not tell."""
+        data, out = self.data, []
+        if len(data) == len(data.stops[0]) and np.ptp(self.readings.values):
+            out.append(
+                "No target is measured twice: errors of single targets count as noise here. A "
+                "second cycle, or the way back, would distinguish them."
+            )
+        if data.rotary and not data.instruments and np.ptp(self.readings.values):
+            out.append(
+                "One instrument on a turning axis: whether the axis or the instrument has the "
+                "error, the data do not say. Another instrument on the same stops would."
+            )
+        return tuple(out)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
