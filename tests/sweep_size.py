@@ -29,8 +29,9 @@ from multiprocessing import get_context
 import trunnion as tn
 
 def main():
-    samples, identify, workers, path = int(sys.argv[1]), sys.argv[2] == "yes", int(sys.argv[3]), sys.argv[4]
-    how = dict(fixed={"identify": identify}, path=path, progress=False, threads=1)
+    samples, workers, path = int(sys.argv[1]), int(sys.argv[3]), sys.argv[4]
+    fixed = {"identify": sys.argv[2] == "yes"}
+    how = dict(fixed=fixed, path=path, progress=False, threads=1)
     begin = time.monotonic()
     if workers:
         with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
@@ -110,10 +111,10 @@ def table(rows: Sequence[Row]) -> list[str]:
             f"{row.memory_gb:.2f} | {row.file_gb:.3f} |"
         )
     largest = rows[-1]
-    off = [
-        f"{what} {Line.through(rows[:-1], name).at(largest.samples) / getattr(largest, name) - 1:+.0%}"
-        for what, name in (("CPU", "cpu_s"), ("memory", "memory_gb"), ("file", "file_gb"))
-    ]
+    off = []
+    for what, name in (("CPU", "cpu_s"), ("memory", "memory_gb"), ("file", "file_gb")):
+        predicted = Line.through(rows[:-1], name).at(largest.samples)
+        off.append(f"{what} {predicted / getattr(largest, name) - 1:+.0%}")
     cpu, memory = Line.through(rows, "cpu_s"), Line.through(rows, "memory_gb")
     return [
         *lines,
@@ -137,11 +138,11 @@ def expected(rows: Sequence[Row], sent: Row) -> list[str]:
         f"seeds of their own: {hours:.1f} hours of one core, {memory:.1f} GB of memory each, "
         f"{disk:.0f} GB of disk (twice that of one sweep while it runs).",
         "",
-        f"On an executor the calling process packs, receives and stores the blocks: {sent.cpu_s:.1f} "
-        f"s of its CPU for {power(sent.samples)} samples, {serving * 1e6:.1f} µs each beyond its "
-        f"start. It keeps at most {cpu.each / serving:.0f} cores busy with closed forms; a study "
-        "that takes longer for a sample keeps more in proportion. Beyond that, run several sweeps "
-        "with seeds of their own, each with its caller and its file.",
+        f"On an executor the calling process packs, receives and stores the blocks: "
+        f"{sent.cpu_s:.1f} s of its CPU for {power(sent.samples)} samples, {serving * 1e6:.1f} µs "
+        f"each beyond its start. It keeps at most {cpu.each / serving:.0f} cores busy with closed "
+        "forms; a study that takes longer for a sample keeps more in proportion. Beyond that, run "
+        "several sweeps with seeds of their own, each with its caller and its file.",
     ]
 
 
@@ -163,10 +164,10 @@ def main() -> None:
     lines = [
         "# What a sweep costs by its size",
         "",
-        "Made by `make sweep-size`: the study `calibration` (72 touches simulated and estimated), each "
-        "row in a process of its own with one thread of the core. The machine had "
-        f"{os.cpu_count()} cores and a load of {load:.1f} from other work at the beginning, so wall "
-        "times are those of a shared machine.",
+        "Made by `make sweep-size`: the study `calibration` (72 touches simulated and estimated), "
+        "each row in a process of its own with one thread of the core. The machine had "
+        f"{os.cpu_count()} cores and a load of {load:.1f} from other work at the beginning, so "
+        "wall times are those of a shared machine.",
         "",
         "## Closed forms only",
         "",
