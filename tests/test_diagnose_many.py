@@ -61,7 +61,7 @@ def test_what_cannot_be_sent_to_a_process_is_named() -> None:
 
 def test_what_fails_in_a_process_is_not_taken_for_what_cannot_be_sent() -> None:
     with pytest.raises(TypeError, match="bad operand type"):
-        map_processes(abs, ["text", 1.0], 2, lambda _: None)
+        map_processes(operator.neg, ["text", 1.0], 2, lambda _: None)
 
 
 WAITING = """

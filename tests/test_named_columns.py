@@ -1,4 +1,4 @@
-"""Data are taken as a table, a DataFrame, an xarray Dataset or a dict of arrays, with one result."""
+"""Data are a table, a DataFrame, an xarray Dataset or a dict of arrays, with one result."""
 
 from collections.abc import Callable
 from typing import Any
