@@ -43,6 +43,9 @@ class SlopesLike(Protocol):
     def zero(self) -> float | None:
         """None: not known."""
 
+    def variance(self, by: Floats) -> float:
+        """Of a combination of the slopes (m,), per unit of noise."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -182,6 +185,11 @@ def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
 def _covariance(slopes: SlopesLike, noise: Noise) -> Floats:
     """Covariance of slopes; of a noise that is not known as if it were 1."""
     return slopes.cofactor * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
+
+
+def _variance(by: Floats, slopes: SlopesLike, noise: Noise) -> float:
+    """Variance of a combination of slopes (m,), as `_covariance` says it."""
+    return slopes.variance(by) * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
 
 
 def _known(std: float, noise: Sequence[Noise]) -> float:
@@ -436,22 +444,21 @@ class Twist(Result):
     @classmethod
     def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
         """Of slopes across a line, or in x and y."""
-        columns, spread = [], []
-        for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
+        columns = []
+        for i, s in enumerate(slopes):
             # on a grid the slope in x changes along y, and the other way round
             lever = s.places[:, (1 - i) if len(slopes) > 1 else 0] * 1e-3
             own = np.zeros((len(lever), 1 + len(slopes)))
             own[:, 0], own[:, 1 + i] = lever - lever.mean(), 1.0
             columns.append(own)
-            spread.append(_covariance(s, n))
         inverse = np.linalg.pinv(np.concatenate(columns))
         values = np.concatenate([s.values for s in slopes])
         found = inverse @ values
         design = np.concatenate(columns)
         left = values - design @ found
         parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
-        variance = sum(float(p @ c @ p) for p, c in zip(parts, spread, strict=True))
-        roll, last = slopes[-1].values, spread[-1]
+        variance = sum(map(_variance, parts, slopes, noise))
+        roll = slopes[-1].values
         ends = np.zeros(len(roll))
         ends[np.argmax(roll)] += 1.0
         ends[np.argmin(roll)] -= 1.0
@@ -460,7 +467,7 @@ class Twist(Result):
             roll_um_m=float(np.ptp(roll)),
             std_errors={
                 "twist_um_m_m": _known(float(np.sqrt(variance)), noise),
-                "roll_um_m": _known(_std(ends, last), noise),
+                "roll_um_m": _known(_variance(ends, slopes[-1], noise[-1]) ** 0.5, noise),
             },
             residual_um_m=float(np.sqrt(np.mean(left**2))),
             noise_um_m=noise[-1].sigma,
