@@ -27,6 +27,7 @@ from trunnion.cli import (
     start,
     sweep,
     turning,
+    verify,
     view,
 )
 
@@ -70,6 +71,7 @@ GROUPS = (
     turning,
     contour,
     correct,
+    verify,
     ballbar,
     positioning,
     levels,
