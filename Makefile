@@ -51,6 +51,10 @@ power: build  ## how often a diagnosis is right: each rate held, half an hour, a
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/results/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/results/power-measured.md
 
+.PHONY: collisions
+collisions: build  ## every move of the programs and plans of 800 random machines swept for obstacles, ten minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -s -n 0 -m power tests/test_keeps_clear.py
+
 .PHONY: power-probabilities
 power-probabilities: build  ## are stated probabilities true: 5,100 cases of all kinds, an hour, into docs/results/power-probabilities.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.probabilities --out ../docs/results/power-probabilities.md
