@@ -99,14 +99,19 @@ class Cause(Result):
         }
         if len(said) == 1:
             return next(iter(said.values()))
-        named = {k: f"{without_unit(k).replace('_', ' ')} = {text}" for k, text in said.items()}
+        known = [k for k in said if np.isfinite(self.std_errors[k])]
+        named = {
+            k: f"{without_unit(k).replace('_', ' ')} {'= ' if k in known else ''}{text}"
+            for k, text in said.items()
+        }
         if len(said) <= MAX_PARAMETERS:
             return ", ".join(named.values())
         count = f"{len(said)} parameters"
-        if len({unit_of(name) for name in said}) > 1:
+        if not known:
+            return f"{count}, not identifiable each for itself"
+        if len({unit_of(name) for name in known}) > 1:
             return count
-        largest = max(self.parameters, key=lambda k: abs(self.parameters[k]))
-        return f"{count}, the largest {named[largest]}"
+        return f"{count}, the largest {named[max(known, key=lambda k: abs(self.parameters[k]))]}"
 
     def tables(self) -> tuple[Table, ...]:
         """Parameters with their standard errors."""
