@@ -70,7 +70,11 @@ class Kind:
         return resolve_name(self.reader)(path)
 
 
-_MORE_EXAMPLES = {"ballbar": ("hybrid_ballbar",), "levels": ("surface_levels",)}
+_MORE_EXAMPLES = {
+    "ballbar": ("hybrid_ballbar",),
+    "levels": ("surface_levels",),
+    "rotary_test": ("rotary_bars",),
+}
 
 
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
@@ -89,6 +93,8 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
 
 _AXES = "x_cmd_mm|y_cmd_mm|z_cmd_mm|a_cmd_deg|b_cmd_deg|c_cmd_deg"
 
+_ROTARY_TEST = ("x_mm", "a_deg|b_deg|c_deg", "dx_um|length_mm")
+
 _KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
@@ -97,6 +103,7 @@ _KINDS = [
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
     _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
+    _kind("rotarytest", "RotaryTest", "rotary_test", "rotary_test", *_ROTARY_TEST),
     _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s", _AXES),
 ]
 
