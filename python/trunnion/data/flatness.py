@@ -54,6 +54,11 @@ class Noise:
     sigma: float
     source: str
 
+    @property
+    def variance(self) -> float:
+        """Of a noise that is not known as if it were 1."""
+        return self.sigma**2 if np.isfinite(self.sigma) else 1.0
+
     @classmethod
     def of_neighbours(cls, places: Floats, slopes: Floats) -> Noise:
         """Of slopes off the line between their neighbours along x: structure counts as noise."""
@@ -182,16 +187,6 @@ def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
     return float(np.asarray(solved.fun)), np.asarray(down - up)
 
 
-def _covariance(slopes: SlopesLike, noise: Noise) -> Floats:
-    """Covariance of slopes; of a noise that is not known as if it were 1."""
-    return slopes.cofactor * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
-
-
-def _variance(by: Floats, slopes: SlopesLike, noise: Noise) -> float:
-    """Variance of a combination of slopes (m,), as `_covariance` says it."""
-    return slopes.variance(by) * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
-
-
 def _known(std: float, noise: Sequence[Noise]) -> float:
     return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
 
@@ -253,7 +248,7 @@ class Straightness(Result):
         note: str,
     ) -> Straightness:
         """Of slopes (m,), and how heights at n places follow from them, (n, m)."""
-        covariance = heights @ _covariance(slopes, noise) @ heights.T
+        covariance = heights @ (slopes.cofactor * noise.variance) @ heights.T
         zone = _Zone.of(at[:, None], heights @ slopes.values, covariance)
         return cls(
             positions_mm=at,
@@ -355,7 +350,7 @@ class Flatness(Result):
         both = np.concatenate([s.values for s in slopes])
         covariance = np.zeros((2 * m, 2 * m))
         for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
-            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = _covariance(s, n)
+            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = s.cofactor * n.variance
         z = heights @ both
         zone = _Zone.of(places, z, heights @ covariance @ heights.T)
         zeros = [s.zero for s in slopes if s.zero is not None]
@@ -457,7 +452,9 @@ class Twist(Result):
         design = np.concatenate(columns)
         left = values - design @ found
         parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
-        variance = sum(map(_variance, parts, slopes, noise))
+        variance = sum(
+            s.variance(p) * n.variance for p, s, n in zip(parts, slopes, noise, strict=True)
+        )
         roll = slopes[-1].values
         ends = np.zeros(len(roll))
         ends[np.argmax(roll)] += 1.0
@@ -467,7 +464,7 @@ class Twist(Result):
             roll_um_m=float(np.ptp(roll)),
             std_errors={
                 "twist_um_m_m": _known(float(np.sqrt(variance)), noise),
-                "roll_um_m": _known(_variance(ends, slopes[-1], noise[-1]) ** 0.5, noise),
+                "roll_um_m": _known((slopes[-1].variance(ends) * noise[-1].variance) ** 0.5, noise),
             },
             residual_um_m=float(np.sqrt(np.mean(left**2))),
             noise_um_m=noise[-1].sigma,
