@@ -40,6 +40,7 @@ from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
 MIN_PLACES = 4
+LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
 SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
 MAX_DEGREE = 4
@@ -174,7 +175,7 @@ class LevelsModel(LinearModel):
         count = len(data.components)
         super().__init__(
             data=data,
-            readings=Readings(values.astype(np.float64), rows.row, "µm/m"),
+            readings=Readings(values.astype(np.float64), rows.row, "µm/m", least=LEAST_NOISE_UM_M),
             nuisance=[Nuisance(f"tilt_{c}_um_m", "µm/m") for c in data.components],
             design=rows.each(rows.sense),
             effects=with_own(_catalogue(rows, self._frame), effects, data, known=IDS),
