@@ -6,8 +6,9 @@ cylinders, and the artefact stands where a draw within its tolerance puts it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -15,11 +16,13 @@ import trunnion as tn
 from trunnion.base.units import Floats
 from trunnion.nc import follow
 from trunnion.probing.program import ProbingProgram
-from twin import forward
+from twin.machines import Layout
 
 STEP_MM = 0.7
 """Between two samples of a move."""
 STEM_STEP_MM = 2.0
+FAR_MM = 400.0
+"""How far along the stem a way down is swept: beyond everything on a table."""
 
 
 @dataclass(frozen=True)
@@ -110,11 +113,11 @@ def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
 
 @dataclass(frozen=True)
 class Move:
-    """A straight move of the ball's centre in the machine frame, the rotary axes at rest (deg)."""
+    """A straight move of the ball's centre as the control has it, the rotary axes at rest (deg)."""
 
     start: Floats
     end: Floats
-    rotary: Floats
+    rotary: tuple[float, ...]
     is_approach: bool
 
 
@@ -129,7 +132,7 @@ def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
     starts = plan.start_mm
     assert starts is not None
     moves = follow(program.moves)
-    letters = [3 + "abc".index(letter) for letter in plan.rotary_deg]
+    letters = [3 + "abc".index(letter) for letter in sorted(plan.rotary_deg)]
     row, is_back = 0, False
     for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
         if np.any(start[3:] != end[3:]):
@@ -139,24 +142,69 @@ def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
             row < len(plan) and code == 38 and np.abs(start[:3] - starts[row]).max() < 1e-4
         )
         if not is_back:
-            yield Move(start[:3], end[:3], end[letters], bool(is_approach))
+            yield Move(start[:3], end[:3], tuple(end[letters].tolist()), bool(is_approach))
         is_back = bool(is_approach)
         row += is_back
     assert row == len(plan)
 
 
-def twin_of(setup: tn.Setup) -> forward.Setup:
-    """The twin's machine."""
-    points = list(setup.axis_points().values())
-    return forward.Setup(
-        preset=setup.machine.name,
-        sense={letter: axis.sense for letter, axis in setup.axes.items()},
-        probe_length_mm=setup.probe.length_mm,
-        tilt_point_mm=points[0] if points else None,
-    )
+def rotary_of(plan: tn.Touches) -> list[tuple[float, ...]]:
+    """Positions of the rotary axes at each touch, A before B before C."""
+    columns = [plan.rotary_deg[letter] for letter in sorted(plan.rotary_deg)]
+    return [tuple(row) for row in np.reshape(columns, (len(columns), len(plan))).T.tolist()]
 
 
-def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Scene) -> None:
+def approaches_of(plan: tn.Touches, twin: Twin, overtravel_mm: float) -> Iterator[Move]:
+    """Every approach of a plan, and before it the way along the stem from above everything."""
+    starts = plan.start_mm
+    assert starts is not None
+    ends = plan.position_mm + overtravel_mm * plan.direction
+    for start, end, at in zip(starts, ends, rotary_of(plan), strict=True):
+        yield Move(start + FAR_MM * twin.posture(at).stem, start, at, is_approach=False)
+        yield Move(start, end, at, is_approach=True)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """The table's frame in the machine's (its Z square to the top), the stem's direction, and where
+    the ball is from its commanded place."""
+
+    rotation: Floats
+    origin: Floats
+    stem: Floats
+    off: Floats
+
+
+class Twin:
+    """The twin's machine of a set-up, with its known errors."""
+
+    def __init__(self, setup: tn.Setup) -> None:
+        known = setup.description()
+        self._layout = Layout(
+            known.chain,
+            known.directions,
+            known.points_mm,
+            known.table_normal,
+            setup.probe.length_mm,
+        )
+        self._letters = sorted(self._layout.letters)
+        self._sense = [setup.sense(letter) for letter in self._letters]
+        self._errors = setup.machine.errors
+        self.axes = len(self._sense)
+        self.posture = cache(self._posture)
+
+    def _posture(self, rotary_deg: tuple[float, ...]) -> Posture:
+        """The machine with its axes at these positions of the control, A before B before C."""
+        machine = np.radians(rotary_deg) * self._sense
+        angles = dict(zip(self._letters, machine, strict=True))
+        rotation, origin = self._layout.end(False, angles, self._errors)
+        lean, _ = self._layout.seat({}, (0.0, 0.0, 0.0), 0.0)
+        head, ball = self._layout.end(True, angles, self._errors)
+        off = ball - self._layout.end(True, angles, {})[1]
+        return Posture(rotation @ lean, origin, head[:, 2], off)
+
+
+def swept(moves: Iterable[Move], setup: tn.Setup, scene: Scene, twin: Twin) -> None:
     """Sweep every move.
 
     Raises
@@ -166,17 +214,14 @@ def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Sce
         that does not touch.
     """
     probe = setup.probe
-    truth = forward.Truth(errors=setup.machine.errors)
-    moves = list(moves_of(program, plan))
-    first, second = np.array([move.rotary for move in moves]).T
-    poses = forward.table_pose(first, second, twin_of(setup), truth)
     along = np.arange(0.0, probe.length_mm, STEM_STEP_MM)
-    for move, pose in zip(moves, poses, strict=True):
-        where = f"{move.start.round(2)} to {move.end.round(2)} at {move.rotary.round(2)}"
+    for move in moves:
+        at = twin.posture(move.rotary)
+        where = f"{move.start.round(2)} to {move.end.round(2)} at {np.round(move.rotary, 2)}"
         count = max(2, int(np.ceil(np.linalg.norm(move.end - move.start) / STEP_MM)) + 1)
         ball = move.start + np.linspace(0.0, 1.0, count)[:, None] * (move.end - move.start)
-        stem = ball[:, None] + along[:, None] * [0.0, 0.0, 1.0]
-        stem_table = (stem - pose[:3, 3]) @ pose[:3, :3]
+        stem = ball[:, None] + at.off + along[:, None] * at.stem
+        stem_table = (stem - at.origin) @ at.rotation
         ball_table = stem_table[:, 0]
         gap = scene.artefact(ball_table) - probe.ball_radius_mm
         if move.is_approach:
@@ -190,7 +235,9 @@ def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Sce
         assert near.min() > probe.effective_stem_radius_mm, f"stem: {where}"
 
 
-def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator) -> float:
+def highest_when_turning(
+    setup: tn.Setup, scene: Scene, twin: Twin, rng: np.random.Generator
+) -> float:
     """Highest point of artefact, its stem and table over many positions of the axes, mm."""
     a, t = setup.artefact, setup.table
     angle = rng.uniform(0, 2 * np.pi, 200)
@@ -213,8 +260,7 @@ def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator
             )
             points.append(corners * [1.0, 1.0, a.height_mm])
     everything = np.concatenate([*points[:2], scene.on_table(np.concatenate(points[2:]))])
-    positions = rng.uniform(-180, 180, (500, 2))
-    positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, 2))
-    truth = forward.Truth(errors=setup.machine.errors)
-    poses = forward.table_pose(positions[:, 0], positions[:, 1], twin_of(setup), truth)
-    return float((everything @ poses[:, 2, :3].T + poses[:, 2, 3]).max())
+    positions = rng.uniform(-180, 180, (500, twin.axes))
+    positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, twin.axes))
+    poses = [twin.posture(tuple(row)) for row in positions.tolist()]
+    return max(float((everything @ at.rotation[2] + at.origin[2]).max()) for at in poses)

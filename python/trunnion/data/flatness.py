@@ -9,7 +9,7 @@ uncertainty is that of the points which limit it, at first order; noise itself w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -413,6 +413,8 @@ class Twist(Result):
         What a constant twist leaves of the slopes, rms.
     noise_um_m, noise_source
         Of one reading, and where it is from.
+    at_mm, slopes_um_m
+        Slopes across over the position along, (n,) each, without the constant of their direction.
 
     Examples
     --------
@@ -428,6 +430,8 @@ class Twist(Result):
     residual_um_m: float
     noise_um_m: float
     noise_source: str
+    at_mm: Floats = field(default_factory=lambda: np.zeros(0))
+    slopes_um_m: Floats = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
@@ -443,7 +447,8 @@ class Twist(Result):
         inverse = np.linalg.pinv(np.concatenate(columns))
         values = np.concatenate([s.values for s in slopes])
         found = inverse @ values
-        left = values - np.concatenate(columns) @ found
+        design = np.concatenate(columns)
+        left = values - design @ found
         parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
         variance = sum(float(p @ c @ p) for p, c in zip(parts, spread, strict=True))
         roll, last = slopes[-1].values, spread[-1]
@@ -460,6 +465,8 @@ class Twist(Result):
             residual_um_m=float(np.sqrt(np.mean(left**2))),
             noise_um_m=noise[-1].sigma,
             noise_source=noise[-1].source,
+            at_mm=1e3 * design[:, 0],
+            slopes_um_m=values - design[:, 1:] @ found[1:],
         )
 
     def labels(self) -> dict[str, str]:
@@ -472,24 +479,12 @@ class Twist(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return twist and roll."""
+        u, noise = self.std_errors, f"noise of a reading, {self.noise_source}"
         rows: list[tuple[Cell, ...]] = [
-            (
-                "twist",
-                *measured(self.twist_um_m_m, self.std_errors["twist_um_m_m"]),
-                "µm/m per m",
-            ),
-            (
-                "range of the slope across",
-                *measured(self.roll_um_m, self.std_errors["roll_um_m"]),
-                "µm/m",
-            ),
+            ("twist", *measured(self.twist_um_m_m, u["twist_um_m_m"]), "µm/m per m"),
+            ("range of the slope across", *measured(self.roll_um_m, u["roll_um_m"]), "µm/m"),
             ("residual of a constant twist, rms", significant(self.residual_um_m), None, "µm/m"),
-            (
-                f"noise of a reading, {self.noise_source}",
-                significant(self.noise_um_m),
-                None,
-                "µm/m",
-            ),
+            (noise, significant(self.noise_um_m), None, "µm/m"),
         ]
         return (Table.of("Twist", ("", "value", "standard uncertainty", "unit"), rows),)
 

@@ -9,6 +9,7 @@ import numpy as np
 from trunnion.base.checks import choose
 from trunnion.base.units import Floats
 from trunnion.data.points import Points
+from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.geometry import Frame, groups_of
 from trunnion.plot.picture import Axis, Kind, Picture, arrows, line, points
 from trunnion.plot.style import MUTED, PALETTE, round_number
@@ -123,3 +124,24 @@ def vector_picture(
         note=f"Largest {largest:.3g} µm, rms {rms:.3g} µm; arrows × {times:,.0f}.",
         notes_at=((x + across, y, f" {bar:g} µm"),),
     )
+
+
+def field_motion_picture(motion: FieldMotion) -> Picture:
+    """Return a smooth field at the places that it goes through, as vectors on one scale."""
+    travel = motion.travel
+    places = motion.places * max(travel.half_mm)
+    if places.shape[1] < 2:
+        names = "XYZ"[: motion.readings.shape[1]]
+        series = [
+            points(places[:, 0], motion.readings[:, k], f"along {name}", colour=PALETTE[k])
+            for k, name in enumerate(names)
+        ]
+        x = Axis("Position from the middle", "mm")
+        return Picture("Smooth field without a name", x, Axis("Error", "µm"), tuple(series))
+    away = np.zeros((len(places), 3))
+    away[:, : motion.readings.shape[1]] = motion.readings
+    where = np.zeros((len(places), 3))
+    where[:, : places.shape[1]] = places
+    group = np.zeros(len(places))
+    title = "Smooth field without a name, from the middle of the travel"
+    return vector_picture(where, away, group, ["error"], title=title)

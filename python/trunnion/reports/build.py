@@ -118,7 +118,7 @@ def _estimate(result: Estimate, source: Source) -> Document:
 def _own(result: Estimate) -> list[Item]:
     """Pictures of a result beside those of its estimates."""
     name = next((PICTURES[k.__name__] for k in type(result).__mro__ if k.__name__ in PICTURES), "")
-    return [] if name == "plot_estimates" else drawn(result)
+    return [] if name == "estimates_pictures" else drawn(result)
 
 
 def _residuals(result: Estimate) -> list[Item]:

@@ -128,3 +128,9 @@ def error_label(name: str) -> str:
         if what == axis
         else (f"tilt of the {axis} axis about {_RIGHT[what]}")
     )
+
+
+def called(name: str) -> str:
+    """Return a location error in words with its name: "offset of the C axis along X (EX0C)"."""
+    label = error_label(name)
+    return name if label == name else f"{label} ({name})"
