@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -182,12 +183,16 @@ def _cuts(data: Diameters, conditions: Conditions, reference: _Reference) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class _Cause:
-    """One cause of the core in these passes, spread over passes or coolants where it has to be."""
+    """One cause of the core in these passes, spread over passes or coolants where it has to be.
+
+    cuts: Rows of ``turning_cause``, which all causes share.
+    """
 
     name: str
     data: Diameters
     conditions: Conditions
     reference: _Reference
+    cuts: Floats
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -195,11 +200,6 @@ class _Cause:
         labels = {"chatter": self.reference.passes, "tool_heating": self.reference.coolants}
         own = labels.get(self.name, ())
         return own if len(own) > 1 else ()
-
-    @property
-    def cuts(self) -> Floats:
-        """Rows of ``turning_cause``."""
-        return _cuts(self.data, self.conditions, self.reference)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Names, units and grids."""
@@ -237,7 +237,9 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
+    @cached_property
     def _blocks(self) -> list[Flags]:
+        """Rows of each class."""
         n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]
@@ -255,7 +257,7 @@ class _Cause:
         # Without a clock 1 mm counts as 1 s: µm/m is then 0.06 µm/min.
         scale = 0.06 if self.name == "tool_wear" and not self.reference.timed else 1.0
         own = 2 if self.name == "chatter" else 1
-        blocks = self._blocks()
+        blocks = self._blocks
         shared = numbers[own * len(blocks) :]
         change = np.zeros(len(cuts))
         slopes = np.zeros((len(cuts), len(numbers)))
@@ -309,7 +311,8 @@ def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -
     differ = sizes is not None and np.max(sizes) > MIN_DIAMETER_RANGE * np.min(sizes)
     shown = {"workpiece_heating": differ, "block_acceleration": bool(conditions.blocks_mm)}
     causes = [name for name in CAUSES if shown.get(name, True)]
-    return [_Cause(name, data, conditions, reference).effect() for name in causes]
+    cuts = _cuts(data, conditions, reference)
+    return [_Cause(name, data, conditions, reference, cuts).effect() for name in causes]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

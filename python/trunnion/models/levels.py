@@ -39,6 +39,7 @@ from trunnion.diagnosis.model import (
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
+MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
 LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
@@ -327,7 +328,9 @@ def _kinks(rows: _Rows) -> list[Effect]:
         between = (places[1:] + places[:-1]) / 2
         if len(between) < 5:
             continue
-        at = Parameter("at_mm", grid=tuple(map(float, between[1:-1])))
+        inner = between[1:-1]
+        some = np.unique(np.linspace(0, len(inner) - 1, min(len(inner), MAX_KINKS)).round())
+        at = Parameter("at_mm", grid=tuple(map(float, inner[some.astype(np.intp)])))
         if data.grid:
             id_, names = f"kink_{'xy'[axis]}", ["angle_um_m"]
             enters = np.where(rows.has(COMPONENTS[axis]), rows.sense, 0.0)[:, None]
