@@ -98,12 +98,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or case.plain, f, rows),
         reservation=model.reservation,
-        notes=(
-            *model.remarks,
-            *_notes(case, variance),
-            *_minor(kept),
-            *_against(kept, f, variance),
-        ),
+        notes=(*model.remarks, *_notes(case, variance), *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
@@ -137,14 +132,19 @@ def _with_what_is_stated(case: Case, f: Fit, variance: float) -> Fit:
     )
 
 
-def _against(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
-    """Say which readings contradict what is stated."""
+def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
+    """Say which effects explain too little to be named, and which contradict what is stated."""
+    said = []
+    if case.minor:
+        names = ", ".join(sorted(case.minor))
+        least = f"{100 * MIN_EXPLAINED:.0f} %"
+        said.append(f"Not named, as each explains less than {least} of what is left: {names}.")
     std = np.sqrt(np.maximum(np.diag(f.covariance) * variance, 0.0))
-    said = (
-        contradiction(name, f.effects[name.partition(".")[0]][name.partition(".")[2]], std[k], one)
-        for k, (name, one) in _stated_places(case, f).items()
-    )
-    return tuple(text for text in said if text is not None)
+    for k, (name, one) in _stated_places(case, f).items():
+        effect, _, parameter = name.partition(".")
+        against = contradiction(name, f.effects[effect][parameter], std[k], one)
+        said += [] if against is None else [against]
+    return tuple(said)
 
 
 def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
@@ -158,15 +158,6 @@ def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float)
 def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
     """Readings with what the models leave of them."""
     return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
-
-
-def _minor(kept: Case) -> tuple[str, ...]:
-    """Say which effects are there but explain too little to be named."""
-    if not kept.minor:
-        return ()
-    names = ", ".join(sorted(kept.minor))
-    least = f"{100 * MIN_EXPLAINED:.0f} %"
-    return (f"Not named, as each explains less than {least} of what is left: {names}.",)
 
 
 def _notes(case: Case, variance: float) -> tuple[str, ...]:
