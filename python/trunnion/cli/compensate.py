@@ -127,7 +127,8 @@ def compensate(
         check_outputs(*(output / name for name in made.files))
         output.mkdir(parents=True, exist_ok=True)
         said = [save(output / name, _text(t)) for name, t in made.files.items()]
-        return Answer.of(made, *said, *_report(html, made, setup))
+        inputs = [estimates[0], *(present or ())]
+        return Answer.of(made, *said, *_report(html, made, setup, inputs))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, **_ends(setup), linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
@@ -136,16 +137,21 @@ def compensate(
     more = (
         []
         if html is None
-        else _report(html, tn.cnc_parameters(setup, dataclasses.replace(known, own=())), setup)
+        else _report(
+            html,
+            tn.cnc_parameters(setup, dataclasses.replace(known, own=())),
+            setup,
+            estimates[:1],
+        )
     )
     return Answer(answer.values, (*answer.shown, *more))
 
 
-def _report(html: Path | None, result: Result, setup: Setup) -> list[str]:
-    """Write the report of a compensation where one is wanted."""
+def _report(html: Path | None, result: Result, setup: Setup, inputs: list[Path]) -> list[str]:
+    """Write the report of a compensation where one is wanted; inputs: files it was made of."""
     if html is None:
         return []
-    return [save(html, functools.partial(result.to_html, setup=setup))]
+    return [save(html, functools.partial(result.to_html, data=inputs, setup=setup))]
 
 
 def _general(

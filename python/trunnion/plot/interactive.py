@@ -145,7 +145,7 @@ def _plotly_axis(axis: Axis) -> dict[str, Any]:
     if axis.limits is not None:
         out["range"] = list(axis.limits)
     if axis.log:
-        out["type"] = "log"
+        out |= {"type": "log", "dtick": "D2"}  # labels at 1, 2, 5
         if axis.limits is not None:
             out["range"] = np.log10(axis.limits).tolist()
     if axis.ticks is not None:
