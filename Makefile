@@ -45,6 +45,10 @@ fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000
 bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
+.PHONY: sweep-size
+sweep-size: build  ## what a sweep costs by its size, 10⁴ to 10⁷ samples, ten minutes, into docs/results/sweep-size.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/sweep_size.py --out docs/results/sweep-size.md
+
 .PHONY: power
 power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/results/power.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m power

@@ -82,6 +82,9 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
         "positioning diagnose": [["positioning", "diagnose", stops]],
         "levels results": [["levels", "results", sample("levels/bed.csv")]],
         "levels diagnose": [["levels", "diagnose", sample("levels/bed.csv")]],
+        "rotary-test plan": [["rotary-test", "plan", SETUP, "--ball", "90,20,60", "--tilt", "0,60", "--bar", "0,0,100"]],
+        "rotary-test identify": [["rotary-test", "identify", sample("rotary/rtest.csv"), sample("rotary/setup.toml")]],
+        "rotary-test diagnose": [["rotary-test", "diagnose", sample("rotary/rtest.csv"), sample("rotary/setup.toml")]],
         "hybrid sensitivity": [["hybrid", "sensitivity"]],
         "hybrid cube": [["hybrid", "cube"]],
     }  # fmt: skip

@@ -6,17 +6,21 @@ For a class of one's own: ``check_result(example)``.
 import copy
 import json
 import pickle
+import tempfile
 from collections.abc import Callable
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
+from trunnion.base.units import unit_of
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.plot.dispatch import pictures
@@ -159,6 +163,22 @@ def _is_drawn_for_pages_too(result: Any) -> None:
         json.loads(figure.to_json())
 
 
+def _is_gridded_with_units(result: Any) -> None:
+    """What is on a grid has named axes of the right length, units, and a file that holds it all."""
+    if result.gridded() is None:
+        with pytest.raises(InputError, match="nothing of it is on a grid"):
+            result.to_xarray()
+        return
+    found = result.to_xarray()
+    assert found.data_vars
+    for name, values in found.variables.items():
+        if (unit := unit_of(str(name))) and values.dtype.kind == "f":
+            assert values.attrs["units"] == unit
+    with tempfile.TemporaryDirectory() as folder:
+        again = xr.load_dataset(result.save(Path(folder) / "a.nc"), engine="scipy")
+    xr.testing.assert_equal(again, found)
+
+
 CHECKS: tuple[Callable[[Any], None], ...] = (
     _is_a_result,
     _pickles,
@@ -174,4 +194,5 @@ CHECKS: tuple[Callable[[Any], None], ...] = (
     _says_something,
     _draws,
     _is_drawn_for_pages_too,
+    _is_gridded_with_units,
 )

@@ -22,6 +22,7 @@ SAMPLES = {
     "ballbar": ("ballbar/circle.csv", None),
     "positioning": ("positioning/axis.csv", None),
     "levels": ("levels/bed.csv", None),
+    "rotarytest": ("rotary/rtest.csv", "rotary/setup.toml"),
     "axislog": ("contour/axislog.csv", "contour/setup.toml"),
 }
 

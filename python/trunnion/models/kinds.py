@@ -22,7 +22,7 @@ from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.files.table import Table
+from trunnion.files.table import Table, named_columns
 from trunnion.machine.effects import EffectInfo
 from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured, joined, joint_model
@@ -70,7 +70,11 @@ class Kind:
         return resolve_name(self.reader)(path)
 
 
-_MORE_EXAMPLES = {"ballbar": ("hybrid_ballbar",), "levels": ("surface_levels",)}
+_MORE_EXAMPLES = {
+    "ballbar": ("hybrid_ballbar",),
+    "levels": ("surface_levels",),
+    "rotary_test": ("rotary_bars",),
+}
 
 
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
@@ -89,6 +93,8 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
 
 _AXES = "x_cmd_mm|y_cmd_mm|z_cmd_mm|a_cmd_deg|b_cmd_deg|c_cmd_deg"
 
+_ROTARY_TEST = ("x_mm", "a_deg|b_deg|c_deg", "dx_um|length_mm")
+
 _KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
@@ -97,6 +103,7 @@ _KINDS = [
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
     _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
+    _kind("rotarytest", "RotaryTest", "rotary_test", "rotary_test", *_ROTARY_TEST),
     _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s", _AXES),
 ]
 
@@ -182,7 +189,7 @@ def table_of(columns: Any, kind: str | None = None) -> Any:
     kind
         Name of the kind; by default found from the names of the columns.
     """
-    given = {name: np.asarray(values) for name, values in columns.items()}
+    given = {name: np.asarray(values) for name, values in named_columns(columns).items()}
     return resolve_name(kind_of_columns(given, kind).data)(given)
 
 
@@ -308,7 +315,7 @@ def diagnose(
     >>> d.verdict, [cause.id for cause in d.causes]
     ('explained', ['scale_x', 'straightness_y_of_x'])
     """
-    data = _as_table(data)
+    data = as_table(data)
     if isinstance(data, list | tuple):
         return _of_several(data, setup, effects)
     return _alone(data, setup, effects).alone
@@ -352,7 +359,7 @@ def measured_of(found: Diagnosis) -> Measured:
     return Measured(kind_name(found.data), found.data, first, found, model)
 
 
-def _as_table(data: Any) -> Any:
+def as_table(data: Any) -> Any:
     """Return data with named columns as data of their kind, anything else as it is."""
     named = isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset")
     return table_of(data) if named else data
@@ -372,7 +379,7 @@ def _measured(
     """Diagnose each of several measurements alone."""
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-    return [_alone(_as_table(one), setup, effects) for one in data]
+    return [_alone(as_table(one), setup, effects) for one in data]
 
 
 def _joint(

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from trunnion.base.checks import instance
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_log import plan_hash
@@ -78,6 +78,7 @@ class ProbingProgram:
         return self.cycle.plan_hash
 
 
+@checked
 def probing_program(
     plan: Touches,
     setup: Setup,
@@ -136,8 +137,6 @@ def probing_program(
     >>> print(program.text().splitlines()[1])
     (machine trt-ca, cross, ball radius 1 mm, clearance 5 mm)
     """
-    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
-    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     chain = Chain(setup)
     if "head" in chain.sides.values():
         raise InputError(

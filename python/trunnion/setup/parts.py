@@ -4,9 +4,9 @@ Every key but the artefact's kind has a default, and ``print(setup)`` lists them
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
 ``[control]``, ``[report]`` are its own.
-``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
-and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
-key is an error.
+``[turning]``, ``[servo]``, ``[ballbar]``, ``[hybrid]`` and ``[rotary_test]`` belong to these
+processes, which declare and read them; a file with one of them needs no ``[artefact]`` (its kind is
+then "none"). Any other key is an error.
 """
 
 from __future__ import annotations
@@ -38,11 +38,16 @@ from trunnion.setup.fields import (
 from trunnion.setup.machine import AxisSetup, Machine
 from trunnion.setup.machines import Description
 from trunnion.setup.report import ReportSetup
-from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
+from trunnion.setup.write import (
+    PROCESS_TABLES,
+    commented_toml,
+    headline_of,
+    report_of,
+    tables_of,
+    toml_of,
+)
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
-PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
-"""Tables that belong to a process, which declares and reads them."""
 
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
@@ -336,6 +341,7 @@ class Setup:
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)
     hybrid: Mapping[str, Any] = field(default_factory=dict)
+    rotary_test: Mapping[str, Any] = field(default_factory=dict)
     source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:

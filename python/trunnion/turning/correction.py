@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,14 @@ class Correction(Result):
     between_z_mm: Floats
     between_um: Floats
     bound_um: float | None
+
+    GRID: ClassVar = {
+        "window_mean_um": ("window_z_mm",),
+        "window_k": ("window_z_mm",),
+        "error_um": ("z_mm",),
+        "remaining_um": ("z_mm",),
+        "between_um": ("between_z_mm",),
+    }
 
     @property
     def program(self) -> Program:
