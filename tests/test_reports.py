@@ -21,7 +21,7 @@ from trunnion.cli import app
 from trunnion.diagnosis.model import Covariate
 from trunnion.plot.coordinates import Coordinate, Weight, coordinate_of
 from trunnion.plot.diagnosis import Explained, cause_picture, diagnostics
-from trunnion.plot.picture import Form
+from trunnion.plot.picture import Axis, Form, Picture, band
 from trunnion.plot.statistics import order_picture
 from trunnion.reports.hover import hovered
 from trunnion.setup.names import error_label
@@ -202,6 +202,20 @@ def test_a_step_that_is_not_quite_one_of_the_quantity_is_drawn_as_a_step() -> No
     wave = np.cos(2 * np.pi * speed * 1.3)
     ((_, x, y),) = made.curve(wave[:, None], speed < 99)
     np.testing.assert_allclose(y[:, 0], np.cos(2 * np.pi * x * 1.3))  # no step: as it is
+
+
+def test_a_curve_and_its_band_are_broken_where_nothing_was_read() -> None:
+    time = np.concatenate([np.arange(40.0), 200.0 + np.arange(40.0)])
+    wave = np.sin(time**2)  # no law that is known
+    v = Covariate("time", time, "s")
+    made = Coordinate(v, Weight("reading", "µm", np.ones(80)), None, (), 1.0)
+    ((_, x, y),) = made.curve(wave[:, None], time >= 0)
+    assert np.flatnonzero(np.isnan(y[:, 0])).tolist() == [40]
+    np.testing.assert_allclose(y[~np.isnan(y[:, 0]), 0], wave)
+    drawn = Picture("t", Axis("x"), Axis("y"), (band(x, y[:, 0] - 1, y[:, 0] + 1),)).to_plotly()
+    assert drawn["data"][0]["x"].count(None) == 1
+    first = drawn["data"][0]["x"][: drawn["data"][0]["x"].index(None)]
+    np.testing.assert_allclose(first, [*np.arange(40.0), *np.arange(40.0)[::-1]])
 
 
 def test_the_band_is_the_uncertainty_of_the_curve() -> None:

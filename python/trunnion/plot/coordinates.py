@@ -36,6 +36,7 @@ MAX_READINGS = 4000
 MAX_HARMONIC = 12
 EXACT = 1e-3
 DENSE = 241
+GAP, GAP_SHARE = 12.0, 0.03  # of the usual step, of the range: where a curve is broken
 QUIET = 20  # windows of the running median, of all values
 AS_PARAMETER = 12.0
 """What it costs a reader that an amount is given as one of a parameter."""
@@ -273,6 +274,8 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
     """
     levels, index = np.unique(x, return_inverse=True)
     under = np.bincount(index, w * w)
+    steps = np.diff(levels)
+    wide = np.flatnonzero(steps > max(GAP * float(np.median(steps)), GAP_SHARE * np.ptp(levels)))
     amounts = np.stack([np.bincount(index, w * c) / under for c in columns.T], axis=1)
     if v.classes or len(levels) < 3:
         return levels, amounts
@@ -286,8 +289,12 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
             return dense, basis(dense) @ values
     amounts = _quiet(amounts, index, w, columns[:, 0])
     if len(levels) > DENSE:
-        return dense, np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
-    return levels, amounts
+        made = np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
+        for k in wide:  # no reading says what is between
+            made[(dense > levels[k]) & (dense < levels[k + 1])] = np.nan
+        return dense, made
+    between = (levels[wide] + levels[wide + 1]) / 2
+    return np.insert(levels, wide + 1, between), np.insert(amounts, wide + 1, np.nan, axis=0)
 
 
 def _quiet(amounts: Floats, index: Integers, w: Floats, change: Floats) -> Floats:
