@@ -20,7 +20,7 @@ from trunnion.diagnosis import outliers
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.effect import Parameter, as_effect
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
-from trunnion.diagnosis.selection import search
+from trunnion.diagnosis.selection import cost, search
 from trunnion.machine.effects import Owner
 
 mpl.use("Agg")
@@ -328,7 +328,7 @@ def test_search_finds_what_exhaustive_search_finds(seed: int) -> None:
             fitted = x @ np.linalg.lstsq(x, r, rcond=1e-9)[0] if size else np.zeros(40)
             price = sum(special.chdtri(blocks[j].shape[1], c.level[j]) for j in s)
             rss = float(np.sum((r - fitted) ** 2))
-            scores[frozenset(s)] = m * np.log(rss) + price * m / (m - rank - 1)
+            scores[frozenset(s)] = m * np.log(rss) + float(cost(price, rank, m))
     best = min(scores.values())
     near = {s for s, v in scores.items() if v <= best + 6 and s}
     assert found[0].score == pytest.approx(best)
@@ -359,3 +359,13 @@ def test_outliers_mask_each_other_in_vain() -> None:
         found = outliers.far_out(outliers.robust_residuals(q, y), np.sum(q * q, axis=1))
         assert set(bad) <= set(found)
         assert len(found) <= len(bad) + 1
+
+
+@pytest.mark.parametrize("dof", [9, 17, 30, 66, 500])
+def test_few_readings_have_the_chances_of_many(dof: int) -> None:
+    """RSS(S) / RSS is a beta variate: the cost of a penalty is its quantile at the same chance."""
+    for columns in {1, 2, 3, 2 * dof // 5, dof // 2}:
+        for level in (1e-2, 2e-3, 1e-6):
+            penalty = float(stats.chi2.isf(level, columns))
+            exact = -dof * np.log(stats.beta.ppf(level, (dof - columns) / 2, columns / 2))
+            assert float(cost(penalty, columns, dof)) == pytest.approx(exact, rel=0.02)

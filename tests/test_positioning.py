@@ -216,6 +216,38 @@ def test_nothing_is_named_where_nothing_is() -> None:
     assert kept(calm.count("consistent"), runs, 0.95)
 
 
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_few_readings_show_what_they_can(cycles: int) -> None:
+    """One cycle of nine targets: the curve of many columns is named, and noise is not."""
+    runs, good, calm = needed_runs(0.95), 0, 0
+    for seed in range(runs):
+        rng = np.random.default_rng([seed, 31])
+        plain = axis(rng, targets=9, cycles=cycles)
+        change = HIDDEN["curve"](plain, rng)
+        data = plain.with_columns(measured_mm=plain.measured + 1e-3 * change)
+        good += any("curve" in a for a in tn.diagnose(data).alternatives)
+        calm += tn.diagnose(plain).verdict == "consistent"
+    assert kept(good, runs, 0.95)
+    assert kept(calm, runs, 0.95)
+
+
+@pytest.mark.skipif(not MEASURED.exists(), reason="the measured files are not part of the project")
+def test_one_cycle_shows_the_curve_of_five() -> None:
+    whole = tn.read_positioning(MEASURED / "ess_b02_x.csv")
+    for cycle in range(1, 6):
+        found = tn.diagnose(whole[whole.cycle == cycle])
+        assert found.named >= {"curve", "reversal"}
+        causes = {c.id: c.parameters for c in found.causes}
+        assert causes["reversal"]["b_um"] == pytest.approx(-25.4, abs=5.0)
+
+
+def test_targets_that_are_measured_once_are_said_to_be() -> None:
+    data = axis(np.random.default_rng(4), cycles=1)
+    forward = tn.diagnose(data[data.direction == 1])
+    assert "No target is measured twice" in forward.summary()
+    assert "No target is measured twice" not in tn.diagnose(data).summary()
+
+
 def test_another_instrument_on_the_same_stops() -> None:
     data = axis(np.random.default_rng(4))
     both = data.with_columns(laser_mm=data.measured + 0.002)

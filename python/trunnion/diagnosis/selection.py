@@ -6,14 +6,17 @@ projected out first, so that a candidate is judged by what only it can explain.
 
 A set of causes S with K columns, of m degrees of freedom left by the nuisance, is scored by ::
 
-    score(S) = m ln RSS(S) + m / (m - K - 1) * sum of penalties
+    score(S) = m ln RSS(S) + P / (1 - x) * m / M,    P = sum of penalties,
+    M = m - K / 2 - 1,    x = (K - 2) (P + K + 2) / (24 M²)
 
 that is -2 ln L, profiled over the noise (from its floor up where readings are recorded in steps,
-:class:`trunnion.base.resolution.Floor`), with the small-sample
-factor of AICc. The penalty of a cause with k columns is the quantile of chi² with k degrees of
-freedom at the family-wise level divided by the number of candidates (times the number of places a
-nonlinear parameter can take): a cause is worth its name if it gains what no candidate would gain
-by chance.
+:class:`trunnion.base.resolution.Floor`). The penalty of a cause with k columns is the quantile of
+chi² with k degrees of freedom at the family-wise level divided by the number of candidates (times
+the number of places a nonlinear parameter can take): a cause is worth its name if it gains what no
+candidate would gain by chance. What many readings gain by chance is chi²; m ln(RSS / RSS(S)) of few
+readings gains more, and the factor of P is what it takes for the same chance: Bartlett's factor
+m / M and the next term of the series (Box 1949, A general distribution theory for a class of
+likelihood criteria, Biometrika 36), within 2 % of the quantile of F where K is at most 2/3 of m.
 
 The search is over sets, not one cause after the other: a beam keeps the best sets of each size,
 then every cause of the best sets is tried against every other.
@@ -40,6 +43,7 @@ EXCHANGES = 4
 EXCHANGED_SETS = 4
 CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
 SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
+MAX_BEYOND = 0.9  # of the series of the penalty, where it does not converge
 WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
 
 
@@ -153,6 +157,13 @@ def _wide_gain(taken: Floats, residual: Floats, span: slice) -> tuple[Floats, In
     return gain, seen.sum(axis=1).astype(np.intp)
 
 
+def cost(penalty: Floats | float, columns: Integers | int, dof: int) -> Floats:
+    """What m ln(RSS / RSS(S)) gains with the chance with which chi² gains the penalties."""
+    size = dof - np.asarray(columns) / 2 - 1.0
+    beyond = (columns - 2) * (penalty + columns + 2) / (24.0 * size**2)
+    return np.asarray(penalty * dof / size / (1.0 - np.minimum(beyond, MAX_BEYOND)))
+
+
 class _Scorer:
     """-2 ln L of a set, penalised for its size."""
 
@@ -164,11 +175,11 @@ class _Scorer:
     def __call__(
         self, rss: Floats | float, columns: Integers | int, penalty: Floats | float
     ) -> Floats:
-        room = self.dof - columns - 1.0
         score = self.floor.deviance(np.maximum(rss, self.least), self.dof)
-        score = score + penalty * self.dof / np.maximum(room, 1.0)
+        full = columns > self.dof - 2
+        score = score + cost(penalty, np.minimum(columns, self.dof - 2), self.dof)
         # Sets that explain the same are ordered by the catalogue, not by rounding.
-        return np.where(room < 1.0, np.inf, np.round(score, SCORE_DIGITS))
+        return np.where(full, np.inf, np.round(score, SCORE_DIGITS))
 
 
 def search(
