@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -188,14 +189,14 @@ class _Cause:
     conditions: Conditions
     reference: _Reference
 
-    @property
+    @cached_property
     def classes(self) -> tuple[str, ...]:
         """Labels of the passes or coolants that have a size of their own; empty: one for all."""
         labels = {"chatter": self.reference.passes, "tool_heating": self.reference.coolants}
         own = labels.get(self.name, ())
         return own if len(own) > 1 else ()
 
-    @property
+    @cached_property
     def cuts(self) -> Floats:
         """Rows of ``turning_cause``."""
         return _cuts(self.data, self.conditions, self.reference)
@@ -236,7 +237,12 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
-    def _blocks(self) -> list[Flags]:
+    @cached_property
+    def _blocks(self) -> list[tuple[Flags, Floats]]:
+        """Which readings have a size in common, and their cuts."""
+        return [(rows, self.cuts[rows]) for rows in self._rows()]
+
+    def _rows(self) -> list[Flags]:
         n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]
@@ -249,20 +255,19 @@ class _Cause:
         return [labels == label for label in self.classes]
 
     def _evaluate(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
-        cuts = self.cuts
         numbers = [float(value) for value in values.values()]
         # Without a clock 1 mm counts as 1 s: µm/m is then 0.06 µm/min.
         scale = 0.06 if self.name == "tool_wear" and not self.reference.timed else 1.0
         own = 2 if self.name == "chatter" else 1
-        blocks = self._blocks()
+        blocks = self._blocks
         shared = numbers[own * len(blocks) :]
-        change = np.zeros(len(cuts))
-        slopes = np.zeros((len(cuts), len(numbers)))
-        for i, rows in enumerate(blocks):
+        change = np.zeros(len(self.cuts))
+        slopes = np.zeros((len(change), len(numbers)))
+        for i, (rows, cuts) in enumerate(blocks):
             mine = numbers[own * i : own * (i + 1)]
             error, slope = turning_cause(
                 self.name,
-                cuts[rows],
+                cuts,
                 self.conditions.overhang_mm,
                 [scale * v for v in mine] + shared,
             )
