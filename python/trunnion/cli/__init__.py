@@ -28,6 +28,7 @@ from trunnion.cli import (
     start,
     sweep,
     turning,
+    verify,
     view,
 )
 
@@ -71,6 +72,7 @@ GROUPS = (
     turning,
     contour,
     correct,
+    verify,
     ballbar,
     positioning,
     levels,

@@ -14,6 +14,7 @@ from .contouring import plot_margins as plot_margins
 from .contouring import plot_model_error as plot_model_error
 from .contouring import plot_orientation_error as plot_orientation_error
 from .contouring import plot_path as plot_path
+from .control import ball_verification_picture as ball_verification_picture
 from .control import control_files_pictures as control_files_pictures
 from .control import corrected_program_picture as corrected_program_picture
 from .control import printed_zeros_pictures as printed_zeros_pictures

@@ -10,6 +10,7 @@ import numpy as np
 from trunnion.base.units import ARCSEC
 from trunnion.compensation.parameters import PrintedZeros, Removable
 from trunnion.compensation.uncertainty import ResidualInterval
+from trunnion.compensation.verification import BallVerification
 from trunnion.controls.files import SHOWN, ControlFiles, Setting
 from trunnion.controls.part_program import CorrectedProgram
 from trunnion.plot.picture import Axis, Kind, Picture, arrows, line
@@ -79,6 +80,17 @@ def residual_interval_picture(r: ResidualInterval) -> Picture:
         digits=3,
     )
     return with_intervals(p, {0: r.max_um, 1: r.rms_um}, f"{percent} interval")
+
+
+def ball_verification_picture(found: BallVerification) -> Picture:
+    """Return how far a ball on the table leaves its mean place, before and after, and forecast."""
+    before = {} if found.max_before_um is None else {"before": found.max_before_um}
+    values = {**before, "after": found.max_after_um}
+    title = f"Ball on the table at {len(found.after_um)} postures"
+    p = bars_picture(title, "Largest distance from its mean place", "µm", values, digits=3)
+    if found.forecast_um is None:
+        return with_intervals(p, {len(before): found.touches_um}, "touches alone, 95 %")
+    return with_intervals(p, {len(before): found.forecast_um}, "forecast, 95 %")
 
 
 def corrected_program_picture(made: CorrectedProgram) -> Picture:

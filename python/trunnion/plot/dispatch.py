@@ -16,6 +16,7 @@ THUMBNAIL_DPI = 62
 
 PICTURES = {
     "AxisLog": "axis_log_pictures",
+    "BallVerification": "ball_verification_picture",
     "Ballbar": "circular_pictures",
     "BallbarIdentification": "ballbar_residuals_picture",
     "Budget": "budget_pictures",

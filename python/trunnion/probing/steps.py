@@ -97,11 +97,18 @@ def check_clear(plan: Touches, setup: Setup) -> None:
         )
 
 
+def table_pose(touches: Touches, setup: Setup) -> tuple[Floats, Floats]:
+    """Rotation (n, 3, 3) and shift (n, 3), mm, from the table to the machine frame, each touch."""
+    chain = Chain(setup)
+    return chain.table_pose(chain.to_machine(touches.rotary_deg, len(touches)))
+
+
 def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
     starts, feeds = plan.start_mm, plan.feed_mm_min
     assert starts is not None
     assert feeds is not None
     ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
+    ways = table_pose(plan, setup)[0].swapaxes(1, 2) @ (ends - starts)[:, :, None]
     rotary: Mapping[str, Floats] = plan.rotary_deg
     senses = plan.rotary_dir
     steps = []
@@ -116,6 +123,7 @@ def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
                 start=start,
                 contact=tuple(float(v) for v in plan.position_mm[row]),
                 end=tuple(_round(float(v)) for v in ends[row]),
+                way=tuple(_round(float(v)) for v in ways[row, :, 0]),
                 level=max(_up(float(levels[row])), start[2]),
                 feed=float(feeds[row]),
             )

@@ -30,6 +30,7 @@ CALLS = {
     "CncParameters": "trunnion.cnc_parameters",
     "VolumetricError": "trunnion.volumetric_error",
     "ResidualInterval": "trunnion.residual_interval",
+    "BallVerification": "trunnion.verify_ball",
 }
 """Class of a result → function that makes it."""
 
