@@ -66,7 +66,9 @@ class Outcome:
         return self.hidden in self.named | self.groups
 
 
-def hybrid_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
+def hybrid_case(
+    hidden: str | None, seed: int, sigma_um: float = 0.5
+) -> tuple[tn.Ballbar, str | None]:
     """One set-up of the notes: XY circle and two vertical arcs, both senses, first repeated."""
     rng = np.random.default_rng(seed)
     spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
@@ -95,7 +97,7 @@ def hybrid_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
     joints, lengths = hybrid_lengths(
         rec,
         rng,
-        sigma_um=0.5,
+        sigma_um=sigma_um,
         size_um=rng.uniform(5, 50),
         legs=legs.get(hidden or ""),
         squareness_arcsec=way * 10.0 if hidden == "wrist_squareness" else 0.0,
@@ -126,7 +128,7 @@ def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | Non
 
 
 def cartesian_cases(
-    hidden: Sequence[str | None], seed: int, share: float = 1.0
+    hidden: Sequence[str | None], seed: int, share: float = 1.0, sigma_um: float = 0.3
 ) -> tuple[tn.Ballbar, list[str | None]]:
     """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
 
@@ -143,7 +145,7 @@ def cartesian_cases(
         change, name = _cartesian_error(one, rec, spot, rng, flat=flat)
         error += share * change
         names.append(name)
-    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
+    lengths = cartesian_lengths(rec, rng, sigma_um=sigma_um, motion=lambda _: error)
     z = {} if flat else {"z_mm": rec.points[:, 2]}
     table = tn.Ballbar(
         setup=rec.setup,

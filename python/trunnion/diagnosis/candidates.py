@@ -316,12 +316,13 @@ class Candidates:
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
+        held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
+        rounded = {kind: r.astype(kind, copy=False) for kind in {x.dtype for x in held}}
+        found = [inner(x, rounded[x.dtype]) for x in held]
         return np.concatenate(
             [
-                part.weights @ inner(part.shared, r)
-                if isinstance(part, _Combined)
-                else inner(part, r)
-                for part in self._parts
+                part.weights @ x if isinstance(part, _Combined) else x
+                for part, x in zip(self._parts, found, strict=True)
             ]
         )
 

@@ -251,21 +251,22 @@ class Case:
         return [some[some >= 0] for some in every]
 
     def exact(self, f: Fit) -> bool:
-        """Whether a fit leaves no more than rounding: there is nothing to explain then."""
-        return rms(f.residuals[self.rows]) < self._rounding
+        """Whether a fit leaves nothing that is evidence: there is nothing to explain then."""
+        return rms(f.residuals[self.rows]) < self.least_rms
 
     @property
-    def _rounding(self) -> float:
-        """Rms of what rounding leaves of exact readings."""
+    def least_rms(self) -> float:
+        """Rms of what rounding leaves of exact readings, or of the least noise."""
         readings = self.model.readings
         recorded = readings.values if readings.recorded is None else readings.recorded
         size = float(np.max(np.abs(recorded), initial=1.0))
-        return max(EXACT * size, MIN_STEP)
+        least = np.sqrt(np.mean(np.square(readings.least)))
+        return max(EXACT * size, MIN_STEP, float(least))
 
     @property
-    def rounding_rss(self) -> float:
-        """Sum of squares that rounding leaves of exact readings."""
-        return self.plain.dof * self._rounding**2
+    def least_rss(self) -> float:
+        """Sum of squares of readings that a set of causes fits exactly."""
+        return self.plain.dof * self.least_rms**2
 
 
 class Linearised:

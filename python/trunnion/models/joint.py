@@ -379,6 +379,7 @@ def _readings(parts: Sequence[Part]) -> Readings:
         np.concatenate([p.rows for p in parts]),
         tuple(units),
         step=np.concatenate(steps),
+        least=np.concatenate([np.broadcast_to(r.least, len(r)) for r in own]),
     )
 
 
