@@ -50,6 +50,7 @@ MAX_ERROR_UM = 5000.0
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 MIN_WEAR_UM = 2.0
+LEAST_NOISE_UM = 1e-3  # no gauge shows less
 
 MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
@@ -392,7 +393,11 @@ class DiameterModel(LinearModel):
         place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
         super().__init__(
             data=data,
-            readings=Readings(np.asarray(data.error_um, dtype=np.float64), np.arange(len(data))),
+            readings=Readings(
+                np.asarray(data.error_um, dtype=np.float64),
+                np.arange(len(data)),
+                least=LEAST_NOISE_UM,
+            ),
             nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
             design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
             effects=self.effects_on(data),

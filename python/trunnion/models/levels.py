@@ -41,6 +41,7 @@ from trunnion.machine.estimate import Estimate
 
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
+LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
 SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
 MAX_DEGREE = 4
@@ -175,7 +176,7 @@ class LevelsModel(LinearModel):
         count = len(data.components)
         super().__init__(
             data=data,
-            readings=Readings(values.astype(np.float64), rows.row, "µm/m"),
+            readings=Readings(values.astype(np.float64), rows.row, "µm/m", least=LEAST_NOISE_UM_M),
             nuisance=[Nuisance(f"tilt_{c}_um_m", "µm/m") for c in data.components],
             design=rows.each(rows.sense),
             effects=with_own(_catalogue(rows, self._frame), effects, data, known=IDS),
