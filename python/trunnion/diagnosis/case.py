@@ -94,7 +94,9 @@ class Case:
         )
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
-        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
+        found = Candidates.of_pieces(
+            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated()
+        )
         low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
         if self.dependent:
@@ -103,6 +105,18 @@ class Case:
         if drawn is not None:
             found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
         return found
+
+    def _stated(self) -> dict[int, float]:
+        """What is stated of candidates, as the standard deviation along their unit columns."""
+        sizes: dict[int, float] = {}
+        start = self.plain.nuisance
+        for j, effect in enumerate(self.effects):
+            if effect.stated is not None:
+                column = variant_columns(self.model, effect, start, grid_values(effect)[:1])[0]
+                white = self.white(column)
+                free = white - self.plain.basis @ (self.plain.basis.T @ white)
+                sizes[j] = effect.stated.std * float(np.linalg.norm(free))
+        return sizes
 
     def size(self, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
         """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank.
