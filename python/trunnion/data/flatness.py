@@ -43,6 +43,9 @@ class SlopesLike(Protocol):
     def zero(self) -> float | None:
         """None: not known."""
 
+    def variance(self, by: Floats) -> float:
+        """Of a combination of the slopes (m,), per unit of noise."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -50,6 +53,11 @@ class Noise:
 
     sigma: float
     source: str
+
+    @property
+    def variance(self) -> float:
+        """Of a noise that is not known as if it were 1."""
+        return self.sigma**2 if np.isfinite(self.sigma) else 1.0
 
     @classmethod
     def of_neighbours(cls, places: Floats, slopes: Floats) -> Noise:
@@ -179,11 +187,6 @@ def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
     return float(np.asarray(solved.fun)), np.asarray(down - up)
 
 
-def _covariance(slopes: SlopesLike, noise: Noise) -> Floats:
-    """Covariance of slopes; of a noise that is not known as if it were 1."""
-    return slopes.cofactor * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
-
-
 def _known(std: float, noise: Sequence[Noise]) -> float:
     return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
 
@@ -245,7 +248,7 @@ class Straightness(Result):
         note: str,
     ) -> Straightness:
         """Of slopes (m,), and how heights at n places follow from them, (n, m)."""
-        covariance = heights @ _covariance(slopes, noise) @ heights.T
+        covariance = heights @ (slopes.cofactor * noise.variance) @ heights.T
         zone = _Zone.of(at[:, None], heights @ slopes.values, covariance)
         return cls(
             positions_mm=at,
@@ -347,7 +350,7 @@ class Flatness(Result):
         both = np.concatenate([s.values for s in slopes])
         covariance = np.zeros((2 * m, 2 * m))
         for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
-            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = _covariance(s, n)
+            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = s.cofactor * n.variance
         z = heights @ both
         zone = _Zone.of(places, z, heights @ covariance @ heights.T)
         zeros = [s.zero for s in slopes if s.zero is not None]
@@ -436,22 +439,23 @@ class Twist(Result):
     @classmethod
     def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
         """Of slopes across a line, or in x and y."""
-        columns, spread = [], []
-        for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
+        columns = []
+        for i, s in enumerate(slopes):
             # on a grid the slope in x changes along y, and the other way round
             lever = s.places[:, (1 - i) if len(slopes) > 1 else 0] * 1e-3
             own = np.zeros((len(lever), 1 + len(slopes)))
             own[:, 0], own[:, 1 + i] = lever - lever.mean(), 1.0
             columns.append(own)
-            spread.append(_covariance(s, n))
         inverse = np.linalg.pinv(np.concatenate(columns))
         values = np.concatenate([s.values for s in slopes])
         found = inverse @ values
         design = np.concatenate(columns)
         left = values - design @ found
         parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
-        variance = sum(float(p @ c @ p) for p, c in zip(parts, spread, strict=True))
-        roll, last = slopes[-1].values, spread[-1]
+        variance = sum(
+            s.variance(p) * n.variance for p, s, n in zip(parts, slopes, noise, strict=True)
+        )
+        roll = slopes[-1].values
         ends = np.zeros(len(roll))
         ends[np.argmax(roll)] += 1.0
         ends[np.argmin(roll)] -= 1.0
@@ -460,7 +464,7 @@ class Twist(Result):
             roll_um_m=float(np.ptp(roll)),
             std_errors={
                 "twist_um_m_m": _known(float(np.sqrt(variance)), noise),
-                "roll_um_m": _known(_std(ends, last), noise),
+                "roll_um_m": _known((slopes[-1].variance(ends) * noise[-1].variance) ** 0.5, noise),
             },
             residual_um_m=float(np.sqrt(np.mean(left**2))),
             noise_um_m=noise[-1].sigma,

@@ -41,6 +41,7 @@ from trunnion.machine.estimate import Estimate
 
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
+LEAST_NOISE = 1e-3  # µm or arcsec: no interferometer shows less in air
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
 MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
@@ -82,6 +83,7 @@ class PositioningModel(LinearModel):
                 np.arange(n),
                 data.unit,
                 recorded=data.measured * (3600.0 if data.rotary else 1e3),
+                least=LEAST_NOISE,
             ),
             nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],
             design=np.ones((n, 1)),

@@ -114,4 +114,5 @@ from .volumetric import plot_over_poses as plot_over_poses
 from .volumetric import plot_share as plot_share
 from .volumetric import plot_volumetric as plot_volumetric
 from .volumetric import pose_field_picture as pose_field_picture
+from .volumetric import poses_picture as poses_picture
 from .volumetric import volumetric_picture as volumetric_picture

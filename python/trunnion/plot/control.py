@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from trunnion.base.report import SHOWN
 from trunnion.base.units import ARCSEC
 from trunnion.compensation.parameters import PrintedZeros, Removable
 from trunnion.compensation.uncertainty import ResidualInterval
 from trunnion.compensation.verification import BallVerification
-from trunnion.controls.files import SHOWN, ControlFiles, Setting
+from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.part_program import CorrectedProgram
 from trunnion.plot.picture import Axis, Kind, Picture, arrows, line
 from trunnion.plot.statistics import bars_picture, change_picture

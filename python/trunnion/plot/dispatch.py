@@ -154,12 +154,15 @@ def draw(result: Any, *, ax: Any = None, **options: Any) -> Any:
     return draw_all(found, ax, **options)
 
 
-def pictures(result: Any) -> tuple[Picture, ...]:
-    """Return the pictures of a result or of data, as described; none where there is none."""
+def pictures(result: Any, **options: Any) -> tuple[Picture, ...]:
+    """Return the pictures of a result or of data, as described; none where there is none.
+
+    options: As the function that describes them takes them.
+    """
     described = _named(result, PICTURES)
     if described is None:
         return ()
-    made = described[1](result)
+    made = described[1](result, **options)
     return tuple(made) if isinstance(made, list | tuple) else (made,)
 
 

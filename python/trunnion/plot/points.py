@@ -85,8 +85,12 @@ def vector_picture(
     title: str,
     plane: str = "xy",
     magnification: float | None = None,
+    bar_um: float | None = None,
 ) -> Picture:
-    """Return vectors (n, d) at places (n, d) in a plane, one colour a group, with their scale."""
+    """Return vectors (n, d) at places (n, d) in a plane, one colour a group, with their scale.
+
+    bar_um: Length of the scale; a round number near the largest vector if None.
+    """
     i, j = PLANES[choose("plane", plane, PLANES)]
     at, by = places[:, [i, j]], away_um[:, [i, j]]
     low, high = at.min(axis=0), at.max(axis=0)
@@ -107,7 +111,7 @@ def vector_picture(
         drawn = 1e-3 * times * by[mine]
         look: dict[str, Any] = {"colour": colour, "width": 1.3}
         series.append(arrows(at[mine, 0], at[mine, 1], drawn[:, 0], drawn[:, 1], name, **look))
-    bar = round_number(largest) if largest > 0 else 1.0
+    bar = bar_um or (round_number(largest) if largest > 0 else 1.0)
     across = 1e-3 * times * bar
     x, y, tick = float(low[0]), float(low[1] - BELOW * size), 0.012 * size
     path = [(x, y - tick), (x, y + tick), (x, y), (x + across, y)]

@@ -90,9 +90,10 @@ class Correction(Result):
 
     def sentences(self) -> Sequence[str]:
         """Say what was done and what is left."""
+        blocks = f"{len(self.inserted)} block{'s' if len(self.inserted) != 1 else ''}"
         lines = [
-            f"{len(self.inserted)} blocks put in (rule {self.rule!r}, unit {self.unit_um:g} µm, "
-            f"windows of {self.window}).",
+            f"{blocks} put in (rule {self.rule!r}, unit {self.unit_um:g} µm, windows of "
+            f"{self.window}).",
         ]
         if self.bound_um is not None:
             lines.append(f"Bound: no window mean is left with more than {self.bound_um:.2f} µm.")
