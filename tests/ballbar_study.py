@@ -70,11 +70,22 @@ def hybrid_case(
     hidden: str | None, seed: int, sigma_um: float = 0.5
 ) -> tuple[tn.Ballbar, str | None]:
     """One set-up of the notes: XY circle and two vertical arcs, both senses, first repeated."""
+    data = hybrid_cases([hidden] if hidden else [], seed, sigma_um=sigma_um)
+    return data, hidden
+
+
+def hybrid_cases(
+    hidden: Sequence[str], seed: int, share: float = 1.0, sigma_um: float = 0.5
+) -> tn.Ballbar:
+    """The same with several causes, of this share of their usual size.
+
+    One centre and a vertical tool see nothing of gravity; where it is hidden five centres and tilts
+    take their place.
+    """
     rng = np.random.default_rng(seed)
     spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
     rec = record(spot, step_deg=4.0)
-    if hidden == "gravity":
-        # One centre and a vertical tool see nothing of it; centres and tilts do.
+    if "gravity" in hidden:
         tilt = np.radians(20)
         ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
         shift = [(0, 0, 0), (150, 0, 0), (-150, 0, 0), (0, -100, 50), (0, 100, -50)]
@@ -94,16 +105,21 @@ def hybrid_case(
         "lost_motion": lambda r, j: -3.0 * way * leg_travel(r),  # noqa: ARG005
         "screw_cyclic": lambda r, j: 2.0 * np.sin(2 * np.pi * j[:, :3] / pitch + phase),  # noqa: ARG005
     }
+
+    def moved(r: Recording, j: Array) -> Array:
+        acting = (legs[name](r, j) for name in hidden if name in legs)
+        return share * sum(acting, np.zeros((len(j), 3)))
+
     joints, lengths = hybrid_lengths(
         rec,
         rng,
         sigma_um=sigma_um,
         size_um=rng.uniform(5, 50),
-        legs=legs.get(hidden or ""),
-        squareness_arcsec=way * 10.0 if hidden == "wrist_squareness" else 0.0,
-        sag_um=way * 60.0 if hidden == "gravity" else 0.0,
+        legs=moved,
+        squareness_arcsec=share * way * 10.0 if "wrist_squareness" in hidden else 0.0,
+        sag_um=share * way * 60.0 if "gravity" in hidden else 0.0,
     )
-    return _hybrid_table(rec, joints, lengths), hidden
+    return _hybrid_table(rec, joints, lengths)
 
 
 def _hybrid_table(rec: Recording, joints: Array, lengths: Array) -> tn.Ballbar:

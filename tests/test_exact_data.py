@@ -168,3 +168,19 @@ def test_rows_pasted_twice_are_said(
     d = diagnose(twice)
     assert f"{len(data)} of {2 * len(data)} rows repeat others" in d.notes[0]
     assert d.named == hidden
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.5])
+def test_exact_data_beside_others_keep_their_cause(noise: float) -> None:
+    """A measurement without noise does not silence one that has some."""
+    rng = np.random.default_rng([10, round(10 * noise)])
+    exact_x, other_y = axis(rng, noise=0.0), axis(rng, noise=noise)
+    x = exact_x.with_columns(
+        measured_mm=exact_x.measured + 20e-6 * exact_x.target, axis=["X"] * len(exact_x)
+    )
+    y = other_y.with_columns(
+        measured_mm=other_y.measured - 1e-3 * other_y.direction, axis=["Y"] * len(other_y)
+    )
+    d = diagnose([x, y])
+    assert d.alternatives
+    assert all({"scale_x", "backlash_y"} <= one for one in d.alternatives)

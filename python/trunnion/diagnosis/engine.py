@@ -39,7 +39,7 @@ from trunnion.diagnosis.fit import Fit, Whiten, fit
 from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.report import report
+from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
 
@@ -71,34 +71,49 @@ def diagnose(model: Model) -> Diagnosis:
     DataError
         Fewer readings than unknowns, or readings that are not finite.
     """
+    with one_blas_thread():
+        return report(*_explained(model))
+
+
+def leave(model: Model) -> Left:
+    """Return what a diagnosis of a model leaves, without the diagnosis.
+
+    Raises
+    ------
+    DataError
+        As `diagnose`.
+    """
+    with one_blas_thread():
+        return left_of(*_explained(model))
+
+
+def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
+    """Explain a model's readings: the case, the explanation, the readings set aside."""
     LOG.info(
         "%d readings, %d parameters that are always fitted, %d candidates",
         len(model.readings),
         len(model.nuisance),
         len(model.effects),
     )
-    with one_blas_thread():
-        case, choice, sure = _ordinary(model)
-        if choice is None or not sure:
-            about = case_of(model.near(always=True), dependent=True)
-            about, other = _settled(_plain(model), about, _choose(about))
-            settled = _to_first_order(about, other[1].fit)
-            if choice is None or (
-                settled and _score(case, about, other) < _score(case, case, choice)
-            ):
-                case, choice = about, other
-        for _ in range(MAX_ROUNDS if case.grid is not None else 0):
-            # What was found was in the noise that the errors of rounding were weighed against.
-            again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
-            if again is None:
-                break
-            before = set(choice[1].fit.effects)
-            case, choice = again, _choose(again)
-            if set(choice[1].fit.effects) == before:
-                break
-        if _worse(case, choice):
-            case, choice = _without_causes(case, choice)
-        return report(case, choice[1], choice[2])
+    case, choice, sure = _ordinary(model)
+    if choice is None or not sure:
+        about = case_of(model.near(always=True), dependent=True)
+        about, other = _settled(_plain(model), about, _choose(about))
+        settled = _to_first_order(about, other[1].fit)
+        if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
+            case, choice = about, other
+    for _ in range(MAX_ROUNDS if case.grid is not None else 0):
+        # What was found was in the noise that the errors of rounding were weighed against.
+        again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
+        if again is None:
+            break
+        before = set(choice[1].fit.effects)
+        case, choice = again, _choose(again)
+        if set(choice[1].fit.effects) == before:
+            break
+    if _worse(case, choice):
+        case, choice = _without_causes(case, choice)
+    return case, choice[1], choice[2]
 
 
 def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:

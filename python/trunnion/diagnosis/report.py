@@ -1,7 +1,9 @@
 """Put what was found into a :class:`Diagnosis`."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +42,51 @@ MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is men
 MAX_STEPS = 3
 TINY = 1e-300
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a diagnosis leaves of the readings: all that one of several measurements asks of it.
+
+    before, after: Reading minus prediction of the plain and of the extended model, (n,).
+    rows: Data row of each reading, (n,).
+    outliers: Data rows that were set aside, in order.
+    parameters: Count of those of the named causes.
+    unexplained: Structure that no cause makes, in words.
+    """
+
+    before: Floats
+    after: Floats
+    rows: Integers
+    outliers: tuple[int, ...]
+    parameters: int
+    unexplained: str | None
+
+    @classmethod
+    def of(cls, found: Diagnosis) -> Left | None:
+        """Return that of a diagnosis; None: it has no residuals."""
+        r = found.residuals
+        if r is None:
+            return None
+        count = sum(len(c.parameters) for c in found.causes)
+        return cls(r.before, r.after, r.rows, found.outliers, count, found.unexplained)
+
+
+def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
+    """Return what an explanation leaves: the same as its report says."""
+    kept, model = case.without(dropped), case.model
+    unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
+    named = e.fit if _alternatives(case, e) else kept.plain
+    f = with_structure(kept, e, named)[1]
+    rows = np.asarray(model.readings.rows)
+    return Left(
+        (case.given or case.plain).residuals,
+        f.residuals,
+        rows,
+        tuple(sorted({int(r) for r in rows[dropped]})),
+        sum(len(values) for values in named.effects.values()),
+        unexplained,
+    )
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:

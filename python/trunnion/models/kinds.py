@@ -20,7 +20,9 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Integers
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
+from trunnion.diagnosis.engine import leave
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table, named_columns
 from trunnion.machine.effects import EffectInfo
@@ -318,16 +320,16 @@ def diagnose(
     data = as_table(data)
     if isinstance(data, list | tuple):
         return _of_several(data, setup, effects)
-    return _alone(data, setup, effects).alone
+    return _alone(data, setup, effects)
 
 
-def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
+def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
     used, first = _distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
-        return Measured(kind_name(data), data, None, found, model)
+        return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
     found = replace(found, notes=(*_time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
@@ -341,7 +343,7 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measur
         )
         outliers = tuple(int(first[row]) for row in found.outliers)
         found = replace(found, outliers=outliers, notes=(note, *found.notes))
-    return Measured(kind_name(data), data, first, found, model)
+    return found
 
 
 def measured_of(found: Diagnosis) -> Measured:
@@ -356,7 +358,7 @@ def measured_of(found: Diagnosis) -> Measured:
     used, first = _distinct_rows(found.data)
     if first is not None:
         model = model_of(used, found.setup, found.candidates)
-    return Measured(kind_name(found.data), found.data, first, found, model)
+    return Measured(kind_name(found.data), found.data, first, Left.of(found) or leave(model), model)
 
 
 def as_table(data: Any) -> Any:
@@ -379,7 +381,17 @@ def _measured(
     """Diagnose each of several measurements alone."""
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-    return [_alone(as_table(one), setup, effects) for one in data]
+    return [_one_of_several(as_table(one), setup, effects) for one in data]
+
+
+def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
+    """Explain one measurement, of which rows that repeat others count once."""
+    used, first = _distinct_rows(data)
+    model = model_of(used, setup, effects)
+    left = leave(model)
+    if first is not None:
+        left = replace(left, outliers=tuple(int(first[row]) for row in left.outliers))
+    return Measured(kind_name(data), data, first, left, model)
 
 
 def _joint(
