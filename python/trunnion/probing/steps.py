@@ -8,6 +8,7 @@ import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError
+from trunnion.base.progress import tracked
 from trunnion.base.units import Flags, Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -16,6 +17,8 @@ from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
 DECIMALS = 4
+AT_ONCE = 500
+"""Touches that the core is asked about at a time: Ctrl-C is answered between them."""
 MAX_NAMED = 10
 """Touches that a message names."""
 
@@ -81,10 +84,14 @@ def check_clear(plan: Touches, setup: Setup) -> None:
     """Refuse a plan of another set-up, or of no planner, that runs into something."""
     starts = plan.start_mm
     assert starts is not None
-    found = arrangement(setup).blocked_moves(
-        TouchModel(setup).moves(plan, from_start=True),
-        (np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm).tolist(),
-    )
+    model, arranged = TouchModel(setup), arrangement(setup)
+    model.moves(plan, from_start=True)  # what is wrong with a row is said by its own number
+    reach = np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm
+    found: list[int] = []
+    for first in tracked(range(0, len(plan), AT_ONCE), "clear", -(-len(plan) // AT_ONCE)):
+        some = slice(first, first + AT_ONCE)
+        moves = model.moves(plan[some], from_start=True)
+        found += [first + row for row in arranged.blocked_moves(moves, reach[some].tolist())]
     if found:
         which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
         more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
