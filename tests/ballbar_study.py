@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,14 +29,16 @@ from ballbar_twin import (
 from power import report
 
 Array = NDArray[np.float64]
-HYBRID = (
-    "leg_expansion",
-    "leg_expansion_2",
-    "lost_motion",
-    "screw_cyclic",
-    "gravity",
-    "wrist_squareness",
-)
+# Rms, about, that each cause of its usual size leaves in the readings, µm
+HYBRID_UM = {
+    "leg_expansion": 1.8,
+    "leg_expansion_2": 8.0,
+    "lost_motion": 5.3,
+    "screw_cyclic": 4.8,
+    "gravity": 0.13,
+    "wrist_squareness": 0.17,
+}
+HYBRID = tuple(HYBRID_UM)
 CARTESIAN = (
     "scale",
     "squareness",
@@ -70,14 +72,12 @@ def hybrid_case(
     hidden: str | None, seed: int, sigma_um: float = 0.5
 ) -> tuple[tn.Ballbar, str | None]:
     """One set-up of the notes: XY circle and two vertical arcs, both senses, first repeated."""
-    data = hybrid_cases([hidden] if hidden else [], seed, sigma_um=sigma_um)
+    data = hybrid_cases({hidden: 1.0} if hidden else {}, seed, sigma_um)
     return data, hidden
 
 
-def hybrid_cases(
-    hidden: Sequence[str], seed: int, share: float = 1.0, sigma_um: float = 0.5
-) -> tn.Ballbar:
-    """The same with several causes, of this share of their usual size.
+def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) -> tn.Ballbar:
+    """The same with several causes, each of a share of its usual size.
 
     One centre and a vertical tool see nothing of gravity; where it is hidden five centres and tilts
     take their place.
@@ -107,8 +107,8 @@ def hybrid_cases(
     }
 
     def moved(r: Recording, j: Array) -> Array:
-        acting = (legs[name](r, j) for name in hidden if name in legs)
-        return share * sum(acting, np.zeros((len(j), 3)))
+        acting = (share * legs[name](r, j) for name, share in hidden.items() if name in legs)
+        return sum(acting, np.zeros((len(j), 3)))
 
     joints, lengths = hybrid_lengths(
         rec,
@@ -116,8 +116,8 @@ def hybrid_cases(
         sigma_um=sigma_um,
         size_um=rng.uniform(5, 50),
         legs=moved,
-        squareness_arcsec=share * way * 10.0 if "wrist_squareness" in hidden else 0.0,
-        sag_um=share * way * 60.0 if "gravity" in hidden else 0.0,
+        squareness_arcsec=10.0 * way * hidden.get("wrist_squareness", 0.0),
+        sag_um=60.0 * way * hidden.get("gravity", 0.0),
     )
     return _hybrid_table(rec, joints, lengths)
 

@@ -21,6 +21,8 @@ from twin.machines import Layout
 STEP_MM = 0.7
 """Between two samples of a move."""
 STEM_STEP_MM = 2.0
+BODY_STEP_MM, BODY_EVERY = 6.0, 4
+"""Along the probe's body, and of which samples of a move: it is wide."""
 FAR_MM = 400.0
 """How far along the stem a way down is swept: beyond everything on a table."""
 
@@ -95,14 +97,24 @@ class Scene:
         for centre in self.on_table(np.array(a.centres_mm)) if stem > 0 and a.centres_mm else ():
             out = np.hypot(x - centre[0], y - centre[1]) - stem
             found = np.minimum(found, cylinder(out, z, 0.0, centre[2]))
-        if a.base_mm is not None:
-            x_mm, y_mm, z_mm = a.base_mm
-            local = self._in_artefact(points)
+        if a.chuck_mm is not None:
+            place = self.on_table(np.zeros(3))
+            out = np.hypot(x - place[0], y - place[1]) - a.chuck_mm[0] / 2
+            found = np.minimum(found, cylinder(out, z, 0.0, a.chuck_mm[1]))
+        for middle_x, middle_y, x_mm, y_mm, z_mm in self.boxes:
+            local = self._in_artefact(points) - [middle_x, middle_y, 0.0]
             local[..., 2] = z
             low, high = np.array([-x_mm / 2, -y_mm / 2, 0.0]), np.array([x_mm / 2, y_mm / 2, z_mm])
             nearest = np.clip(local, low, high)
             found = np.minimum(found, np.linalg.norm(local - nearest, axis=-1))
         return found
+
+    @property
+    def boxes(self) -> list[tuple[float, ...]]:
+        """What holds the artefact: X and Y of the middle, lengths along X and Y, height."""
+        a = self.setup.artefact
+        plate = [] if a.base_mm is None else [(0.0, 0.0, *a.base_mm)]
+        return [*plate, *(a.clamps_mm or ())]
 
 
 def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
@@ -214,7 +226,9 @@ def swept(moves: Iterable[Move], setup: tn.Setup, scene: Scene, twin: Twin) -> N
         that does not touch.
     """
     probe = setup.probe
-    along = np.arange(0.0, probe.length_mm, STEM_STEP_MM)
+    end = probe.stem_length_mm or probe.length_mm
+    along = np.arange(0.0, end, STEM_STEP_MM)
+    body = np.arange(end, probe.length_mm, BODY_STEP_MM)
     for move in moves:
         at = twin.posture(move.rotary)
         where = f"{move.start.round(2)} to {move.end.round(2)} at {np.round(move.rotary, 2)}"
@@ -233,6 +247,22 @@ def swept(moves: Iterable[Move], setup: tn.Setup, scene: Scene, twin: Twin) -> N
         assert scene.others(ball_table).min() > probe.ball_radius_mm, f"ball: {where}"
         near = np.minimum(scene.artefact(stem_table), scene.others(stem_table))
         assert near.min() > probe.effective_stem_radius_mm, f"stem: {where}"
+        if probe.body_diameter_mm > 0 and len(body):
+            rim = circles(body, 0.5 * probe.body_diameter_mm, at.stem)
+            around = ball[: len(ball_table) : BODY_EVERY, None] + at.off + rim
+            around = (around - at.origin) @ at.rotation
+            near = np.minimum(scene.artefact(around), scene.others(around))
+            assert near.min() > 0.0, f"body: {where}"
+
+
+def circles(along: Floats, radius: float, axis: Floats) -> Floats:
+    """Points of a cylinder's mantle and of its front face, (n, 3), from where it begins."""
+    across = np.linalg.svd(axis[None, :])[2][1:]
+    angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) @ across
+    mantle = (along[:, None, None] * axis + radius * ring).reshape(-1, 3)
+    front = [along[0] * axis + share * radius * ring for share in (0.3, 0.7)]
+    return np.concatenate([mantle, *front])
 
 
 def highest_when_turning(
@@ -259,7 +289,18 @@ def highest_when_turning(
                 [[i * x, j * y, k] for i in (-1, 1) for j in (-1, 1) for k in (0, 1)]
             )
             points.append(corners * [1.0, 1.0, a.height_mm])
-    everything = np.concatenate([*points[:2], scene.on_table(np.concatenate(points[2:]))])
+    held = [scene.on_table(np.concatenate(points[2:]))]
+    for x, y, x_mm, y_mm, z_mm in scene.boxes:
+        ends = [[x + i * x_mm / 2, y + j * y_mm / 2, 0.0] for i in (-1, 1) for j in (-1, 1)]
+        corners = scene.on_table(np.array(ends))
+        corners[:, 2] = z_mm
+        held.append(corners)
+    if a.chuck_mm is not None:
+        out = a.chuck_mm[0] / 2 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        rim = out + scene.on_table(np.zeros(3))
+        rim[:, 2] = a.chuck_mm[1]
+        held.append(rim)
+    everything = np.concatenate([*points[:2], *held])
     positions = rng.uniform(-180, 180, (500, twin.axes))
     positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, twin.axes))
     poses = [twin.posture(tuple(row)) for row in positions.tolist()]

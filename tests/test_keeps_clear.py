@@ -65,13 +65,16 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     named, axes = random_machine(rng)
     ball = float(rng.uniform(0.5, 3.0))
     clearance = float(rng.uniform(2.0, 8.0))
+    body: dict[str, float] = {}
+    if rng.uniform() < 0.4:
+        body = {"stem_length_mm": float(rng.uniform(30, 100))}
+        body["body_diameter_mm"] = float(rng.uniform(20, 60))
+    stem = float(rng.uniform(0.3, 0.9)) * ball
     setup = tn.Setup(
         artefact=random_artefact(rng, clearance),
         machine=tn.Machine(**named),
         axes=axes,
-        probe=tn.Probe(
-            ball, length_mm=LENGTH_MM, stem_radius_mm=float(rng.uniform(0.3, 0.9)) * ball
-        ),
+        probe=tn.Probe(ball, length_mm=LENGTH_MM, stem_radius_mm=stem, **body),
         table=tn.TableSetup(float(rng.uniform(60, 160)), float(rng.uniform(10, 40))),
         plan=tn.PlanSetup(clearance_mm=clearance, overtravel_mm=clearance + 2.0),
     )
@@ -95,6 +98,12 @@ def random_artefact(rng: np.random.Generator, clearance: float) -> tn.Artefact:
     kind = str(rng.choice(["cross", "cuboid", "sphere", "spheres", "ring"]))
     if rng.uniform() < 0.2:
         standing["base_mm"] = (*rng.uniform(20, 120, 2), float(rng.uniform(5, 25)))
+    if rng.uniform() < 0.3:
+        jaws = rng.uniform([-90, 55, 15, 8, 10], [90, 75, 60, 25, 45], (2, 5))
+        jaws[1, 1] *= -1.0
+        standing["clamps_mm"] = jaws.tolist()
+    if rng.uniform() < 0.2:
+        standing["chuck_mm"] = (float(rng.uniform(20, 90)), float(rng.uniform(5, 25)))
     size: dict[str, Any]
     if kind == "ring":
         bore = float(rng.uniform(25, 80))
@@ -280,6 +289,8 @@ def test_a_table_without_size_is_refused_not_a_panic() -> None:
                 ball_radius_mm=1.0,
                 stem_radius_mm=0.5,
                 stem_length_mm=100.0,
+                body_radius_mm=0.0,
+                body_length_mm=0.0,
                 table_radius_mm=radius,
                 table_thickness_mm=thickness,
                 clearance_mm=5.0,

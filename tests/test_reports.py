@@ -24,6 +24,7 @@ from trunnion.plot.diagnosis import Explained, cause_picture, diagnostics
 from trunnion.plot.picture import Axis, Form, Picture, band
 from trunnion.plot.statistics import order_picture
 from trunnion.reports.hover import hovered
+from trunnion.reports.space import RESIDUALS
 from trunnion.setup.names import error_label
 
 MAX_BYTES = 3_000_000
@@ -269,8 +270,9 @@ def test_a_page_of_500_touches_is_small(tmp_path: Path) -> None:
     data = data[np.arange(len(data)) < 500] if len(data) > 500 else data
     d = tn.diagnose(data, cross()[1])
     assert len(d.causes) >= 2
-    size = d.to_html(tmp_path / "r.html").stat().st_size - len(get_plotlyjs().encode())
-    assert size < MAX_BYTES
+    page = d.to_html(tmp_path / "r.html")
+    assert page.stat().st_size - len(get_plotlyjs().encode()) < MAX_BYTES
+    assert RESIDUALS in page.read_text(encoding="utf-8")  # with the view in space
 
 
 def test_a_log_of_25000_rows_is_thinned_and_says_so() -> None:

@@ -159,11 +159,15 @@ def _row(name: str, cases: Sequence[Stated]) -> str:
     return f"| {name} | {len(cases)} | {100 * stated:.1f} % | {100 * true:.1f} % | {shown} |"
 
 
-def _unknown(cases: Sequence[Stated]) -> list[tuple[str, list[Stated]]]:
-    """Cases with an unknown error: those where it was noticed, those where not."""
+def _unknown(cases: Sequence[Stated]) -> list[tuple[str, Sequence[Stated]]]:
+    """Cases with an unknown error: all, those where it was noticed, those where not."""
     some = [c for c in cases if c.unknown]
     noticed = [c for c in some if c.verdict == "unexplained"]
-    return [("- noticed", noticed), ("- taken for causes", [c for c in some if c not in noticed])]
+    return [
+        ("with an unknown error", some),
+        ("- noticed", noticed),
+        ("- taken for causes", [c for c in some if c not in noticed]),
+    ]
 
 
 def page(cases: Sequence[Stated], seed: int) -> list[str]:
@@ -174,11 +178,13 @@ def page(cases: Sequence[Stated], seed: int) -> list[str]:
         "| cases | count | stated | true | ECE, most probable | by chance | ECE, all sets "
         "| by chance | ECE, causes |",
         "|---|---|---|---|---|---|---|---|---|",
-        _row("**all**", cases),
-        _row("without an unknown error", known),
-        _row("with an unknown error", [c for c in cases if c.unknown]),
-        *(_row(name, some) for name, some in _unknown(cases) if some),
     ]
+    groups: list[tuple[str, Sequence[Stated]]] = [
+        ("**all**", cases),
+        ("without an unknown error", known),
+        *_unknown(cases),
+    ]
+    lines += [_row(name, some) for name, some in groups if some]
     for kind in RUNS:
         mine = [c for c in cases if c.kind == kind]
         lines += [_row(kind, mine)] if mine else []

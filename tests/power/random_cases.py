@@ -87,9 +87,9 @@ def points(rng: Rng, number: int) -> Drawn:
 
 
 def sweep(rng: Rng, number: int) -> Drawn:
-    """Three targets on a turning axis, or one."""
-    hidden = _some(rng, SWEEP_EFFECTS)
+    """Three targets on a turning axis, or one, which sees no axial motion once a turn."""
     one = {"targets": 1, "step_deg": 5.0} if rng.random() < 0.4 else {}
+    hidden = _some(rng, tuple(n for n in SWEEP_EFFECTS if not (one and n == "axial_1")))
     made = make_sweep(900_000 + number, hidden, size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # a sharp dip at one position
@@ -125,7 +125,8 @@ def ballbar(rng: Rng, number: int) -> Drawn:
 def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
     """Circle tests of a hybrid machine; nothing unknown."""
     hidden = _some(rng, ballbar_study.HYBRID)
-    data = ballbar_study.hybrid_cases(hidden, 900_000 + number, size(rng, 0.1, 1.0))
+    shares = {name: size(rng, 0.1, 1.0) / ballbar_study.HYBRID_UM[name] for name in hidden}
+    data = ballbar_study.hybrid_cases(shares, 900_000 + number)
     return Drawn(data, None, frozenset(hidden), unknown=False)
 
 

@@ -134,6 +134,7 @@ def _layout(p: Picture) -> dict[str, Any]:
         ],
     }
     if p.kind is Kind.POLAR:
+        out["legend"]["y"] = 1.07  # above the label of 90°
         radial = {"title": {"text": _text(p.y.title)}, "angle": 90, "tickangle": 90}
         if p.y.limits is not None:
             radial["range"] = list(p.y.limits)
@@ -164,6 +165,7 @@ def _plotly_axis(axis: Axis) -> dict[str, Any]:
             "ticktext": [_text(text) for _, text in axis.ticks],
         }
     if axis.names:
+        out["zeroline"] = False  # the first name is no zero
         places: Sequence[int] = range(len(axis.names))
         out |= {"tickvals": list(places), "ticktext": [_text(name) for name in axis.names]}
     return out

@@ -242,8 +242,9 @@ def budget_pictures(budget: Budget) -> list[Picture]:
     ranked = sorted(size, key=lambda source: -size[source])
     named = [s for s in ranked if size[s] >= MIN_SHARE][: len(PALETTE) - 1]
     rates = {s: np.array([one.get(s, 0.0) for one in shares]) for s in named}
-    if len(named) < len(ranked):
-        rates["others"] = 100.0 - np.sum(list(rates.values()), axis=0)
+    others = 100.0 - np.sum(list(rates.values()), axis=0) if rates else np.zeros(0)
+    if np.any(others >= MIN_SHARE):
+        rates["others"] = others
     names = tuple(
         f"{m.name}: U = {number_text(budget.coverage_factor * m.std, 2)} {m.unit}" for m in known
     )

@@ -190,7 +190,7 @@ def estimates_picture(
     ]
     return Picture(
         f"Location errors with U (k = 2), {unit}",
-        Axis("error", unit),
+        Axis("Location error", unit),
         Axis(names=tuple(known)),
         tuple(series),
     )

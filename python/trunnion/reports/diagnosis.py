@@ -29,11 +29,11 @@ from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
-from trunnion.reports.results import figures_table, location_errors
+from trunnion.reports.results import COVERAGE, figures_table, location_errors
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
-from trunnion.reports.verdict import size_of, verdict_of_diagnosis
+from trunnion.reports.verdict import verdict_of_diagnosis
 from trunnion.setup.names import error_label
 
 MARKS = {
@@ -158,7 +158,7 @@ def _causes(d: Diagnosis) -> Table:
     """Each named cause with its size and probability."""
     rows = []
     for c in d.causes:
-        size = size_of(c)
+        size = c.size(COVERAGE)
         share = next((x for x in d.contributions if x.id == c.id), None)
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))

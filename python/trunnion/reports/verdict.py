@@ -11,7 +11,7 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
 from trunnion.base.units import Floats, unit_of, without_unit
-from trunnion.diagnosis.records import Cause, percent, value_in_words, with_unit
+from trunnion.diagnosis.records import percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.structure import Structure
 from trunnion.plot.diagnosis import record_of, root_of
@@ -111,17 +111,6 @@ def _words(parameter: str) -> str:
 
 def _twice(std: float | None) -> float | None:
     return None if std is None else COVERAGE * std
-
-
-def size_of(c: Cause) -> str:
-    """Say the parameters of a cause with U (k = 2); of many their number."""
-    if len(c.parameters) > MAX_PARAMETERS:
-        return f"{len(c.parameters)} parameters"
-    said = []
-    for name, value in c.parameters.items():
-        text = value_in_words(value, _twice(c.std_errors[name]), unit_of(name))
-        said.append(f"{without_unit(name)} = {text}" if len(c.parameters) > 1 else text)
-    return "; ".join(said)
 
 
 def verdict_of_result(result: Result, figures: Sequence[Figure]) -> str:
