@@ -45,11 +45,19 @@ fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000
 bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
+.PHONY: sweep-size
+sweep-size: build  ## what a sweep costs by its size, 10⁴ to 10⁷ samples, ten minutes, into docs/results/sweep-size.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/sweep_size.py --out docs/results/sweep-size.md
+
 .PHONY: power
 power: build  ## how often a diagnosis is right: each rate held, half an hour, and docs/results/power.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -m power
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power --out ../docs/results/power.md
 	cd tests && OMP_NUM_THREADS=1 ../$(BIN)/python -m power.measured_table --runs 60 --out ../docs/results/power-measured.md
+
+.PHONY: collisions
+collisions: build  ## every move of the programs and plans of 800 random machines swept for obstacles, ten minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -s -n 0 -m power tests/test_keeps_clear.py
 
 .PHONY: power-probabilities
 power-probabilities: build  ## are stated probabilities true: 5,100 cases of all kinds, an hour, into docs/results/power-probabilities.md

@@ -4,6 +4,7 @@ Does nothing where ``../shared/measured`` is missing: those files are not part o
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
@@ -14,11 +15,13 @@ import numpy as np
 from matplotlib import pyplot as plt
 
 import trunnion as tn
+from trunnion.plot.points import vector_picture
 
 ROOT = Path(__file__).resolve().parents[1]
 MEASURED = ROOT / ".." / "shared" / "measured"
 FIGURES = ROOT / "docs" / "figures"
 JOINTS = ("j1", "j2", "j5", "j6")
+TIMES = 4000.0  # magnification of the arrows of the plate
 RED, BLUE, GREY = "#c1272d", "#1f5fa8", "#7a7a7a"
 
 
@@ -42,15 +45,13 @@ def plate() -> None:
     where = [(data.nominal_mm, whole), (data.nominal_mm, named), (data.nominal_mm, smooth)]
     where.append((model.features_mm, left))
     titles = ("placement alone", "named causes", "smooth field", "hole by hole, and noise")
-    figure, axes = plt.subplots(1, 4, figsize=(16, 4.2), layout="constrained", sharey=True)
-    for ax, (at, e), title in zip(axes, where, titles, strict=True):
-        arrows = ax.quiver(*at.T, *e.T, color=BLUE, angles="xy", scale=250, width=0.0025)
-        rms = np.sqrt(np.mean(e**2))
-        ax.set_title(f"{title}: {rms:.1f} µm rms")
-        ax.set_aspect("equal")
-        ax.set_xlabel("X, mm")
-    axes[0].set_ylabel("Y, mm")
-    axes[3].quiverkey(arrows, 0.78, 0.06, 20, "20 µm", labelpos="E", coordinates="axes")
+    pictures = []
+    for (at, e), title in zip(where, titles, strict=True):
+        names = [f"{title}: {np.sqrt(np.mean(e**2)):.1f} µm rms a coordinate"]
+        zero = np.zeros(len(at))
+        p = vector_picture(at, e, zero, names, title=names[0], magnification=TIMES, bar_um=20.0)
+        pictures.append(replace(p, note=f"Arrows × {TIMES:,.0f}."))
+    figure = tn.plot.panels(pictures, columns=2, size=(6.6, 5.4), legend=False)
     figure.savefig(FIGURES / "measured_plate.png", dpi=80)
     plt.close(figure)
 
@@ -66,8 +67,8 @@ def order() -> None:
         ax.plot(change[:, i], ".", color=colour, alpha=0.25, markersize=4)
         mean = np.convolve(change[:, i], np.ones(21) / 21, mode="valid")
         ax.plot(np.arange(10, 10 + len(mean)), mean, color=colour, label=f"{name}, mean of 21")
-    ax.set_xlabel("row")
-    ax.set_ylabel("2010 − 2003, µm")
+    ax.set_xlabel("Row")
+    ax.set_ylabel("2010 − 2003 (µm)")
     ax.legend(frameon=False)
     ax.grid(alpha=0.3)
     figure.savefig(FIGURES / "measured_order.png", dpi=80)
@@ -93,9 +94,9 @@ def sweeps() -> None:
                 ax.plot(data.angle_deg[at], y[at], ".-", color=colour, linewidth=0.8, label=label)
             ax.axhline(0, color=GREY, linewidth=0.6)
             if j == 0:
-                ax.set_ylabel(f"{part}, µm")
+                ax.set_ylabel(f"{part} (µm)")
         column[0].set_title(f"{joint.upper()}: {d.verdict}")
-        column[2].set_xlabel("position, deg")
+        column[2].set_xlabel("Position (°)")
     axes[0, 0].legend(frameon=False)
     figure.savefig(FIGURES / "measured_sweeps.png", dpi=80)
     plt.close(figure)

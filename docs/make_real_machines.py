@@ -85,25 +85,13 @@ def said(name: str) -> str:
     lines = [f"- Verdict: **{found.verdict}**. Residual rms {rms}."]
     share = {c.id: c.share for c in found.contributions}
     causes = sorted(found.causes, key=lambda c: -share.get(c.id, 0.0))[:MAX_CAUSES]
-    lines += [f"- {c.label[0].upper() + c.label[1:]} (`{c.id}`){_values(c)}" for c in causes]
+    lines += [f"- {c.label[0].upper() + c.label[1:]} (`{c.id}`): {c.size()}" for c in causes]
     if len(found.causes) > MAX_CAUSES:
         lines.append(f"- and {len(found.causes) - MAX_CAUSES} smaller ones")
     if found.unexplained:
         lines.append(f"- Not explained: {found.unexplained.rstrip('.')}.")
-    return "\n".join([*lines, *(f"- {remark}" for remark in model.remarks)])
-
-
-def _values(c: tn.Cause) -> str:
-    """Return the parameters of a cause where they are few."""
-    if len(c.parameters) > MAX_CAUSES:
-        return f": {len(c.parameters)} parameters"
-    values = (
-        f"{name} = {value:.4g} ± {c.std_errors[name]:.2g}"
-        if np.isfinite(c.std_errors[name])
-        else f"{name} not identifiable"
-        for name, value in c.parameters.items()
-    )
-    return ": " + ", ".join(values)
+    remarks = (*(() if found.reservation is None else (found.reservation,)), *model.remarks)
+    return "\n".join([*lines, *(f"- {remark}" for remark in remarks)])
 
 
 # --- pictures

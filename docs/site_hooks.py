@@ -24,6 +24,7 @@ from trunnion.cli import app
 from trunnion.contouring import LinearAxis, RotaryAxis
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.models.diameters import Conditions
+from trunnion.probing.rotary_readings import RotaryTestSettings
 from trunnion.setup.fields import keys_of
 from trunnion.setup.parts import PARTS, AxisSetup
 
@@ -35,6 +36,7 @@ MORE_TABLES: Mapping[str, tuple[type, str]] = {
     "servo.X": (LinearAxis, "Position loop of a linear axis: `[servo.X]`, `[servo.Y]`, ..."),
     "servo.C": (RotaryAxis, "Position loop of a rotary axis: `[servo.A]`, `[servo.C]`, ..."),
     "ballbar": (BallbarSettings, "Ball-bar tests."),
+    "rotary_test": (RotaryTestSettings, "R-tests and ball-bar tests of rotary axes."),
 }
 
 

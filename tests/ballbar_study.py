@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,14 +29,16 @@ from ballbar_twin import (
 from power import report
 
 Array = NDArray[np.float64]
-HYBRID = (
-    "leg_expansion",
-    "leg_expansion_2",
-    "lost_motion",
-    "screw_cyclic",
-    "gravity",
-    "wrist_squareness",
-)
+# Rms, about, that each cause of its usual size leaves in the readings, µm
+HYBRID_UM = {
+    "leg_expansion": 1.8,
+    "leg_expansion_2": 8.0,
+    "lost_motion": 5.3,
+    "screw_cyclic": 4.8,
+    "gravity": 0.13,
+    "wrist_squareness": 0.17,
+}
+HYBRID = tuple(HYBRID_UM)
 CARTESIAN = (
     "scale",
     "squareness",
@@ -66,13 +68,24 @@ class Outcome:
         return self.hidden in self.named | self.groups
 
 
-def hybrid_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
+def hybrid_case(
+    hidden: str | None, seed: int, sigma_um: float = 0.5
+) -> tuple[tn.Ballbar, str | None]:
     """One set-up of the notes: XY circle and two vertical arcs, both senses, first repeated."""
+    data = hybrid_cases({hidden: 1.0} if hidden else {}, seed, sigma_um)
+    return data, hidden
+
+
+def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) -> tn.Ballbar:
+    """The same with several causes, each of a share of its usual size.
+
+    One centre and a vertical tool see nothing of gravity; where it is hidden five centres and tilts
+    take their place.
+    """
     rng = np.random.default_rng(seed)
     spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
     rec = record(spot, step_deg=4.0)
-    if hidden == "gravity":
-        # One centre and a vertical tool see nothing of it; centres and tilts do.
+    if "gravity" in hidden:
         tilt = np.radians(20)
         ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
         shift = [(0, 0, 0), (150, 0, 0), (-150, 0, 0), (0, -100, 50), (0, 100, -50)]
@@ -92,16 +105,21 @@ def hybrid_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | None]:
         "lost_motion": lambda r, j: -3.0 * way * leg_travel(r),  # noqa: ARG005
         "screw_cyclic": lambda r, j: 2.0 * np.sin(2 * np.pi * j[:, :3] / pitch + phase),  # noqa: ARG005
     }
+
+    def moved(r: Recording, j: Array) -> Array:
+        acting = (share * legs[name](r, j) for name, share in hidden.items() if name in legs)
+        return sum(acting, np.zeros((len(j), 3)))
+
     joints, lengths = hybrid_lengths(
         rec,
         rng,
-        sigma_um=0.5,
+        sigma_um=sigma_um,
         size_um=rng.uniform(5, 50),
-        legs=legs.get(hidden or ""),
-        squareness_arcsec=way * 10.0 if hidden == "wrist_squareness" else 0.0,
-        sag_um=way * 60.0 if hidden == "gravity" else 0.0,
+        legs=moved,
+        squareness_arcsec=10.0 * way * hidden.get("wrist_squareness", 0.0),
+        sag_um=60.0 * way * hidden.get("gravity", 0.0),
     )
-    return _hybrid_table(rec, joints, lengths), hidden
+    return _hybrid_table(rec, joints, lengths)
 
 
 def _hybrid_table(rec: Recording, joints: Array, lengths: Array) -> tn.Ballbar:
@@ -126,7 +144,7 @@ def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | Non
 
 
 def cartesian_cases(
-    hidden: Sequence[str | None], seed: int, share: float = 1.0
+    hidden: Sequence[str | None], seed: int, share: float = 1.0, sigma_um: float = 0.3
 ) -> tuple[tn.Ballbar, list[str | None]]:
     """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
 
@@ -143,7 +161,7 @@ def cartesian_cases(
         change, name = _cartesian_error(one, rec, spot, rng, flat=flat)
         error += share * change
         names.append(name)
-    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: error)
+    lengths = cartesian_lengths(rec, rng, sigma_um=sigma_um, motion=lambda _: error)
     z = {} if flat else {"z_mm": rec.points[:, 2]}
     table = tn.Ballbar(
         setup=rec.setup,

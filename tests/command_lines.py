@@ -42,6 +42,10 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
     part, passed = sample("turning/part.ngc"), folder / "pass.csv"
     z_mm = np.arange(64.5, 16.0, -0.5)
     tn.Diameters(z_mm=z_mm, error_um=0.1 * z_mm).to_csv(passed)
+    sphere = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0)))
+    ball_setup, found = folder / "ball.toml", folder / "ball.csv"
+    ball_setup.write_text(sphere.to_toml())
+    tn.simulate(tn.plan(sphere), sphere, noise_um=0.3, seed=1).to_csv(found)
     return {
         "init": [["init", str(folder / "new")]],
         "samples": [["samples", str(folder / "samples")]],
@@ -64,6 +68,7 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
             ["compensate", str(folder / "errors.json"), SETUP, "-o", str(folder / "table"), "--control", "table"],
         ],
         "correct": [["correct", str(folder / "mill.ngc"), str(folder / "errors.json"), SETUP]],
+        "verify": [["verify", str(found), str(ball_setup)], ["verify", str(found), str(found), str(ball_setup)]],
         "sweep": [["sweep", str(study)], ["sweep", "--parameters", "calibration"]],
         "demo": [["demo"]],
         "schema": [["schema", "diagnose"], ["schema"]],
@@ -82,6 +87,9 @@ def command_lines(folder: Path) -> dict[str, list[list[str]]]:
         "positioning diagnose": [["positioning", "diagnose", stops]],
         "levels results": [["levels", "results", sample("levels/bed.csv")]],
         "levels diagnose": [["levels", "diagnose", sample("levels/bed.csv")]],
+        "rotary-test plan": [["rotary-test", "plan", SETUP, "--ball", "90,20,60", "--tilt", "0,60", "--bar", "0,0,100"]],
+        "rotary-test identify": [["rotary-test", "identify", sample("rotary/rtest.csv"), sample("rotary/setup.toml")]],
+        "rotary-test diagnose": [["rotary-test", "diagnose", sample("rotary/rtest.csv"), sample("rotary/setup.toml")]],
         "hybrid sensitivity": [["hybrid", "sensitivity"]],
         "hybrid cube": [["hybrid", "cube"]],
     }  # fmt: skip

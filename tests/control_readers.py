@@ -227,6 +227,29 @@ def _sag(text: str) -> list[tuple[str, str, Floats, Floats]]:
 # --- Heidenhain
 
 
+def kinematics_steps(text: str) -> list[tuple[str, float]]:
+    """Steps of a kinematics table."""
+    lines = [line for line in text.splitlines() if line[0] != "#"]
+    return [(row["step"].split(None, 1)[1], float(row["new"])) for row in csv.DictReader(lines)]
+
+
+def pose_of(steps: list[tuple[str, float]], chain_sign: int, angles: Mapping[str, float]) -> Floats:
+    """Place of the end of a chain of steps in the frame of its beginning."""
+    place = np.eye(4)
+    for key, value in steps:
+        if key.startswith("axis "):
+            letter = key[5:]
+            step = turn("xyz"["ABC".index(letter)], np.radians(value * angles[letter]))
+        elif key in "XYZ":
+            step = shift(*(value * np.eye(3)["XYZ".index(key)]))
+        else:
+            step = turn("xyz"["ABC".index(key)], np.radians(value))
+        # From the table to the machine an axis undoes what it does from the machine to it.
+        undone = chain_sign < 0 and key.startswith("axis ")
+        place = place @ (np.linalg.inv(step) if undone else step)
+    return np.asarray(place if chain_sign > 0 else np.linalg.inv(place), np.float64)
+
+
 @dataclass
 class Heidenhain:
     """A kinematics table of shifts and turns, *.COM tables that *.CMA assigns."""
@@ -238,8 +261,7 @@ class Heidenhain:
 
     @classmethod
     def read(cls, files: Mapping[str, str], chain_sign: int, com_sign: int) -> Heidenhain:
-        lines = [line for line in files["kinematics.csv"].splitlines() if line[0] != "#"]
-        rows = [(row["step"].split(None, 1)[1], float(row["new"])) for row in csv.DictReader(lines)]
+        rows = kinematics_steps(files["kinematics.csv"])
         tables = []
         if "config.cma" in files:
             head, line = files["config.cma"].splitlines()
@@ -251,20 +273,7 @@ class Heidenhain:
         return cls(rows, tables, chain_sign, com_sign)
 
     def pose(self, a: float, c: float) -> Floats:
-        place = np.eye(4)
-        for key, value in self.steps:
-            if key.startswith("axis "):
-                letter = key[5:]
-                angle = value * {"A": a, "C": c}[letter]
-                step = turn({"A": "x", "C": "z"}[letter], np.radians(angle))
-            elif key in "XYZ":
-                step = shift(*(value * np.eye(3)["XYZ".index(key)]))
-            else:
-                step = turn("xyz"["ABC".index(key)], np.radians(value))
-            # From the table to the machine an axis undoes what it does from the machine to it.
-            undone = self.chain_sign < 0 and key.startswith("axis ")
-            place = place @ (np.linalg.inv(step) if undone else step)
-        return np.asarray(place if self.chain_sign > 0 else np.linalg.inv(place), np.float64)
+        return pose_of(self.steps, self.chain_sign, {"A": a, "C": c})
 
     def motors(self, point: Floats, a: float, c: float, travel: int) -> dict[str, float]:
         x, y, z = (self.pose(a, c) @ np.append(point, 1.0))[:3] + CENTRE

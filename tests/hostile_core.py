@@ -29,6 +29,8 @@ PLACE: dict[str, Any] = {
     "turn_deg": 0.0,
     "stem_diameter_mm": 0.0,
     "base_mm": [0.0, 0.0, 0.0],
+    "clamps_mm": [[40.0, 0.0, 5.0, 5.0, 5.0]],
+    "chuck_mm": [0.0, 0.0],
     "tolerance_mm": 1.0,
     "tolerance_deg": 1.0,
 }

@@ -200,6 +200,8 @@ class Own:
             shape = (len(data) * len(data.components),)
         elif isinstance(data, tn.Sweep):
             shape = (3 * len(data),)
+        elif isinstance(data, tn.RotaryTest):
+            shape = (len(data) * (1 if data.displacement_um is None else 3),)
         elif isinstance(data, tn.AxisLog):
             shape = (len(data), len(data.axes))
         return values["k_um"] * np.ones(shape)

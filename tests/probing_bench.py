@@ -122,7 +122,8 @@ def set_up(rng: np.random.Generator, clearance: float, kind: str, **plan: float)
             positioning_mm_min=2000 * SPEED,
             acceleration_mm_s2=2000 * SPEED**2,
             rotary_acceleration_deg_s2=1500 * SPEED**2,
-            centre_mm=tuple(rng.uniform(-50, 50, 3).tolist()),
+            # As G54 shows it: the set-up says where the work offset is.
+            centre_mm=tuple(rng.uniform(-50, 50, 3).round(4).tolist()),
         ),
     )
 

@@ -6,24 +6,37 @@ For a class of one's own: ``check_result(example)``.
 import copy
 import json
 import pickle
+import tempfile
 from collections.abc import Callable
 from dataclasses import MISSING, fields
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+import xarray as xr
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
+from trunnion.base.units import unit_of
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
-from trunnion.plot.dispatch import PICTURES, pictures
+from trunnion.plot.dispatch import pictures
 from trunnion.plot.picture import Picture
 
 __all__ = ["check_result"]
 
+NOTHING_TO_SEE = {
+    "Alternative": "one probability; the picture of its diagnosis's sets has it beside the others",
+    "ClockOffset": "one number with its uncertainty, a millionth of it",
+    "Crossing": "two numbers; where a level is passed is in the picture of the diameters",
+    "Dataset": "words: where measured data come from",
+    "FailedDiagnosis": "a message",
+    "Recognised": "words: how a file was read",
+}
+"""Class → why it has no picture; every other result and every kind of data has one."""
 MAX_REPR_LINES = 4
 MAX_REPR_CHARACTERS = 600
 
@@ -126,7 +139,7 @@ def _says_something(result: Any) -> None:
 
 
 def _draws(result: Any) -> None:
-    if not any(kind.__name__ in PICTURES for kind in type(result).__mro__):
+    if type(result).__name__ in NOTHING_TO_SEE:
         with pytest.raises(InputError, match="plot: got"):
             result.plot()
         return
@@ -140,6 +153,7 @@ def _is_drawn_for_pages_too(result: Any) -> None:
     """What matplotlib draws is described for pages as well: titles, axes with units, series."""
     if isinstance(result, Diagnosis):
         return  # its report draws more
+    assert bool(pictures(result)) == (type(result).__name__ not in NOTHING_TO_SEE)
     for picture in pictures(result):
         assert isinstance(picture, Picture)
         assert picture.title
@@ -147,6 +161,22 @@ def _is_drawn_for_pages_too(result: Any) -> None:
         figure = picture.figure()
         assert len(figure.data)
         json.loads(figure.to_json())
+
+
+def _is_gridded_with_units(result: Any) -> None:
+    """What is on a grid has named axes of the right length, units, and a file that holds it all."""
+    if result.gridded() is None:
+        with pytest.raises(InputError, match="nothing of it is on a grid"):
+            result.to_xarray()
+        return
+    found = result.to_xarray()
+    assert found.data_vars
+    for name, values in found.variables.items():
+        if (unit := unit_of(str(name))) and values.dtype.kind == "f":
+            assert values.attrs["units"] == unit
+    with tempfile.TemporaryDirectory() as folder:
+        again = xr.load_dataset(result.save(Path(folder) / "a.nc"), engine="scipy")
+    xr.testing.assert_equal(again, found)
 
 
 CHECKS: tuple[Callable[[Any], None], ...] = (
@@ -164,4 +194,5 @@ CHECKS: tuple[Callable[[Any], None], ...] = (
     _says_something,
     _draws,
     _is_drawn_for_pages_too,
+    _is_gridded_with_units,
 )

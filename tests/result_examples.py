@@ -22,6 +22,7 @@ SAMPLES = {
     "ballbar": ("ballbar/circle.csv", None),
     "positioning": ("positioning/axis.csv", None),
     "levels": ("levels/bed.csv", None),
+    "rotarytest": ("rotary/rtest.csv", "rotary/setup.toml"),
     "axislog": ("contour/axislog.csv", "contour/setup.toml"),
 }
 
@@ -215,6 +216,15 @@ def control_files() -> Any:
     return linuxcnc_files(setup, LOCATION_ERRORS)
 
 
+def ball_verification() -> Any:
+    setup = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0)))
+    plan = tn.plan(setup, c_deg=(0, 120, 240), a_deg=(40, -40))
+    before = tn.simulate(plan, setup, errors=LOCATION_ERRORS, noise_um=0.3, seed=1)
+    fit = tn.identify(*cross())
+    after = tn.simulate(plan, setup, noise_um=0.3, seed=2)
+    return tn.verify_ball(after, setup, before=before, estimate=fit, draws=200)
+
+
 def control() -> tn.CncParameters:
     return tn.cnc_parameters(cross_setup(), LOCATION_ERRORS)
 
@@ -309,5 +319,6 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "Structure": lambda: with_structure().structure,
     "Budget": lambda: tn.identify(*cross()).budget(tolerances={"EX0C": 20.0}),
     "Budget by draws": lambda: with_outliers().budget(method="monte-carlo", draws=200),
+    "BallVerification": ball_verification,
     "ResidualInterval": lambda: tn.residual_interval(cross_setup(), tn.identify(*cross())),
 }

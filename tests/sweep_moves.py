@@ -6,8 +6,9 @@ cylinders, and the artefact stands where a draw within its tolerance puts it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -15,11 +16,15 @@ import trunnion as tn
 from trunnion.base.units import Floats
 from trunnion.nc import follow
 from trunnion.probing.program import ProbingProgram
-from twin import forward
+from twin.machines import Layout
 
 STEP_MM = 0.7
 """Between two samples of a move."""
 STEM_STEP_MM = 2.0
+BODY_STEP_MM, BODY_EVERY = 6.0, 4
+"""Along the probe's body, and of which samples of a move: it is wide."""
+FAR_MM = 400.0
+"""How far along the stem a way down is swept: beyond everything on a table."""
 
 
 @dataclass(frozen=True)
@@ -92,14 +97,24 @@ class Scene:
         for centre in self.on_table(np.array(a.centres_mm)) if stem > 0 and a.centres_mm else ():
             out = np.hypot(x - centre[0], y - centre[1]) - stem
             found = np.minimum(found, cylinder(out, z, 0.0, centre[2]))
-        if a.base_mm is not None:
-            x_mm, y_mm, z_mm = a.base_mm
-            local = self._in_artefact(points)
+        if a.chuck_mm is not None:
+            place = self.on_table(np.zeros(3))
+            out = np.hypot(x - place[0], y - place[1]) - a.chuck_mm[0] / 2
+            found = np.minimum(found, cylinder(out, z, 0.0, a.chuck_mm[1]))
+        for middle_x, middle_y, x_mm, y_mm, z_mm in self.boxes:
+            local = self._in_artefact(points) - [middle_x, middle_y, 0.0]
             local[..., 2] = z
             low, high = np.array([-x_mm / 2, -y_mm / 2, 0.0]), np.array([x_mm / 2, y_mm / 2, z_mm])
             nearest = np.clip(local, low, high)
             found = np.minimum(found, np.linalg.norm(local - nearest, axis=-1))
         return found
+
+    @property
+    def boxes(self) -> list[tuple[float, ...]]:
+        """What holds the artefact: X and Y of the middle, lengths along X and Y, height."""
+        a = self.setup.artefact
+        plate = [] if a.base_mm is None else [(0.0, 0.0, *a.base_mm)]
+        return [*plate, *(a.clamps_mm or ())]
 
 
 def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
@@ -110,11 +125,11 @@ def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
 
 @dataclass(frozen=True)
 class Move:
-    """A straight move of the ball's centre in the machine frame, the rotary axes at rest (deg)."""
+    """A straight move of the ball's centre as the control has it, the rotary axes at rest (deg)."""
 
     start: Floats
     end: Floats
-    rotary: Floats
+    rotary: tuple[float, ...]
     is_approach: bool
 
 
@@ -129,7 +144,7 @@ def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
     starts = plan.start_mm
     assert starts is not None
     moves = follow(program.moves)
-    letters = [3 + "abc".index(letter) for letter in plan.rotary_deg]
+    letters = [3 + "abc".index(letter) for letter in sorted(plan.rotary_deg)]
     row, is_back = 0, False
     for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
         if np.any(start[3:] != end[3:]):
@@ -139,24 +154,69 @@ def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
             row < len(plan) and code == 38 and np.abs(start[:3] - starts[row]).max() < 1e-4
         )
         if not is_back:
-            yield Move(start[:3], end[:3], end[letters], bool(is_approach))
+            yield Move(start[:3], end[:3], tuple(end[letters].tolist()), bool(is_approach))
         is_back = bool(is_approach)
         row += is_back
     assert row == len(plan)
 
 
-def twin_of(setup: tn.Setup) -> forward.Setup:
-    """The twin's machine."""
-    points = list(setup.axis_points().values())
-    return forward.Setup(
-        preset=setup.machine.name,
-        sense={letter: axis.sense for letter, axis in setup.axes.items()},
-        probe_length_mm=setup.probe.length_mm,
-        tilt_point_mm=points[0] if points else None,
-    )
+def rotary_of(plan: tn.Touches) -> list[tuple[float, ...]]:
+    """Positions of the rotary axes at each touch, A before B before C."""
+    columns = [plan.rotary_deg[letter] for letter in sorted(plan.rotary_deg)]
+    return [tuple(row) for row in np.reshape(columns, (len(columns), len(plan))).T.tolist()]
 
 
-def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Scene) -> None:
+def approaches_of(plan: tn.Touches, twin: Twin, overtravel_mm: float) -> Iterator[Move]:
+    """Every approach of a plan, and before it the way along the stem from above everything."""
+    starts = plan.start_mm
+    assert starts is not None
+    ends = plan.position_mm + overtravel_mm * plan.direction
+    for start, end, at in zip(starts, ends, rotary_of(plan), strict=True):
+        yield Move(start + FAR_MM * twin.posture(at).stem, start, at, is_approach=False)
+        yield Move(start, end, at, is_approach=True)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """The table's frame in the machine's (its Z square to the top), the stem's direction, and where
+    the ball is from its commanded place."""
+
+    rotation: Floats
+    origin: Floats
+    stem: Floats
+    off: Floats
+
+
+class Twin:
+    """The twin's machine of a set-up, with its known errors."""
+
+    def __init__(self, setup: tn.Setup) -> None:
+        known = setup.description()
+        self._layout = Layout(
+            known.chain,
+            known.directions,
+            known.points_mm,
+            known.table_normal,
+            setup.probe.length_mm,
+        )
+        self._letters = sorted(self._layout.letters)
+        self._sense = [setup.sense(letter) for letter in self._letters]
+        self._errors = setup.machine.errors
+        self.axes = len(self._sense)
+        self.posture = cache(self._posture)
+
+    def _posture(self, rotary_deg: tuple[float, ...]) -> Posture:
+        """The machine with its axes at these positions of the control, A before B before C."""
+        machine = np.radians(rotary_deg) * self._sense
+        angles = dict(zip(self._letters, machine, strict=True))
+        rotation, origin = self._layout.end(False, angles, self._errors)
+        lean, _ = self._layout.seat({}, (0.0, 0.0, 0.0), 0.0)
+        head, ball = self._layout.end(True, angles, self._errors)
+        off = ball - self._layout.end(True, angles, {})[1]
+        return Posture(rotation @ lean, origin, head[:, 2], off)
+
+
+def swept(moves: Iterable[Move], setup: tn.Setup, scene: Scene, twin: Twin) -> None:
     """Sweep every move.
 
     Raises
@@ -166,17 +226,16 @@ def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Sce
         that does not touch.
     """
     probe = setup.probe
-    truth = forward.Truth(errors=setup.machine.errors)
-    moves = list(moves_of(program, plan))
-    first, second = np.array([move.rotary for move in moves]).T
-    poses = forward.table_pose(first, second, twin_of(setup), truth)
-    along = np.arange(0.0, probe.length_mm, STEM_STEP_MM)
-    for move, pose in zip(moves, poses, strict=True):
-        where = f"{move.start.round(2)} to {move.end.round(2)} at {move.rotary.round(2)}"
+    end = probe.stem_length_mm or probe.length_mm
+    along = np.arange(0.0, end, STEM_STEP_MM)
+    body = np.arange(end, probe.length_mm, BODY_STEP_MM)
+    for move in moves:
+        at = twin.posture(move.rotary)
+        where = f"{move.start.round(2)} to {move.end.round(2)} at {np.round(move.rotary, 2)}"
         count = max(2, int(np.ceil(np.linalg.norm(move.end - move.start) / STEP_MM)) + 1)
         ball = move.start + np.linspace(0.0, 1.0, count)[:, None] * (move.end - move.start)
-        stem = ball[:, None] + along[:, None] * [0.0, 0.0, 1.0]
-        stem_table = (stem - pose[:3, 3]) @ pose[:3, :3]
+        stem = ball[:, None] + at.off + along[:, None] * at.stem
+        stem_table = (stem - at.origin) @ at.rotation
         ball_table = stem_table[:, 0]
         gap = scene.artefact(ball_table) - probe.ball_radius_mm
         if move.is_approach:
@@ -188,9 +247,27 @@ def swept(program: ProbingProgram, plan: tn.Touches, setup: tn.Setup, scene: Sce
         assert scene.others(ball_table).min() > probe.ball_radius_mm, f"ball: {where}"
         near = np.minimum(scene.artefact(stem_table), scene.others(stem_table))
         assert near.min() > probe.effective_stem_radius_mm, f"stem: {where}"
+        if probe.body_diameter_mm > 0 and len(body):
+            rim = circles(body, 0.5 * probe.body_diameter_mm, at.stem)
+            around = ball[: len(ball_table) : BODY_EVERY, None] + at.off + rim
+            around = (around - at.origin) @ at.rotation
+            near = np.minimum(scene.artefact(around), scene.others(around))
+            assert near.min() > 0.0, f"body: {where}"
 
 
-def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator) -> float:
+def circles(along: Floats, radius: float, axis: Floats) -> Floats:
+    """Points of a cylinder's mantle and of its front face, (n, 3), from where it begins."""
+    across = np.linalg.svd(axis[None, :])[2][1:]
+    angle = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) @ across
+    mantle = (along[:, None, None] * axis + radius * ring).reshape(-1, 3)
+    front = [along[0] * axis + share * radius * ring for share in (0.3, 0.7)]
+    return np.concatenate([mantle, *front])
+
+
+def highest_when_turning(
+    setup: tn.Setup, scene: Scene, twin: Twin, rng: np.random.Generator
+) -> float:
     """Highest point of artefact, its stem and table over many positions of the axes, mm."""
     a, t = setup.artefact, setup.table
     angle = rng.uniform(0, 2 * np.pi, 200)
@@ -212,9 +289,19 @@ def highest_when_turning(setup: tn.Setup, scene: Scene, rng: np.random.Generator
                 [[i * x, j * y, k] for i in (-1, 1) for j in (-1, 1) for k in (0, 1)]
             )
             points.append(corners * [1.0, 1.0, a.height_mm])
-    everything = np.concatenate([*points[:2], scene.on_table(np.concatenate(points[2:]))])
-    positions = rng.uniform(-180, 180, (500, 2))
-    positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, 2))
-    truth = forward.Truth(errors=setup.machine.errors)
-    poses = forward.table_pose(positions[:, 0], positions[:, 1], twin_of(setup), truth)
-    return float((everything @ poses[:, 2, :3].T + poses[:, 2, 3]).max())
+    held = [scene.on_table(np.concatenate(points[2:]))]
+    for x, y, x_mm, y_mm, z_mm in scene.boxes:
+        ends = [[x + i * x_mm / 2, y + j * y_mm / 2, 0.0] for i in (-1, 1) for j in (-1, 1)]
+        corners = scene.on_table(np.array(ends))
+        corners[:, 2] = z_mm
+        held.append(corners)
+    if a.chuck_mm is not None:
+        out = a.chuck_mm[0] / 2 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        rim = out + scene.on_table(np.zeros(3))
+        rim[:, 2] = a.chuck_mm[1]
+        held.append(rim)
+    everything = np.concatenate([*points[:2], *held])
+    positions = rng.uniform(-180, 180, (500, twin.axes))
+    positions[:50] = rng.choice([-90.0, 0.0, 90.0, 180.0], (50, twin.axes))
+    poses = [twin.posture(tuple(row)) for row in positions.tolist()]
+    return max(float((everything @ at.rotation[2] + at.origin[2]).max()) for at in poses)

@@ -128,3 +128,81 @@ def test_what_contradicts_a_certificate_or_cannot_use_it_is_said() -> None:
         f"{LENGTH} is fitted without the calibration of the artefact length, 0.2: that needs "
         "[probe] repeatability_um.",
     )
+
+
+def named(d: tn.Diagnosis) -> list[str]:
+    return [cause.id for cause in d.causes]
+
+
+def test_a_diagnosis_estimates_a_cause_with_its_certificate() -> None:
+    """C' = C - C e eᵀ C / (u² + eᵀ C e), from the diagnosis without one; as `identify` has it."""
+    made = {"artefact_length": {"dl_um": 3.0}}
+    data = tn.simulate(tn.plan(cross()), cross(), effects=made, noise_um=0.3, seed=1)
+    loose = tn.diagnose(data, cross()).model
+    k, before = loose.names.index(LENGTH), loose.covariance
+    for u in (2.0, 4.0):
+        setup = cross(calibration_um=u)
+        d = tn.diagnose(data, setup)
+        assert named(d) == ["artefact_length"]
+        expected = before - np.outer(before[k], before[k]) / (u**2 + before[k, k])
+        assert d.model.covariance == pytest.approx(expected, rel=1e-6, abs=1e-12)
+        fit = tn.identify(data, setup, ("artefact_length",))
+        found = d.causes[0].parameters["dl_um"]
+        assert found == pytest.approx(fit[LENGTH], abs=0.02 * fit.std_errors[LENGTH])
+        for name, value in fit.errors.items():
+            assert d.model.errors[name] == pytest.approx(value, abs=0.02 * fit.std_errors[name])
+
+
+def test_a_certificate_decides_between_causes_that_readings_do_not_distinguish() -> None:
+    """A sphere that is larger by 6 µm is a ball larger by 3: what is calibrated is not named."""
+    sphere = tn.Artefact(
+        "sphere", diameter_mm=25.0, centre_mm=(60.0, 10.0, 60.0), calibration_um=0.1
+    )
+    known = replace(sphere, temperature_std_k=0.01, calibration_um=0.0)
+    ball = tn.Probe(2.0, repeatability_um=0.3)
+    calibrated = replace(ball, calibration_um=0.1)
+    plan = tn.plan(tn.Setup(known, probe=ball), a_deg=(60, -60), c_deg=range(0, 360, 60))
+    effects = {"artefact_diameter": {"dd_um": 6.0}}
+    data = tn.simulate(plan, tn.Setup(known, probe=ball), effects=effects, noise_um=0.3, seed=3)
+    sets = {
+        name: {cause for one in tn.diagnose(data, setup).alternatives for cause in one}
+        for name, setup in {
+            "nothing": tn.Setup(known, probe=ball),
+            "the ball": tn.Setup(known, probe=calibrated),
+            "the sphere": tn.Setup(replace(sphere, temperature_std_k=0.01), probe=ball),
+        }.items()
+    }
+    assert {"probe_radius", "artefact_diameter"} <= sets["nothing"]
+    assert "artefact_diameter" in sets["the ball"]
+    assert "probe_radius" not in sets["the ball"]
+    assert "probe_radius" in sets["the sphere"]
+    assert "artefact_diameter" not in sets["the sphere"]
+    assert all("artefact_expansion" not in causes for causes in sets.values())
+
+
+def test_a_deviation_within_the_certificate_costs_a_cause_little_and_a_large_one_much() -> None:
+    """-2 ln L grows by v² / (u² + C): its odds fall by exp of half of that."""
+    made = {"artefact_length": {"dl_um": 1.0}}
+    data = tn.simulate(tn.plan(cross()), cross(), effects=made, noise_um=0.3, seed=1)
+
+    def odds(u: float) -> float:
+        d = tn.diagnose(data, cross(calibration_um=u))
+        by_set = {one.causes: one.probability for one in d.evidence}
+        pair = (frozenset({"artefact_length"}), frozenset({"artefact_expansion"}))
+        return by_set.get(pair[0], 0.0) / by_set[pair[1]]
+
+    loose = tn.diagnose(data, cross()).model
+    variance = loose.std_errors[LENGTH] ** 2
+    for u, v in ((0.5, 2.0), (0.7, 4.0)):
+        cost = [loose.effects["artefact_length"]["dl_um"] ** 2 / (s**2 + variance) for s in (u, v)]
+        expected = np.exp(-0.5 * (cost[0] - cost[1]))
+        assert odds(u) / odds(v) == pytest.approx(expected, rel=0.15)
+
+
+def test_a_diagnosis_says_what_contradicts_the_certificate() -> None:
+    tight = cross(calibration_um=1.0, temperature_std_k=0.01)
+    wrong = {"artefact_length": {"dl_um": 8.0}}
+    data = tn.simulate(tn.plan(tight), tight, effects=wrong, noise_um=0.1, seed=1)
+    d = tn.diagnose(data, tight)
+    assert "artefact_length" in named(d)
+    assert "The readings contradict the calibration of the artefact length" in d.summary()

@@ -1,5 +1,6 @@
 """``trunnion compensate`` writes what it says, and the plots draw what they are given."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -157,3 +158,13 @@ def test_what_moves_with_the_linear_axes_is_in_the_map(folder: Path) -> None:
     table = tn.read_error_map(folder / "o" / "error_map.csv")
     found = table.correction_um([[x, 0.0, 0.0] for x in (0.0, 75.0, 150.0)], {})
     np.testing.assert_allclose(found[:, 1], [5.0, 1.25, -10.0], atol=0.15)
+
+
+def test_the_record_lists_the_estimate_with_its_checksum(folder: Path) -> None:
+    data = tn.simulate(tn.plan(SETUP), SETUP, TABLE_2, noise_um=0.3, seed=2)
+    estimate = tn.identify(data, SETUP).to_dict()
+    run(folder, estimate, "--linear-step-mm", "200", "--html", str(folder / "page.html"))
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    for name in ("errors.json", "setup.toml"):
+        digest = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        assert f"{digest}  {folder / name}" in page

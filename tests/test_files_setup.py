@@ -20,6 +20,7 @@ from trunnion.contouring import LinearAxis, Servo
 from trunnion.hybrid import Mechanism
 from trunnion.models.ballbar import BallbarSettings
 from trunnion.models.diameters import Conditions, conditions_of
+from trunnion.probing.rotary_readings import RotaryTestSettings
 from trunnion.setup.fields import keys_of
 from trunnion.setup.parts import PARTS
 
@@ -286,7 +287,8 @@ def test_a_setup_reads_well() -> None:
 
 
 @pytest.mark.parametrize(
-    "part", [*PARTS.values(), tn.AxisSetup, LinearAxis, BallbarSettings, Conditions]
+    "part",
+    [*PARTS.values(), tn.AxisSetup, LinearAxis, BallbarSettings, RotaryTestSettings, Conditions],
 )
 def test_every_key_says_what_it_means(part: type) -> None:
     declared = keys_of(part)
@@ -303,6 +305,8 @@ def test_every_key_says_what_it_means(part: type) -> None:
         ("[turning]\nfeed_mm_rev = 1\n", conditions_of, ":1:1: turning.overhang_mm: missing"),
         ("[turning]\noverhang_mm = 80\nspindle_rpm = 0\n", conditions_of, ":3:15: turning.spindle_rpm: got 0, expected a finite number above 0"),
         ("[ballbar]\ncalibrated = 1\n", BallbarSettings.from_setup, ":2:14: ballbar.calibrated: got 1, expected true or false"),
+        ("[rotary_test]\nballs_mm = [[1, 2]]\n", RotaryTestSettings.from_setup, ":2:13: rotary_test.balls_mm\\[0\\]: got"),
+        ("[rotary_test]\nball_mm = 1\n", RotaryTestSettings.from_setup, ":2:1: rotary_test.ball_mm: unknown key, .*did you mean balls_mm"),
         ("[ballbar]\nwrist = 2\n", BallbarSettings.from_setup, ":2:9: ballbar.wrist: got 2, expected 1 or -1"),
         ("[hybrid]\ne8 = 2\n", Mechanism.from_setup, ":2:1: hybrid.e8: unknown key, .*did you mean e8_mm"),
         ("[hybrid.errors]\ne5_um = nan\n", Mechanism.from_setup, ":2:9: hybrid.errors.e5_um: got nan, expected a finite"),

@@ -10,20 +10,84 @@ import pytest
 
 import trunnion as tn
 import trunnion._core as _core
-from sweep_moves import Draw, Scene, highest_when_turning, swept, twin_of
+from sweep_moves import (
+    Draw,
+    Scene,
+    Twin,
+    approaches_of,
+    highest_when_turning,
+    moves_of,
+    rotary_of,
+    swept,
+)
 from trunnion.machine.chain import Chain, standing_artefact
-from twin import forward
+from trunnion.setup.machines import presets
+from twin.machines import Layout
 
+LENGTH_MM = 150.0
 SPHERE = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(0.0, 0.0, 60.0))
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
 
 
+def random_machine(rng: np.random.Generator) -> tuple[dict[str, Any], dict[str, tn.AxisSetup]]:
+    """A preset, or a chain of at most two rotary axes anywhere, with axes off their usual lines."""
+    if rng.uniform() < 0.6:
+        names = [*presets(), "trt-ca", "trt-bc", "nutating-table", "tt-ab"]
+        named: dict[str, Any] = {"preset": str(rng.choice(names))}
+        oblique = 0.0
+    else:
+        letters = rng.permutation([*"ABC"])[: int(rng.choice([1, 2, 2, 2]))].tolist()
+        linear = rng.permutation([*"XYZ"]).tolist()
+        below, carried = (int(rng.integers(0, len(x) + 1)) for x in (letters, linear))
+        table = [f"{axis}'" for axis in (*letters[:below], *linear[:carried])]
+        named = {"chain": f"[w {' '.join([*table, 'b', *linear[carried:], *letters[below:]])} t]"}
+        named["table_normal"] = (*rng.uniform(-0.2, 0.2, 2), 1.0)
+        oblique = float(rng.choice([0.0, 0.2, 0.6]))
+    axes = {}
+    known = tn.Machine(**named).description()
+    layout = Layout(known.chain, known.directions, known.points_mm, length=LENGTH_MM)
+    for letter in layout.letters:
+        direction, point = layout.line(letter)
+        off = rng.uniform(-60, 60, 3)
+        if letter in layout.side(True)[-1:]:
+            off[2] = 0.0  # the pivot is the probe's length above the ball
+        if letter in layout.side(False)[-1:]:
+            off *= 0.0 if abs(direction @ known.table_normal) > 0.97 else 1.0  # it turns the table
+        line: dict[str, Any] = {"point_mm": tuple(point + off)}
+        if oblique:
+            line["direction"] = tuple(direction + rng.uniform(-oblique, oblique, 3))
+        axes[letter] = tn.AxisSetup(int(rng.choice([-1, 1])), **line)
+    return named, axes
+
+
 def random_setup(rng: np.random.Generator) -> tn.Setup:
     """A machine, an artefact somewhere on its table, a probe and a clearance from 2 mm."""
-    preset = str(rng.choice(["trt-ca", "trt-bc"]))
-    tilting = "A" if preset == "trt-ca" else "B"
-    x, y, z = rng.uniform(-60, 60, 3)
+    named, axes = random_machine(rng)
+    ball = float(rng.uniform(0.5, 3.0))
     clearance = float(rng.uniform(2.0, 8.0))
+    body: dict[str, float] = {}
+    if rng.uniform() < 0.4:
+        body = {"stem_length_mm": float(rng.uniform(30, 100))}
+        body["body_diameter_mm"] = float(rng.uniform(20, 60))
+    stem = float(rng.uniform(0.3, 0.9)) * ball
+    setup = tn.Setup(
+        artefact=random_artefact(rng, clearance),
+        machine=tn.Machine(**named),
+        axes=axes,
+        probe=tn.Probe(ball, length_mm=LENGTH_MM, stem_radius_mm=stem, **body),
+        table=tn.TableSetup(float(rng.uniform(60, 160)), float(rng.uniform(10, 40))),
+        plan=tn.PlanSetup(clearance_mm=clearance, overtravel_mm=clearance + 2.0),
+    )
+    if rng.uniform() < 0.5:
+        return setup
+    sizes = {"um": 900.0, "arcsec": 60.0}
+    units = Chain(setup).location_errors.items()
+    known = {name: float(rng.uniform(-1, 1) * sizes[unit]) for name, unit in units}
+    return replace(setup, machine=replace(setup.machine, errors=known))
+
+
+def random_artefact(rng: np.random.Generator, clearance: float) -> tn.Artefact:
+    """An artefact on the table, known to stand there to within less than the clearance."""
     tolerance = float(rng.uniform(0.0, 0.6) * clearance)
     standing: dict[str, Any] = {
         "place_mm": (*rng.uniform(-40, 40, 2), float(rng.choice([0.0, rng.uniform(0, 30)]))),
@@ -34,6 +98,12 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     kind = str(rng.choice(["cross", "cuboid", "sphere", "spheres", "ring"]))
     if rng.uniform() < 0.2:
         standing["base_mm"] = (*rng.uniform(20, 120, 2), float(rng.uniform(5, 25)))
+    if rng.uniform() < 0.3:
+        jaws = rng.uniform([-90, 55, 15, 8, 10], [90, 75, 60, 25, 45], (2, 5))
+        jaws[1, 1] *= -1.0
+        standing["clamps_mm"] = jaws.tolist()
+    if rng.uniform() < 0.2:
+        standing["chuck_mm"] = (float(rng.uniform(20, 90)), float(rng.uniform(5, 25)))
     size: dict[str, Any]
     if kind == "ring":
         bore = float(rng.uniform(25, 80))
@@ -51,66 +121,81 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     else:
         length, width, height = rng.uniform(80, 160), rng.uniform(20, 60), rng.uniform(20, 60)
         size = {"length_mm": length, "width_mm": width, "height_mm": height}
-    ball = float(rng.uniform(0.5, 3.0))
-    known = {"EZ0A" if tilting == "A" else "EZ0B": float(rng.uniform(-900, 900))}
-    return tn.Setup(
-        artefact=tn.Artefact(kind, **size, **standing),
-        machine=tn.Machine(preset, known if rng.uniform() < 0.5 else {}),
-        axes={tilting: tn.AxisSetup(int(rng.choice([-1, 1])), (x, y, z))},
-        probe=tn.Probe(ball, length_mm=150.0, stem_radius_mm=float(rng.uniform(0.3, 0.9)) * ball),
-        table=tn.TableSetup(float(rng.uniform(60, 160)), float(rng.uniform(10, 40))),
-        plan=tn.PlanSetup(clearance_mm=clearance, overtravel_mm=clearance + 2.0),
-    )
+    return tn.Artefact(kind, **size, **standing)
 
 
 def random_plan(setup: tn.Setup, rng: np.random.Generator) -> tn.Touches | None:
     """A plan of random positions; None where a clearance is refused or nothing can be reached."""
-    letter = next(iter(setup.axes)).lower()
-    tilt = rng.choice([-90.0, -60.0, 35.0, 90.0, rng.uniform(-110, 110)], 2, replace=False)
+    chain = Chain(setup)
+    tilts = rng.choice([-90.0, -60.0, 35.0, 90.0, rng.uniform(-110, 110)], 2, replace=False)
+    angles: dict[str, Any] = {}
+    if chain.turning is not None:
+        angles[f"{chain.turning.lower()}_deg"] = rng.uniform(0, 360, 2).tolist()
+    if chain.tilting is not None:
+        angles[f"{chain.tilting.lower()}_deg"] = (chain.level_deg + tilts).tolist()
+        pair = (chain.level_deg + float(rng.uniform(-100, 100)), float(rng.uniform(0, 360)))
+        angles["positions_deg"] = [pair] if chain.turning else []
     try:
-        return tn.plan(
-            setup,
-            c_deg=rng.uniform(0, 360, 2).tolist(),
-            **{f"{letter}_deg": tilt.tolist()},
-            positions_deg=[(float(rng.uniform(-100, 100)), float(rng.uniform(0, 360)))],
-            all_faces=bool(rng.uniform() < 0.5),
-        )
+        return tn.plan(setup, **angles, all_faces=bool(rng.uniform() < 0.5))
     except tn.TrunnionError as error:
         if not any(word in str(error) for word in ("plan.clearance_mm: got", "no face of the art")):
             raise
     return None
 
 
-def sweep(count: int, seed: int) -> tuple[int, int]:
-    """Sweep the programs of random machines; return how many had one, and their touches."""
-    rng = np.random.default_rng(seed)
-    machines, touches = 0, 0
-    for _ in range(count):
-        setup = random_setup(rng)
-        plan = random_plan(setup, rng)
-        if plan is None:
-            continue
-        program = tn.probing_program(plan, setup)
-        scene = Scene(setup, Draw.within(setup.artefact, rng))
-        swept(program, plan, setup, scene)
-        highest = highest_when_turning(setup, scene, rng)
-        assert highest < program.cycle.swing - setup.probe.ball_radius_mm
-        machines, touches = machines + 1, touches + len(plan)
-    return machines, touches
+def swept_machine(rng: np.random.Generator) -> tuple[str, int]:
+    """Sweep what is planned for a random machine; return its family and how many touches.
+
+    A program of a machine without a rotary head with all its moves; of the others, for which none
+    is made, the approaches and the ways down to them.
+    """
+    setup = random_setup(rng)
+    plan = random_plan(setup, rng)
+    sides = "".join(sorted({side[0] for side in Chain(setup).sides.values()}))
+    family = f"{len(Chain(setup).letters)}{sides}"
+    if plan is None:
+        return family, 0
+    scene, twin = Scene(setup, Draw.within(setup.artefact, rng)), Twin(setup)
+    if "h" in sides:
+        swept(approaches_of(plan, twin, setup.plan.overtravel_mm), setup, scene, twin)
+        return family, len(plan)
+    program = tn.probing_program(plan, setup)
+    swept(moves_of(program, plan), setup, scene, twin)
+    highest = highest_when_turning(setup, scene, twin, rng)
+    assert highest < program.cycle.swing - setup.probe.ball_radius_mm
+    return family, len(plan)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_no_move_of_any_program_enters_an_obstacle(seed: int) -> None:
-    _, touches = sweep(8, seed)
-    assert touches > 50
+def sweep(count: int, seed: int) -> dict[str, list[int]]:
+    """Sweep random machines; return the touches of each with a plan, by family."""
+    found: dict[str, list[int]] = {}
+    for number in range(count):
+        try:
+            family, touches = swept_machine(np.random.default_rng([seed, number]))
+        except (AssertionError, tn.TrunnionError) as error:
+            raise AssertionError(f"machine {number} of seed {seed}: {error}") from error
+        found.setdefault(family, []).extend([touches] if touches else [])
+    return found
+
+
+FAMILIES = {"0", "1h", "1t", "2h", "2t", "2ht"}
+"""How many rotary axes, in head or table."""
+
+
+def test_no_move_of_any_program_enters_an_obstacle() -> None:
+    touches = sweep(40, 0)
+    assert {"2t", "2ht", "2h"} <= set(touches)
+    assert sum(map(sum, touches.values())) > 500
 
 
 @pytest.mark.power
 def test_no_move_on_five_hundred_machines_enters_an_obstacle() -> None:
-    machines, touches = sweep(700, 100)
-    print(f"{machines} machines with a program, {touches} touches")
-    assert machines >= 500
-    assert touches > 20_000
+    touches = sweep(800, 100)
+    machines = {family: len(each) for family, each in sorted(touches.items())}
+    print(f"{machines} machines with a plan, {sum(map(sum, touches.values()))} touches")
+    assert sum(machines.values()) >= 500
+    assert {family for family, number in machines.items() if number >= 5} == FAMILIES
+    assert sum(map(sum, touches.values())) > 15_000
 
 
 def test_a_sphere_is_never_probed_through_its_stem() -> None:
@@ -120,17 +205,13 @@ def test_a_sphere_is_never_probed_through_its_stem() -> None:
     lowest = {}
     for name, setup in (("stem", on_stem), ("bare", bare)):
         plan = tn.plan(setup, a_deg=(90, -90, 60))
-        rotation, shift = _table_poses(plan, setup)
-        centre = np.einsum("nji,nj->ni", rotation, plan.position_mm - shift)
+        twin = Twin(setup)
+        at = [twin.posture(row) for row in rotary_of(plan)]
+        points = zip(plan.position_mm, at, strict=True)
+        centre = np.array([(point - x.origin) @ x.rotation for point, x in points])
         lowest[name] = float((centre - [0.0, 0.0, 60.0])[:, 2].min())
     assert lowest["bare"] == pytest.approx(-15.5, abs=1e-3)
     assert lowest["stem"] > -1.0
-
-
-def _table_poses(plan: tn.Touches, setup: tn.Setup) -> tuple[np.ndarray, np.ndarray]:
-    a, c = (np.asarray(angle) for angle in plan.rotary_deg.values())
-    poses = forward.table_pose(a, c, twin_of(setup), forward.Truth())
-    return poses[:, :3, :3], poses[:, :3, 3]
 
 
 @pytest.mark.parametrize(
@@ -178,9 +259,11 @@ def test_a_sweep_beyond_the_tolerance_finds_the_collision() -> None:
     plan = tn.plan(CROSS)
     program = tn.probing_program(plan, CROSS)
     far = Draw(np.array([6.5, 0.0, 0.0]), 0.0)
+    twin = Twin(CROSS)
     with pytest.raises(AssertionError):
-        swept(program, plan, CROSS, Scene(CROSS, far))
-    swept(program, plan, CROSS, Scene(CROSS, Draw.within(CROSS.artefact, rng)))
+        swept(moves_of(program, plan), CROSS, Scene(CROSS, far), twin)
+    near = Draw.within(CROSS.artefact, rng)
+    swept(moves_of(program, plan), CROSS, Scene(CROSS, near), twin)
 
 
 def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
@@ -206,6 +289,8 @@ def test_a_table_without_size_is_refused_not_a_panic() -> None:
                 ball_radius_mm=1.0,
                 stem_radius_mm=0.5,
                 stem_length_mm=100.0,
+                body_radius_mm=0.0,
+                body_length_mm=0.0,
                 table_radius_mm=radius,
                 table_thickness_mm=thickness,
                 clearance_mm=5.0,

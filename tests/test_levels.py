@@ -1,5 +1,6 @@
 """Levels: straightness, twist and flatness from slopes, and what is behind them."""
 
+import tracemalloc
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
@@ -285,3 +286,42 @@ def test_the_granite_plate() -> None:
     assert cause.parameters["along_um_m"] == pytest.approx(by_hand, abs=0.5)
     assert "instrument_zero" in tn.diagnose(one).not_identifiable
     assert one.flatness().flatness_um == pytest.approx(both.flatness().flatness_um, rel=0.1)
+
+
+@pytest.mark.parametrize("both_ways", [False, True])
+def test_slopes_are_those_of_least_squares(both_ways: bool) -> None:
+    rng = np.random.default_rng(3)
+    at = rng.integers(0, 12, 60) * 50.0
+    sense = np.where(rng.random(60) < 0.5, 1.0, -1.0) if both_ways else np.ones(60)
+    y = rng.standard_normal(60)
+    turn = np.where(sense > 0, 0.0, 180.0)
+    found = tn.Levels(position_mm=at, along_um_m=y, turn_deg=turn).slopes("along")
+    places, index = np.unique(at, return_inverse=True)
+    design = np.zeros((60, len(places) + both_ways))
+    design[np.arange(60), index] = sense
+    if both_ways:
+        design[:, -1] = 1.0
+    cofactor = np.linalg.inv(design.T @ design)
+    values = cofactor @ (design.T @ y)
+    m = len(places)
+    np.testing.assert_allclose(found.values, values[:m], atol=1e-12)
+    np.testing.assert_allclose(found.cofactor, cofactor[:m, :m], atol=1e-12)
+    np.testing.assert_allclose(found.rss, np.sum((y - design @ values) ** 2), rtol=1e-10)
+    assert found.free == 60 - design.shape[1]
+    assert (found.zero is None) == (not both_ways)
+    by = rng.standard_normal(m)
+    np.testing.assert_allclose(found.variance(by), by @ cofactor[:m, :m] @ by, rtol=1e-10)
+
+
+def test_memory_is_linear_in_places() -> None:
+    peaks = []
+    for n in (1000, 3000):
+        at = np.tile(10.0 * np.arange(n), 2)
+        turn = np.repeat([0.0, 180.0], n)
+        y = 30.0 * np.where(turn == 0, 1.0, -1.0) + np.random.default_rng(n).standard_normal(2 * n)
+        data = tn.Levels(position_mm=at, across_um_m=y, turn_deg=turn)
+        tracemalloc.start()
+        tn.diagnose(data)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 4 * peaks[0]

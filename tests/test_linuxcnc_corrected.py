@@ -1,7 +1,7 @@
 """Corrections in the real LinuxCNC: what its joints do on a machine with errors."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 import trunnion as tn
 from controller import Bench, compiled, needs_linuxcnc, run
+from corrected_bench import motion_us
 from probing_bench import ERRORS, SPEED, Hidden, hidden, run_program
 from reference_trt_ca import TABLE_2, Floats, table_pose
 from trunnion.cli import app
@@ -107,6 +108,17 @@ def test_stock_kinematics_leave_what_is_forecast(tmp_path: Path) -> None:
     assert largest(before) <= files.before_um + 0.02
     assert largest(after) <= files.after_um + 0.02
     assert largest(after) > 0.5 * files.after_um
+
+
+def test_the_time_of_a_servo_cycle_is_recorded(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """Of LinuxCNC's motion controller, with the component and with trivkins: no limit is tested."""
+    found = motion_us(tmp_path)
+    for name, (median, longest) in found.items():
+        record_property(name, f"median {median:.2f} µs, longest {longest:.0f} µs")
+        assert 0 < median <= longest
+    print(found)
 
 
 def _pins(centre: Mapping[str, float]) -> str:

@@ -290,3 +290,14 @@ def test_nothing_is_left_after_exact_compensation(machine: str | int) -> None:
     after = tn.volumetric_error(setup, errors, **angles, compensation=made, points=(3, 3, 3))
     assert before.max_um > 1.0 or not errors
     assert after.max_um < 1e-9
+
+
+def test_which_errors_are_redundant_follows_from_the_directions_in_the_set_up() -> None:
+    """With these oblique axes EB0A is the zero position of C that carries A, and EC0A is not."""
+    lean = {"A": (0.55, 0.59, 0.39), "C": (0.56, -0.27, 0.52)}
+    axes = {letter: tn.AxisSetup(direction=direction) for letter, direction in lean.items()}
+    machine = tn.Machine(chain="[w A' C' b X Y Z t]", errors={"EC0A": 5.0})
+    setup = tn.Setup(tn.Artefact("none"), machine=machine, axes=axes)
+    assert Chain(setup).named_errors(None)["EC0A"] == 5.0
+    with pytest.raises(tn.UnknownNameError, match=r"EC0A.* redundant: "):
+        tn.Setup(tn.Artefact("none"), machine=machine)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import html
 import re
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,12 @@ from result_examples import EXAMPLES, cross, diagnosis_of
 from trunnion.base.report import Result
 from trunnion.cli import app
 from trunnion.diagnosis.model import Covariate
-from trunnion.plot.coordinates import Weight, coordinate_of
+from trunnion.plot.coordinates import Coordinate, Weight, coordinate_of
 from trunnion.plot.diagnosis import Explained, cause_picture, diagnostics
-from trunnion.plot.picture import Form
+from trunnion.plot.picture import Axis, Form, Picture, band
 from trunnion.plot.statistics import order_picture
 from trunnion.reports.hover import hovered
+from trunnion.reports.space import RESIDUALS
 from trunnion.setup.names import error_label
 
 MAX_BYTES = 3_000_000
@@ -76,6 +78,29 @@ def test_old_values_tolerances_and_decisions(tmp_path: Path) -> None:
     assert rows["offset of the C axis along Y (EY0C)"][-1] == "undecided"
     assert "A tolerance is exceeded." in page
     assert 'class="verdict bad"' in page
+
+
+def verdict_on(page: Path) -> str:
+    found = re.search('<p class="verdict[^>]*>(.*?)</p>', page.read_text(encoding="utf-8"), re.S)
+    assert found is not None
+    return html.unescape(re.sub("<.*?>", "", found[1]))
+
+
+def test_the_first_sentence_says_how_large_and_how_sure(tmp_path: Path) -> None:
+    effects = {"c_positioning_2": {"a2_arcsec": 3.0, "b2_arcsec": 4.0}}
+    d = tn.diagnose(simulated(effects, c_deg=tuple(range(0, 360, 30))), cross()[1])
+    said = verdict_on(d.to_html(tmp_path / "r.html"))
+    size = re.search(r"twice a turn, amplitude ([\d.]+) ± ([\d.]+) arcsec \(> 99 %\)", said)
+    assert size is not None, said
+    assert float(size[1]) == pytest.approx(5.0, abs=3 * float(size[2]))
+    # U of the amplitude by the law of propagation, from the covariance of the model
+    a, b = d.causes[0].parameters.values()
+    at = [d.model.names.index(f"c_positioning_2.{n}") for n in d.causes[0].parameters]
+    gradient = np.array([a, b]) / np.hypot(a, b)
+    variance = gradient @ d.model.covariance[np.ix_(at, at)] @ gradient
+    assert float(size[2]) == pytest.approx(2 * np.sqrt(variance), rel=0.06)
+    fine = tn.diagnose(simulated({}), cross()[1])
+    assert re.search(r"\d ± [\d.]+ µm \(k = 2\)", verdict_on(fine.to_html(tmp_path / "r.html")))
 
 
 def test_names_of_errors_in_words() -> None:
@@ -163,6 +188,37 @@ def test_a_cause_is_drawn_over_what_it_depends_on(
         assert abs(slope) == pytest.approx(60.0, abs=5.0)
 
 
+def test_a_step_that_is_not_quite_one_of_the_quantity_is_drawn_as_a_step() -> None:
+    rng = np.random.default_rng(5)
+    speed = np.sort(rng.uniform(-10, 10, 200))
+    change = np.where(speed < 0, 2.0, -2.0)
+    just = np.flatnonzero(np.abs(speed) < 0.6)[::2]
+    change[just] *= 0.5  # what follows a reversal still has the sign of before
+    v = Covariate("speed", speed, "mm/s")
+    made = Coordinate(v, Weight("reading", "µm", np.ones(200)), None, (), 1.0)
+    ((_, x, y),) = made.curve(change[:, None], speed < 99)
+    assert np.all(np.diff(x) > 0)
+    assert np.all(np.diff(y[:, 0]) <= 0)
+    np.testing.assert_allclose(y[np.abs(x) > 1, 0], -2 * np.sign(x[np.abs(x) > 1]))
+    wave = np.cos(2 * np.pi * speed * 1.3)
+    ((_, x, y),) = made.curve(wave[:, None], speed < 99)
+    np.testing.assert_allclose(y[:, 0], np.cos(2 * np.pi * x * 1.3))  # no step: as it is
+
+
+def test_a_curve_and_its_band_are_broken_where_nothing_was_read() -> None:
+    time = np.concatenate([np.arange(40.0), 200.0 + np.arange(40.0)])
+    wave = np.sin(time**2)  # no law that is known
+    v = Covariate("time", time, "s")
+    made = Coordinate(v, Weight("reading", "µm", np.ones(80)), None, (), 1.0)
+    ((_, x, y),) = made.curve(wave[:, None], time >= 0)
+    assert np.flatnonzero(np.isnan(y[:, 0])).tolist() == [40]
+    np.testing.assert_allclose(y[~np.isnan(y[:, 0]), 0], wave)
+    drawn = Picture("t", Axis("x"), Axis("y"), (band(x, y[:, 0] - 1, y[:, 0] + 1),)).to_plotly()
+    assert drawn["data"][0]["x"].count(None) == 1
+    first = drawn["data"][0]["x"][: drawn["data"][0]["x"].index(None)]
+    np.testing.assert_allclose(first, [*np.arange(40.0), *np.arange(40.0)[::-1]])
+
+
 def test_the_band_is_the_uncertainty_of_the_curve() -> None:
     d = tn.diagnose(simulated({"drift_z": {"rate_um_h": 60.0}}), cross()[1])
     band = next(s for s in cause_picture(d, "drift_z").series if s.form is Form.BAND)
@@ -214,8 +270,9 @@ def test_a_page_of_500_touches_is_small(tmp_path: Path) -> None:
     data = data[np.arange(len(data)) < 500] if len(data) > 500 else data
     d = tn.diagnose(data, cross()[1])
     assert len(d.causes) >= 2
-    size = d.to_html(tmp_path / "r.html").stat().st_size - len(get_plotlyjs().encode())
-    assert size < MAX_BYTES
+    page = d.to_html(tmp_path / "r.html")
+    assert page.stat().st_size - len(get_plotlyjs().encode()) < MAX_BYTES
+    assert RESIDUALS in page.read_text(encoding="utf-8")  # with the view in space
 
 
 def test_a_log_of_25000_rows_is_thinned_and_says_so() -> None:

@@ -109,11 +109,13 @@ def measured(
     warm: bool = False,
     share: float = 1.0,
     unknown: bool = False,
+    exact: bool = False,
 ) -> tuple[Diameters, Setup]:
     """Measured passes with these causes: the second with reversed feed, the third deeper.
 
     ``warm``: one more, like the first, right behind four of its kind. ``share``: of the usual size
-    of the causes. ``unknown``: with an error that is no cause of the catalogue.
+    of the causes. ``unknown``: with an error that is no cause of the catalogue. ``exact``: neither
+    noise nor the steps of a gauge.
     """
     rng = np.random.default_rng(seed)
     overhang = float(rng.uniform(55, 120))
@@ -130,7 +132,7 @@ def measured(
             (law(one, overhang) for law in laws), np.zeros(count)
         )
         # The gauge: half a micrometre of the stylus is a micrometre of the diameter.
-        read = np.round(error + rng.normal(0, noise, count))
+        read = error if exact else np.round(error + rng.normal(0, noise, count))
         for name, values in {
             "z_mm": one.z,
             "error_um": read,

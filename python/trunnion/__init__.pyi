@@ -30,6 +30,7 @@ from .compensation import printed_zeros as printed_zeros
 from .compensation import read_error_map as read_error_map
 from .compensation import remeasure as remeasure
 from .compensation import residual_interval as residual_interval
+from .compensation import verify_ball as verify_ball
 from .compensation import volumetric_budget as volumetric_budget
 from .compensation import volumetric_error as volumetric_error
 from .data.axis_log import AxisLog as AxisLog
@@ -118,6 +119,7 @@ from .probing.length import smallest_length_mm as smallest_length_mm
 from .probing.notes import plan_notes as plan_notes
 from .probing.observability import Observability as Observability
 from .probing.observability import observability as observability
+from .probing.on_table import read_table_log as read_table_log
 from .probing.plan import plan as plan
 from .probing.program import ProbingProgram as ProbingProgram
 from .probing.program import probing_program as probing_program

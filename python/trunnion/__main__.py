@@ -1,6 +1,11 @@
 """``python -m trunnion`` and ``trunnion``."""
 
+import atexit
+import contextlib
+import os
 import sys
+
+INTERRUPTED = 130
 
 
 def main() -> None:
@@ -13,8 +18,27 @@ def main() -> None:
 
         app(prog_name="trunnion")
     except KeyboardInterrupt:  # while modules are imported
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
+
+
+def run() -> None:
+    """Run the command line as a process of its own.
+
+    After Ctrl-C it ends without taking down every module, which takes longer than all else.
+    """
+    try:
+        main()
+    except SystemExit as end:
+        if end.code != INTERRUPTED:
+            raise
+    else:
+        return
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):  # a closed pipe
+            stream.flush()
+    os._exit(INTERRUPTED)
 
 
 if __name__ == "__main__":
-    main()
+    run()

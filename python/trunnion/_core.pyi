@@ -72,6 +72,8 @@ class Artefact:
         turn_deg: float,
         stem_diameter_mm: float,
         base_mm: Sequence[float],
+        clamps_mm: Sequence[Sequence[float]],
+        chuck_mm: Sequence[float],
         tolerance_mm: float,
         tolerance_deg: float,
     ) -> Artefact: ...
@@ -139,6 +141,8 @@ class Arrangement:
         ball_radius_mm: float,
         stem_radius_mm: float,
         stem_length_mm: float,
+        body_radius_mm: float,
+        body_length_mm: float,
         table_radius_mm: float,
         table_thickness_mm: float,
         clearance_mm: float,

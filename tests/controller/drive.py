@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 
 import hal  # type: ignore[import-not-found]
 import linuxcnc  # type: ignore[import-not-found]
@@ -33,6 +34,7 @@ class Bench:
 
     def __init__(self, seconds: float) -> None:
         self.end = time.monotonic() + seconds
+        self.clocks: list[int] = []
         self.hal = hal.component("drive")
         self.hal.ready()
         self.command = linuxcnc.command()
@@ -42,6 +44,7 @@ class Bench:
     def wait(self, what: str, ready: Callable[[], bool]) -> None:
         while True:
             self.stat.poll()
+            self.clocks.append(hal.get_value("motion-controller.time"))
             if ready():
                 return
             if time.monotonic() > self.end:
@@ -75,6 +78,8 @@ class Bench:
         started, before = time.monotonic(), hal.get_value("probebench.seconds")
         travelled = hal.get_value("probebench.travelled")
         said, pauses = [], []
+        self.clocks.clear()
+        hal.set_p("motion-controller.tmax", "0")
         if "mdi" in step:
             self.command.mode(linuxcnc.MODE_MDI)
             self.command.wait_complete()
@@ -104,6 +109,8 @@ class Bench:
             self.wait(step["program"], ready)
         said += self.messages()
         report = {pin: hal.get_value(f"probebench.{pin}") for pin in PINS}
+        # Of the servo cycles looked at, and the longest of all, in clocks of the processor.
+        report["clocks"] = [median(self.clocks), hal.get_value("motion-controller.tmax")]
         report["joints"] = [round(v, 6) for v in self.stat.joint_position[:5]]
         report |= {key: step[key] for key in ("mdi", "program") if key in step}
         report["travel"] = hal.get_value("probebench.travelled") - travelled

@@ -182,7 +182,11 @@ def make_sweep(
     noise_um: float = 1.0,
     heavy: bool = False,
 ) -> Made:
-    """Turn targets about an axis; each hidden effect moves them by ``size`` noises rms."""
+    """Turn targets about an axis; each hidden effect moves them by ``size`` noises rms.
+
+    Tilts are about the height 0; where there is one target, it is there: about another height a
+    tilt moves it like a radial error motion, too.
+    """
     rng = np.random.default_rng([seed, 23])
     start = rng.uniform(-180, 0)
     angle = np.round(start + np.arange(0, range_deg - 1e-9, step_deg), 4)
@@ -190,7 +194,7 @@ def make_sweep(
     origin = rng.uniform(-500, 500, 3)
     radius = rng.uniform(*radius_mm, size=targets)
     phase = rng.uniform(0, 2 * np.pi, targets)
-    height = rng.uniform(-80, 80, targets)
+    height = rng.uniform(-80, 80, targets) * (targets > 1)
     theta, target = np.tile(angle, targets), np.repeat(np.arange(targets), len(angle))
     time = np.linspace(0.0, 20.0 * (len(theta) - 1), len(theta))
     v = np.column_stack([radius * np.cos(phase), radius * np.sin(phase), height])[target]

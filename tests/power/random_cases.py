@@ -87,9 +87,9 @@ def points(rng: Rng, number: int) -> Drawn:
 
 
 def sweep(rng: Rng, number: int) -> Drawn:
-    """Three targets on a turning axis, or one."""
-    hidden = _some(rng, SWEEP_EFFECTS)
+    """Three targets on a turning axis, or one, which sees no axial motion once a turn."""
     one = {"targets": 1, "step_deg": 5.0} if rng.random() < 0.4 else {}
+    hidden = _some(rng, tuple(n for n in SWEEP_EFFECTS if not (one and n == "axial_1")))
     made = make_sweep(900_000 + number, hidden, size(rng, 0.7, 7.0), **one).columns  # type: ignore[arg-type]
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # a sharp dip at one position
@@ -123,10 +123,11 @@ def ballbar(rng: Rng, number: int) -> Drawn:
 
 
 def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
-    """Circle tests of a hybrid machine, one cause or none."""
-    hidden = None if rng.random() < 0.3 else str(rng.choice(ballbar_study.HYBRID))
-    data, _ = ballbar_study.hybrid_case(hidden, 900_000 + number)
-    return Drawn(data, None, frozenset([hidden] if hidden else []), unknown=False)
+    """Circle tests of a hybrid machine; nothing unknown."""
+    hidden = _some(rng, ballbar_study.HYBRID)
+    shares = {name: size(rng, 0.1, 1.0) / ballbar_study.HYBRID_UM[name] for name in hidden}
+    data = ballbar_study.hybrid_cases(shares, 900_000 + number)
+    return Drawn(data, None, frozenset(hidden), unknown=False)
 
 
 def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001

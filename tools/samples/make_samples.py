@@ -7,7 +7,7 @@ import numpy as np
 import trunnion as tn
 from trunnion.samples.truth import HIDDEN_EFFECTS, OTHER_ERRORS, TABLE_2
 
-__all__ = ["make_cross", "make_hidden"]
+__all__ = ["make_cross", "make_hidden", "make_rotary"]
 
 SETUP = """\
 # A tilting rotary table with the cross-shaped artefact of Kang, Kim and Jee (2022).
@@ -72,7 +72,28 @@ def make_hidden(folder: Path) -> None:
     )
 
 
+def make_rotary(folder: Path) -> None:
+    """Write an R-test of the machine of ``hidden``, and the set-up of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = SETUP + "\n[rotary_test]\nballs_mm = [[90.0, 20.0, 60.0]]\n"
+    (folder / "setup.toml").write_text(text, encoding="utf-8")
+    setup, ball = tn.read_setup(folder / "setup.toml"), (90.0, 20.0, 60.0)
+    tilts, turns = np.meshgrid([0, 30, 60, 90, -30, -60, -90], np.arange(0, 360, 15), indexing="ij")
+    plan = tn.plan_rotary_test(setup, ball, {"A": tilts.ravel(), "C": turns.ravel()})
+    effects = {"c_positioning_2": HIDDEN_EFFECTS["c_positioning_2"]}
+    off = (ball[0] + 0.08, ball[1] - 0.05, ball[2] + 0.03)
+    made = tn.simulate_rotary_test(
+        plan, setup, off, OTHER_ERRORS, effects=effects, noise_um=0.5, seed=6
+    )
+    rounded = {name: np.round(np.asarray(made[name]), 1) for name in ("dx_um", "dy_um", "dz_um")}
+    places = {name: np.round(np.asarray(made[name]), 6) for name in ("x_mm", "y_mm", "z_mm")}
+    made.with_columns(**rounded, **places, time_s=3.0 * np.arange(len(made))).to_csv(
+        folder / "rtest.csv"
+    )
+
+
 if __name__ == "__main__":
     SAMPLES = Path(__file__).parents[2] / "python" / "trunnion" / "samples"
     make_cross(SAMPLES / "cross")
     make_hidden(SAMPLES / "hidden")
+    make_rotary(SAMPLES / "rotary")

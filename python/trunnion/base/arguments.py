@@ -225,6 +225,8 @@ def _refused(what: str, value: Any, expected: str) -> Any:
 def _instance(what: str, value: Any, *, kind: type) -> Any:
     if isinstance(value, kind):
         return value
+    if hasattr(kind, "of_columns"):  # a table of data: a DataFrame, a Dataset or a dict is one, too
+        return kind.of_columns(value, what)
     article = "an" if kind.__name__[0] in "AEIO" else "a"
     return _refused(what, value, f"{article} {kind.__name__}")
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 C = TypeVar("C")
 
+SHOWN = 1e-3
+"""µm and arcsec: less is no number for people."""
 MAX_NAME_WIDTH = 44  # of a first column that does not wrap
 
 Cell: TypeAlias = str | float | int | bool | None
@@ -45,6 +47,11 @@ def number(value: float | None, digits: int = 4) -> str:
         return "not identifiable"
     text = f"{value:.{digits}f}"
     return text.replace("-", "−") if float(text) != 0 else f"{0:.{digits}f}"
+
+
+def left_text(size: float) -> str:
+    """Return an error that is left, µm or arcsec, as text: rounding of the computer is none."""
+    return f"less than {SHOWN:g}" if size < SHOWN else f"{size:.3g}"
 
 
 class Shown(float):
@@ -361,7 +368,8 @@ class Result(Saved):
             Of the page.
         data, setup
             What the result was made of, for the record at its end (machine, operator, date, files
-            with checksums) and the old values; by default what the result holds itself.
+            with checksums) and the old values; by default what the result holds itself. Paths
+            among `data` are of other files it was made of: an estimate, a part program.
         tolerance
             Largest size allowed, by name, for pass, fail or undecided (ISO 14253-1); by default
             the set-up's ``[machine.tolerance]``.

@@ -74,6 +74,9 @@ def plan(
     feeds: Annotated[str, typer.Option(help="feeds of the approaches, mm/min")] = "600",
     both_senses: Annotated[bool, typer.Option(help="approach positions from both senses")] = False,
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
+    every_pose: Annotated[
+        bool, typer.Option(help="every position of --tilt at every one of --c")
+    ] = False,
     for_: Annotated[
         str,
         typer.Option("--for", help="location errors to identify, EA0A,EB0C; chooses the angles"),
@@ -101,8 +104,10 @@ def plan(
             feed_mm_min=feed,
         )
     else:
+        turns, tilts = (angles[x] if x else [] for x in (chain.turning, chain.tilting))
         planned = tn.plan(
             made,
+            positions_deg=[(t, c) for t in tilts for c in turns if c] if every_pose else (),
             feeds_mm_min=numbers("--feeds", feeds),
             both_senses=both_senses,
             repeats=repeats,

@@ -127,7 +127,8 @@ def compensate(
         check_outputs(*(output / name for name in made.files))
         output.mkdir(parents=True, exist_ok=True)
         said = [save(output / name, _text(t)) for name, t in made.files.items()]
-        return Answer.of(made, *said, *_report(html, made, setup))
+        inputs = [estimates[0], *(present or ())]
+        return Answer.of(made, *said, *_report(html, made, setup, inputs))
     known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
         setup, known, **_ends(setup), linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
@@ -136,16 +137,21 @@ def compensate(
     more = (
         []
         if html is None
-        else _report(html, tn.cnc_parameters(setup, dataclasses.replace(known, own=())), setup)
+        else _report(
+            html,
+            tn.cnc_parameters(setup, dataclasses.replace(known, own=())),
+            setup,
+            estimates[:1],
+        )
     )
     return Answer(answer.values, (*answer.shown, *more))
 
 
-def _report(html: Path | None, result: Result, setup: Setup) -> list[str]:
-    """Write the report of a compensation where one is wanted."""
+def _report(html: Path | None, result: Result, setup: Setup, inputs: list[Path]) -> list[str]:
+    """Write the report of a compensation where one is wanted; inputs: files it was made of."""
     if html is None:
         return []
-    return [save(html, functools.partial(result.to_html, setup=setup))]
+    return [save(html, functools.partial(result.to_html, data=inputs, setup=setup))]
 
 
 def _general(
@@ -322,30 +328,24 @@ def _picture(
     over: dict[str, VolumetricError],
     path: Path,
 ) -> None:
-    """Sections at zero and the largest error over the poses, before and after, one scale.
+    """Sections at zero and the largest error over the poses, before and after, each on its scale.
 
     Poses are drawn for two rotary axes.
     """
     from matplotlib.figure import Figure
 
     shown = {"nothing compensated": None, "error map": table, "CNC parameters": parameters}
-    top = max(value.max_um for value in over.values())
-    scale = (0.01, top) if top > 0.01 else None
-    count = 2 if all(field.max_by_pose_um.ndim == 2 for field in over.values()) else 1
-    figure = Figure(figsize=(13.0, 3.5 * count), layout="constrained")
-    panels = figure.subplots(count, 3, squeeze=False)
-    for column, (name, kind) in enumerate(shown.items()):
+    pictures = []
+    for name, kind in shown.items():
         section = tn.volumetric_error(setup, known, compensation=kind)
-        tn.plot.plot_volumetric(
-            section, plane="xz", at_mm=0.0, scale_um=scale, colorbar=False, ax=panels[0, column]
-        )
-        upper = panels[0, column]
-        upper.set_title(f"{name}, all axes at zero\n{upper.get_title()}", fontsize="medium")
-        if count == 1:
-            continue
-        tn.plot.plot_over_poses(over[name], scale_um=scale, colorbar=False, ax=panels[1, column])
-        lower = panels[1, column]
-        lower.set_title(f"{name}, over the range\n{lower.get_title()}", fontsize="medium")
-    image = panels[0, 0].collections[0]
-    figure.colorbar(image, ax=panels, label="error (µm)", shrink=0.7)
+        p = tn.plot.volumetric_picture(section, plane="xz", at_mm=0.0)
+        title = f"{name}, axes at zero, y = 0; in the box up to {section.max_um:.3g} µm"
+        pictures.append(dataclasses.replace(p, title=title))
+    if all(field.max_by_pose_um.ndim == 2 for field in over.values()):
+        for name in shown:
+            p = tn.plot.poses_picture(over[name])
+            title = f"{name}, over the range: largest {over[name].max_um:.3g} µm"
+            pictures.append(dataclasses.replace(p, title=title))
+    figure = Figure(figsize=(16.0, 3.6 * len(pictures) / 3), layout="constrained")
+    tn.plot.panels(pictures, columns=3, figure=figure)
     figure.savefig(path, dpi=120)

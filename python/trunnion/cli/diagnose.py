@@ -83,6 +83,7 @@ def diagnose(
         int,
         typer.Option(
             "--next",
+            min=0,
             help="plan this many touches that discriminate the alternatives; rank further tests",
         ),
     ] = 0,

@@ -65,6 +65,9 @@ def program(
     corrected: Annotated[
         bool, typer.Option(help="measure with the corrections on (M430): what they leave")
     ] = False,
+    tcp: Annotated[
+        bool, typer.Option("--tcp", help="touch with tool centre point control on (M428)")
+    ] = False,
 ) -> Answer:
     """Write the LinuxCNC program that measures a plan."""
     plans, file = one_set_up(files, (1, 1), "plans")
@@ -77,6 +80,7 @@ def program(
         dry_run=dry_run,
         feed_mm_min=feed,
         corrected=corrected,
+        tcp=tcp,
     )
     if output is None:
         return Answer(_values(made), (made.text().rstrip("\n"),))
@@ -107,6 +111,10 @@ def _said(made: ProbingProgram) -> str:
 
 def read_log(log: Path, plan: Touches, setup: Setup | None) -> Touches:
     """Read the log of a plan's program; with a set-up, at the times of that program."""
+    from trunnion.probing.on_table import is_table_log
+
+    if setup is not None and is_table_log(log, plan, setup):
+        return tn.read_table_log(log, plan, setup)
     if setup is not None and plan.feed_mm_min is not None:
         # No program for this machine, or the set-up has changed since: the plan's own times.
         with contextlib.suppress(tn.InputError, tn.DataError):

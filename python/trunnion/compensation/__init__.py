@@ -5,7 +5,8 @@
 - `maps`: corrections as a table, computed, written, read;
 - `parameters`: zeros and centres of the axes, the paper's equations (22) to (24);
 - `uncertainty`: what an uncertain identification will leave;
-- `measuring`: a measurement of the compensated machine.
+- `measuring`: a measurement of the compensated machine;
+- `verification`: a ball on the table, found at every posture before and after.
 """
 
 from trunnion.compensation.control import AxisCommands as AxisCommands
@@ -27,6 +28,8 @@ from trunnion.compensation.parameters import printed_zeros as printed_zeros
 from trunnion.compensation.uncertainty import ResidualInterval as ResidualInterval
 from trunnion.compensation.uncertainty import residual_interval as residual_interval
 from trunnion.compensation.uncertainty import volumetric_budget as volumetric_budget
+from trunnion.compensation.verification import BallVerification as BallVerification
+from trunnion.compensation.verification import verify_ball as verify_ball
 from trunnion.compensation.volumetric import PoseField as PoseField
 from trunnion.compensation.volumetric import VolumetricError as VolumetricError
 from trunnion.compensation.volumetric import error_fields as error_fields

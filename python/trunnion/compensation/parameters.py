@@ -25,7 +25,7 @@ import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
-from trunnion.base.report import Cell, Result, Shown, Table
+from trunnion.base.report import Cell, Result, Shown, Table, left_text
 from trunnion.base.units import Floats
 from trunnion.compensation.control import round_to
 from trunnion.compensation.machine import (
@@ -199,7 +199,7 @@ class CncParameters(Result):
             lines.insert(
                 0,
                 f"Volumetric error over the work space, rms: {self.before_um:.3g} µm before, "
-                f"{self.left_um:.3g} µm with these parameters.",
+                f"{left_text(self.left_um)} µm with these parameters.",
             )
         if self.removable:
             worst = max(self.removable, key=lambda row: row.share_left)

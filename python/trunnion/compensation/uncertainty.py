@@ -9,7 +9,7 @@ linearisation neglects is below a part in a thousand of what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,10 +143,7 @@ def residual_interval(
     matrix, listed = _covariance(estimate, covariance, names)
     freedom = degrees_of_freedom
     if freedom is None:
-        from_residuals = covariance is None and setup.probe.repeatability_um == 0
-        freedom = np.inf
-        if from_residuals and isinstance(estimate, Estimate):
-            freedom = estimate.degrees_of_freedom
+        freedom = np.inf if covariance is not None else freedom_of(setup, estimate)
     if not freedom > 0:
         raise InputError(f"degrees_of_freedom: got {freedom!r}, expected above 0")
     used, numbers = _taking_part(setup, known, listed)
@@ -155,14 +152,8 @@ def residual_interval(
     control = ModelCompensation(known) if compensation is None else compensation
     field = _Field.of(setup, known, where, numbers, control)
     random = np.random.default_rng(seed)
-    root = _root(matrix[np.ix_(index, index)])
-    found = np.empty((draws, 2))
-    for first in range(0, draws, _BLOCK):
-        count = min(_BLOCK, draws - first)
-        drawn = random.standard_normal((count, len(used))) @ root.T
-        if np.isfinite(freedom):
-            drawn /= np.sqrt(random.chisquare(freedom, count) / freedom)[:, None]
-        found[first : first + count] = field.values(drawn)
+    drawn = draw_changes(random, matrix[np.ix_(index, index)], freedom, draws)
+    found = np.concatenate([field.values(block) for block in drawn])
     tail = 0.5 * (1.0 - level)
 
     def interval(values: Floats) -> tuple[tuple[float, float], float]:
@@ -171,6 +162,33 @@ def residual_interval(
 
     (max_um, max_bound), (rms_um, rms_bound) = interval(found[:, 0]), interval(found[:, 1])
     return ResidualInterval(level, max_um, max_bound, rms_um, rms_bound, draws)
+
+
+def freedom_of(setup: Setup, estimate: Known) -> float:
+    """Degrees of freedom of an estimate's variance; inf where the set-up states it."""
+    if setup.probe.repeatability_um == 0 and isinstance(estimate, Estimate):
+        return estimate.degrees_of_freedom
+    return np.inf
+
+
+def draw_changes(
+    random: np.random.Generator, covariance: Floats, freedom: float, draws: int
+) -> Iterator[Floats]:
+    """Errors of an estimate, drawn in blocks of rows: normal, or Student's t."""
+    root = _root(covariance)
+    for first in range(0, draws, _BLOCK):
+        count = min(_BLOCK, draws - first)
+        drawn = random.standard_normal((count, len(root))) @ root.T
+        if np.isfinite(freedom):
+            drawn /= np.sqrt(random.chisquare(freedom, count) / freedom)[:, None]
+        yield drawn
+
+
+def taking_part(setup: Setup, known: MachineErrors, estimate: Estimate) -> tuple[Floats, list[int]]:
+    """Covariance of what moves the tool on the work, and its numbers in the core's model."""
+    used, numbers = _taking_part(setup, known, estimate.names)
+    index = [estimate.names.index(name) for name in used]
+    return np.asarray(estimate.covariance)[np.ix_(index, index)], numbers
 
 
 @checked

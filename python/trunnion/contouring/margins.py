@@ -10,6 +10,7 @@ import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.checks import line
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats
 from trunnion.contouring.paths import Path
 from trunnion.contouring.servo import Controller, Servo, coupling_of
@@ -48,6 +49,13 @@ class Margins(Result):
     u: Floats
     pole: Floats
     coupled_gain: Floats
+
+    def gridded(self) -> Gridded:
+        """Return the margins of the axes, and those of the coupled loop along the path."""
+        own, along = ("gain", "phase_deg", "crossover_hz", "delay_ms"), ("pole", "coupled_gain")
+        arrays = {name: (("axis",), getattr(self, name)) for name in own}
+        arrays |= {name: (("u",), getattr(self, name)) for name in along}
+        return Gridded({"axis": list(self.axes), "u": self.u}, arrays, {})
 
     @property
     def stable(self) -> bool:

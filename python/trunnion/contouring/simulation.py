@@ -222,15 +222,14 @@ class ContourRun(Result):
         """Controller, and the largest errors."""
         f = self.figures
         return (
-            f"{self.controller}, {len(self)} control periods of {self.period_ms:g} ms, contour "
-            f"error {f['contour_max_um']:.3g} µm, orientation error "
+            f"{self.controller}, {len(self)} control periods of {self.period_ms:g} ms: largest "
+            f"contour error {f['contour_max_um']:.3g} µm, orientation error "
             f"{f['orientation_max_arcsec']:.3g} arcsec"
         )
 
     def sentences(self) -> Sequence[str]:
-        """Controller, length, and whether the loop diverged."""
-        periods = f"{self.controller}: {len(self)} control periods of {self.period_ms:g} ms"
-        return (periods + (", diverged." if self.diverged else "."),)
+        """Controller, largest errors, and whether the loop diverged."""
+        return (f"{self.headline()}{', diverged' if self.diverged else ''}.",)
 
     def tables(self) -> tuple[Table, ...]:
         """Largest and root-mean-square errors."""

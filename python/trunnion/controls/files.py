@@ -10,10 +10,8 @@ from pathlib import Path
 
 from trunnion.base.arguments import checked
 from trunnion.base.output import check_new, whole_file
-from trunnion.base.report import Cell, Result, Shown, Table
+from trunnion.base.report import SHOWN, Cell, Result, Shown, Table, left_text
 
-SHOWN = 1e-3
-"""µm and arcsec: less is no number for people."""
 SETTINGS = "settings.csv"
 """Name of the file with every setting, for people."""
 
@@ -99,7 +97,7 @@ class ControlFiles(Result):
         """What it leaves, what it cannot hold, what to do."""
         lines = [
             f"{self.control}: largest volumetric error {self.before_um:.2f} µm before, "
-            f"{_left(self.after_um)} µm after if the machine is as estimated."
+            f"{left_text(self.after_um)} µm after if the machine is as estimated."
         ]
         if self.interval_um is not None:
             low, high = self.interval_um
@@ -150,11 +148,6 @@ def settings_text(settings: Sequence[Setting]) -> str:
             (one.name, one.where, *numbers, one.unit, one.sign, one.meaning, one.why, one.holds)
         )
     return out.getvalue()
-
-
-def _left(size_um: float) -> str:
-    """Return what is left; rounding of the computer is no number for people."""
-    return "less than 0.001" if size_um < 1e-3 else f"{size_um:.3g}"
 
 
 def _table(settings: Sequence[Setting]) -> Table:

@@ -15,16 +15,17 @@ from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.controls.axis_tables import AxisTable, AxisTables, axis_tables
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.forecast import control_files, known_errors, left_between, table_settings
-from trunnion.controls.screws import Step, steps, table_letters
+from trunnion.controls.screws import Side, Step, check_directions, steps
 from trunnion.controls.stated import Need, lines, take
+from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 MAX_ROWS = 256
 PLACES = 6
 CHAIN = Need(
     "chain_sign", ("1", "-1"),
-    "1: the kinematics table leads from the machine to the work table, each step moving the frame, "
-    "-1: the other way",
+    "1: the kinematics table leads from the machine to the work table (and to the tool), each step "
+    "moving the frame, -1: the other way",
 )  # fmt: skip
 COM = Need(
     "com_sign", ("1", "-1"),
@@ -46,8 +47,8 @@ def heidenhain_files(
     Parameters
     ----------
     setup, estimate
-        The machine (rotary axes under the table) with `[control] centre_mm`, and what a measurement
-        says of it.
+        The machine (any axes along X, Y and Z) with `[control] centre_mm`, for a head `pivot_mm`,
+        and what a measurement says of it.
     stated
         `chain_sign`; with scale, squareness or positioning also `com_sign`: the public
         documentation does not say them.
@@ -59,18 +60,21 @@ def heidenhain_files(
     Raises
     ------
     InputError
-        Something that must be stated is not; a rotary axis in the head; no `centre_mm`.
+        Something that must be stated is not; an oblique axis; no `centre_mm`, no `pivot_mm`.
     DataError
         An error that the measurement does not identify.
     """
     control = "Heidenhain"
     known = known_errors(setup, estimate, any_size=any_size)
-    table_letters(setup, control)
+    check_directions(setup, control)
     found = axis_tables(setup, known.effects, max_rows=MAX_ROWS, scales=True, squareness=True)
-    said = take(control, stated, (CHAIN, COM) if found.tables else (CHAIN,))
-    settings = _kinematics(setup, known, int(said["chain_sign"]))
+    rotary = Chain(setup).letters
+    needs = ((CHAIN,) if rotary else ()) + ((COM,) if found.tables else ())
+    said = take(control, stated, needs)
+    by_file = _kinematics(setup, known, int(said.get("chain_sign", "1")))
+    settings = [one for listed in by_file.values() for one in listed]
     files = {
-        "kinematics.csv": _text(settings, said),
+        **{name: _text(listed, said) for name, listed in by_file.items()},
         **_com(found, int(said.get("com_sign", "1"))),
     }
     ids = set(found.held)
@@ -80,9 +84,13 @@ def heidenhain_files(
     where = {t.name: f"{t.over.lower()}.com" for t in found.tables}
     count = sum(1 for one in settings if one.name.split()[1] in "XYZABC")
     notes = (
-        f"The kinematics table gets {count} entries (X, Y, Z, A, B, C); a control takes 50 in "
-        "COORD, steps of zero can be left out.",
-        "The tool direction is not corrected.",
+        ()
+        if not rotary
+        else (
+            f"The kinematics table gets {count} entries (X, Y, Z, A, B, C); a control takes 50 in "
+            "COORD, steps of zero can be left out.",
+            "The tool direction is not corrected.",
+        )
     )
     return control_files(
         setup, estimate, known, control, files,
@@ -91,8 +99,20 @@ def heidenhain_files(
     )  # fmt: skip
 
 
-def _kinematics(setup: Setup, known: MachineErrors, sign: int) -> list[Setting]:
-    pairs = list(zip(steps(setup, MachineErrors()), steps(setup, known), strict=True))
+def _kinematics(setup: Setup, known: MachineErrors, sign: int) -> dict[str, list[Setting]]:
+    """Kinematics of the sides of the table and of the tool that have axes, by file."""
+    sides = Chain(setup).sides.values()
+    made = {}
+    if "table" in sides:
+        made["kinematics.csv"] = _steps(setup, known, sign, "kinematics.csv", "table")
+    if "head" in sides:
+        made["kinematics_head.csv"] = _steps(setup, known, sign, "kinematics_head.csv", "head")
+    return made
+
+
+def _steps(setup: Setup, known: MachineErrors, sign: int, where: str, side: Side) -> list[Setting]:
+    nominal = steps(setup, MachineErrors(), side)
+    pairs = list(zip(nominal, steps(setup, known, side), strict=True))
     if sign < 0:
         pairs.reverse()
     made = []
@@ -101,7 +121,7 @@ def _kinematics(setup: Setup, known: MachineErrors, sign: int) -> list[Setting]:
         what = f"axis {new.key}" if new.is_axis else new.key
         made.append(
             Setting(
-                f"{number} {what}", "kinematics.csv", unit,
+                f"{number} {what}", where, unit,
                 old.value if new.is_axis else sign * old.value,
                 new.value if new.is_axis else sign * new.value,
                 _meaning(new), "" if new.is_axis else f"along or right-handed about +{new.key}",

@@ -25,11 +25,13 @@ from trunnion.controls.forecast import (
     left_between,
     table_settings,
 )
+from trunnion.controls.screws import check_directions
 from trunnion.controls.stated import Need, lines, take
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 Layout: TypeAlias = Literal["ISG_CSV", "etalon"]
+FILE_NAMES = {"ISG_CSV": "location.csv", "etalon": "location.txt"}
 MAX_POINTS = 1500
 PER_UNIT = 1e4
 """Units of a kw.ssfk table in a millimetre and in a degree."""
@@ -77,39 +79,20 @@ def isg_files(
     Raises
     ------
     InputError
-        Something that must be stated is not; errors that are not plausible.
+        Something that must be stated is not; errors that are not plausible; an oblique axis (the
+        kernel's model has axes along X, Y and Z); no `centre_mm`.
     DataError
         An error that the measurement does not identify.
     """
     choose("layout", layout, ("ISG_CSV", "etalon"))
     said = take("ISG kernel (TF5280)", stated, NEEDS)
     known = known_errors(setup, estimate, any_size=any_size)
+    check_directions(setup, "ISG kernel (TF5280)")
     chain = Chain(setup)
     values = _values(known, said)
     found = _screws(setup, known)
-    text, name = (_csv, "location.csv") if layout == "ISG_CSV" else (_etalon, "location.txt")
-    head = [
-        f"// location errors of a {setup.machine.name}, by trunnion; offsets in mm",
-        *lines(said, "//"),
-    ]
-    axes = [f"{letter:<25}{i}" for i, letter in enumerate("XYZ" + chain.letters, start=1)]
-    listed = {
-        name: "\n".join(head) + "\n" + text(values),
-        "volcomp.lis": "\n".join(
-            [
-                "# logical axis numbers: as in your channel",
-                f"workpiece_axes           {len(chain.letters)}",
-                f"Chain                    {said['chain']}",
-                *axes,
-                "Interpolation            GRID",
-                "enable_splicing          FALSE",
-                "manual_activation        FALSE",
-                f"file[0]                  {name}",
-                f"file_format[0]           {layout if layout == 'ISG_CSV' else 'Vendor'}",
-            ]
-        )
-        + "\n",
-    }
+    listed = _location_files(setup, values, said, layout) if values else {}
+    name = FILE_NAMES[layout]
     unit = said["angle_unit"]
     settings = [
         Setting(
@@ -174,6 +157,33 @@ def _values(known: MachineErrors, said: Mapping[str, str]) -> dict[str, float]:
         if effect in known.effects:
             values[name] = sign * per_arcsec * known.effects[effect].get("arcsec", 0.0)
     return values
+
+
+def _location_files(
+    setup: Setup, values: Mapping[str, float], said: Mapping[str, str], layout: Layout
+) -> dict[str, str]:
+    """Location errors, and the list file that loads them."""
+    letters, name = Chain(setup).letters, FILE_NAMES[layout]
+    head = [
+        f"// location errors of a {setup.machine.name}, by trunnion; offsets in mm",
+        *lines(said, "//"),
+    ]
+    loads = [
+        "# logical axis numbers: as in your channel",
+        f"workpiece_axes           {len(letters)}",
+        f"Chain                    {said['chain']}",
+        *(f"{letter:<25}{i}" for i, letter in enumerate("XYZ" + letters, start=1)),
+        "Interpolation            GRID",
+        "enable_splicing          FALSE",
+        "manual_activation        FALSE",
+        f"file[0]                  {name}",
+        f"file_format[0]           {layout if layout == 'ISG_CSV' else 'Vendor'}",
+    ]
+    text = _csv if layout == "ISG_CSV" else _etalon
+    return {
+        name: "\n".join(head) + "\n" + text(values),
+        "volcomp.lis": "\n".join(loads) + "\n",
+    }
 
 
 def _csv(values: Mapping[str, float]) -> str:

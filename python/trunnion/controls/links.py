@@ -71,6 +71,21 @@ def table_centre(setup: Setup) -> Floats:
     return np.array(setup.control.centre_mm)
 
 
+def pivot_mm(setup: Setup) -> float | None:
+    """From the pivot of a head to the gauge line of the spindle; None without a head.
+
+    Raises InputError: a head, and the set-up does not say it.
+    """
+    if "head" not in Chain(setup).sides.values():
+        return None
+    if setup.control.pivot_mm is None:
+        raise InputError(
+            "control.pivot_mm: not given, expected the distance from the head's pivot to where "
+            "the tool length is 0: probe.length_mm less the probe's length in the tool table"
+        )
+    return setup.control.pivot_mm
+
+
 def _side(setup: Setup, letters: list[str], near: Floats) -> tuple[tuple[Link, ...], Floats]:
     """Return the axes of one side and the vector that ends it; `near` is subtracted from points."""
     known, chain = setup.description(), Chain(setup)

@@ -1,20 +1,22 @@
-"""Rotary axes under the table as lines in space and as elementary steps, in machine coordinates."""
+"""Rotary axes as lines in space (of a table) and as elementary steps, in machine coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
-from trunnion.controls.links import AXIS, COMPONENTS, Link, links, table_centre
+from trunnion.controls.links import AXIS, COMPONENTS, Link, links, pivot_mm, table_centre
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
 TABLES = ("AC", "BC", "AB")
+Side: TypeAlias = Literal["table", "head"]
 
 
 def table_letters(setup: Setup, control: str) -> str:
@@ -28,13 +30,7 @@ def table_letters(setup: Setup, control: str) -> str:
             f"{control}: got machine {setup.machine.name}, expected rotary axes under the table "
             "only, A or B carrying C, or A carrying B"
         )
-    for letter, direction in setup.description().directions.items():
-        if direction != AXIS[letter]:
-            raise InputError(
-                f"{control}: got axis {letter} along {list(direction)}, expected it along its own "
-                "direction: its kinematics turn about X, Y and Z"
-            )
-    table_centre(setup)
+    check_directions(setup, control)
     return chain.letters
 
 
@@ -105,16 +101,36 @@ class Step:
     is_axis: bool = False
 
 
-def steps(setup: Setup, known: MachineErrors) -> Iterator[Step]:
-    """From the machine frame to the table: shift, turns about X, Y, Z and axis of each link."""
+def steps(setup: Setup, known: MachineErrors, side: Side = "table") -> Iterator[Step]:
+    """Shift, turns about X, Y, Z and axis of each link, from the machine frame outwards.
+
+    "table": to the centre of the table top. "head": from a tool point at zero of the head to where
+    the tool length is 0, the tool length taken off on the way in and out: it comes on top.
+    """
     chain = links(setup)
-    for link in chain.table:
-        for key, shift in zip(COMPONENTS, [*link.offset, 0.0, 0.0, 0.0], strict=True):
+    pivot = (pivot_mm(setup) or 0.0) if side == "head" else 0.0
+    first, last = np.array([0.0, 0.0, pivot]), chain.seat
+    if side == "head":
+        last = chain.nose - first
+    for link in chain.table if side == "table" else chain.head:
+        for key, shift in zip(COMPONENTS, [*(link.offset + first), 0.0, 0.0, 0.0], strict=True):
             yield Step(key, float(shift) + _amount(link, key, known))
         yield Step(link.letter, link.sense, is_axis=True)
-    for key, shift in zip("XYZ", chain.seat, strict=True):
+        first = np.zeros(3)
+    for key, shift in zip("XYZ", last, strict=True):
         if shift:
             yield Step(key, float(shift))
+
+
+def check_directions(setup: Setup, control: str) -> None:
+    """Raise InputError: an axis that is not along X, Y or Z; no place of the table."""
+    for letter, direction in setup.description().directions.items():
+        if direction != AXIS[letter]:
+            raise InputError(
+                f"{control}: got axis {letter} along {list(direction)}, expected it along its own "
+                "direction: its kinematics turn about X, Y and Z"
+            )
+    table_centre(setup)
 
 
 def _amount(link: Link, key: str, known: MachineErrors) -> float:

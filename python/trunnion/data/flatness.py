@@ -9,7 +9,7 @@ uncertainty is that of the points which limit it, at first order; noise itself w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +43,9 @@ class SlopesLike(Protocol):
     def zero(self) -> float | None:
         """None: not known."""
 
+    def variance(self, by: Floats) -> float:
+        """Of a combination of the slopes (m,), per unit of noise."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -50,6 +53,11 @@ class Noise:
 
     sigma: float
     source: str
+
+    @property
+    def variance(self) -> float:
+        """Of a noise that is not known as if it were 1."""
+        return self.sigma**2 if np.isfinite(self.sigma) else 1.0
 
     @classmethod
     def of_neighbours(cls, places: Floats, slopes: Floats) -> Noise:
@@ -179,11 +187,6 @@ def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
     return float(np.asarray(solved.fun)), np.asarray(down - up)
 
 
-def _covariance(slopes: SlopesLike, noise: Noise) -> Floats:
-    """Covariance of slopes; of a noise that is not known as if it were 1."""
-    return slopes.cofactor * (noise.sigma if np.isfinite(noise.sigma) else 1.0) ** 2
-
-
 def _known(std: float, noise: Sequence[Noise]) -> float:
     return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
 
@@ -245,7 +248,7 @@ class Straightness(Result):
         note: str,
     ) -> Straightness:
         """Of slopes (m,), and how heights at n places follow from them, (n, m)."""
-        covariance = heights @ _covariance(slopes, noise) @ heights.T
+        covariance = heights @ (slopes.cofactor * noise.variance) @ heights.T
         zone = _Zone.of(at[:, None], heights @ slopes.values, covariance)
         return cls(
             positions_mm=at,
@@ -347,7 +350,7 @@ class Flatness(Result):
         both = np.concatenate([s.values for s in slopes])
         covariance = np.zeros((2 * m, 2 * m))
         for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
-            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = _covariance(s, n)
+            covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = s.cofactor * n.variance
         z = heights @ both
         zone = _Zone.of(places, z, heights @ covariance @ heights.T)
         zeros = [s.zero for s in slopes if s.zero is not None]
@@ -413,6 +416,8 @@ class Twist(Result):
         What a constant twist leaves of the slopes, rms.
     noise_um_m, noise_source
         Of one reading, and where it is from.
+    at_mm, slopes_um_m
+        Slopes across over the position along, (n,) each, without the constant of their direction.
 
     Examples
     --------
@@ -428,25 +433,29 @@ class Twist(Result):
     residual_um_m: float
     noise_um_m: float
     noise_source: str
+    at_mm: Floats = field(default_factory=lambda: np.zeros(0))
+    slopes_um_m: Floats = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
         """Of slopes across a line, or in x and y."""
-        columns, spread = [], []
-        for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
+        columns = []
+        for i, s in enumerate(slopes):
             # on a grid the slope in x changes along y, and the other way round
             lever = s.places[:, (1 - i) if len(slopes) > 1 else 0] * 1e-3
             own = np.zeros((len(lever), 1 + len(slopes)))
             own[:, 0], own[:, 1 + i] = lever - lever.mean(), 1.0
             columns.append(own)
-            spread.append(_covariance(s, n))
         inverse = np.linalg.pinv(np.concatenate(columns))
         values = np.concatenate([s.values for s in slopes])
         found = inverse @ values
-        left = values - np.concatenate(columns) @ found
+        design = np.concatenate(columns)
+        left = values - design @ found
         parts = np.split(inverse[0], np.cumsum([len(c) for c in columns])[:-1])
-        variance = sum(float(p @ c @ p) for p, c in zip(parts, spread, strict=True))
-        roll, last = slopes[-1].values, spread[-1]
+        variance = sum(
+            s.variance(p) * n.variance for p, s, n in zip(parts, slopes, noise, strict=True)
+        )
+        roll = slopes[-1].values
         ends = np.zeros(len(roll))
         ends[np.argmax(roll)] += 1.0
         ends[np.argmin(roll)] -= 1.0
@@ -455,11 +464,13 @@ class Twist(Result):
             roll_um_m=float(np.ptp(roll)),
             std_errors={
                 "twist_um_m_m": _known(float(np.sqrt(variance)), noise),
-                "roll_um_m": _known(_std(ends, last), noise),
+                "roll_um_m": _known((slopes[-1].variance(ends) * noise[-1].variance) ** 0.5, noise),
             },
             residual_um_m=float(np.sqrt(np.mean(left**2))),
             noise_um_m=noise[-1].sigma,
             noise_source=noise[-1].source,
+            at_mm=1e3 * design[:, 0],
+            slopes_um_m=values - design[:, 1:] @ found[1:],
         )
 
     def labels(self) -> dict[str, str]:
@@ -472,24 +483,12 @@ class Twist(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Return twist and roll."""
+        u, noise = self.std_errors, f"noise of a reading, {self.noise_source}"
         rows: list[tuple[Cell, ...]] = [
-            (
-                "twist",
-                *measured(self.twist_um_m_m, self.std_errors["twist_um_m_m"]),
-                "µm/m per m",
-            ),
-            (
-                "range of the slope across",
-                *measured(self.roll_um_m, self.std_errors["roll_um_m"]),
-                "µm/m",
-            ),
+            ("twist", *measured(self.twist_um_m_m, u["twist_um_m_m"]), "µm/m per m"),
+            ("range of the slope across", *measured(self.roll_um_m, u["roll_um_m"]), "µm/m"),
             ("residual of a constant twist, rms", significant(self.residual_um_m), None, "µm/m"),
-            (
-                f"noise of a reading, {self.noise_source}",
-                significant(self.noise_um_m),
-                None,
-                "µm/m",
-            ),
+            (noise, significant(self.noise_um_m), None, "µm/m"),
         ]
         return (Table.of("Twist", ("", "value", "standard uncertainty", "unit"), rows),)
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from trunnion.base.arguments import checked
 from trunnion.base.conformity import PROBABILITY, Conformity
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Shown, Table, measured, number, position
-from trunnion.base.units import Floats
+from trunnion.base.saved import Gridded
+from trunnion.base.units import Floats, suffix_of
 
 FIGURES: Mapping[str, str] = {
     "reversal": "reversal B",
@@ -77,6 +78,13 @@ class _Stops:
         }
 
 
+def _over_targets(found: Any, names: Sequence[str], unit: str) -> Gridded:
+    """Return arrays of a result, in this unit, over its targets."""
+    target = "target_deg" if unit == "arcsec" else "target_mm"
+    arrays = {f"{name}_{unit}": ((target,), getattr(found, name)) for name in names}
+    return Gridded({target: found.targets}, arrays, {})
+
+
 def _shown(values: Sequence[float], std: float) -> tuple[Shown, ...]:
     """Numbers of a row, to two digits of a standard uncertainty that all rows share."""
     digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 6)) if std > 0 else 3
@@ -117,6 +125,10 @@ class CompensationTable(Result):
     backward: Floats
     position_unit: str
     unit: str
+
+    def gridded(self) -> Gridded:
+        """Return the corrections over the targets."""
+        return _over_targets(self, ("forward", "backward"), suffix_of(self.unit))
 
     def headline(self) -> str:
         """Count and largest correction."""
@@ -200,6 +212,11 @@ class _Results:
     def unit_name(cls) -> str:
         """Unit at the end of names."""
         return "um"
+
+    def gridded(self) -> Gridded:
+        """Return mean deviation and spread over the targets."""
+        names = ("mean_forward", "mean_backward", "spread_forward", "spread_backward")
+        return _over_targets(self, names, self.unit_name())
 
     @classmethod
     def labels(cls) -> dict[str, str]:

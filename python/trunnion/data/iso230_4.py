@@ -73,6 +73,8 @@ class Iso2304(Result):
     radial_max_um: float
     radial_min_um: float
 
+    GRID = dict.fromkeys(("angle_deg", "deviation_um", "sense"), ("reading",))
+
     def title(self) -> str:
         """Name the test."""
         return "Circular test, ISO 230-4"

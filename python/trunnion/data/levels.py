@@ -99,24 +99,19 @@ class Levels(Table):
         choose("component", component, self.components)
         values = np.asarray(self.columns[f"{component}_um_m"], dtype=np.float64)
         places, index = self.stations
-        columns = np.zeros((len(self), len(places)))
-        columns[np.arange(len(self)), index] = self.sense
-        zero = self.reversed
-        if zero:
-            columns = np.column_stack([columns, np.ones(len(self))])
-        cofactor = np.asarray(np.linalg.inv(columns.T @ columns), dtype=np.float64)
-        found = cofactor @ (columns.T @ values)
-        left = values - columns @ found
-        m = len(places)
-        return Slopes(
-            places,
-            found[:m],
-            cofactor[:m, :m],
-            float(found[m]) if zero else None,
-            float(cofactor[m, m]) if zero else np.inf,
-            float(left @ left),
-            len(self) - columns.shape[1],
-        )
+        # Readings at a place share its slope, and all of them the zero: eliminated by hand.
+        count = np.bincount(index).astype(np.float64)
+        found = np.bincount(index, self.sense * values) / count
+        turned = np.bincount(index, self.sense) / count  # how the zero enters a place's slope
+        zero, zero_cofactor, free = 0.0, np.inf, len(self) - len(places)
+        if self.reversed:
+            zero_cofactor = 1.0 / float(len(self) - count @ turned**2)
+            zero = zero_cofactor * float(values.sum() - (count * turned) @ found)
+            found = found - turned * zero
+            free -= 1
+        left = values - self.sense * found[index] - zero
+        known = zero if self.reversed else None
+        return Slopes(places, found, count, turned, known, zero_cofactor, float(left @ left), free)
 
     # --- results
 
@@ -265,18 +260,32 @@ class Levels(Table):
 class Slopes:
     """Slopes at m places from all readings of one component.
 
-    values: µm/m, (m,). cofactor: covariance per unit of variance of a reading, (m, m).
-    zero: of the instrument, µm/m; None where it was not turned. rss, free: squares of what is left,
-    and its degrees of freedom.
+    values: µm/m, (m,). count, turned: readings at each place, and their mean sense, (m,).
+    zero: of the instrument, µm/m; None where it was not turned. zero_cofactor: its variance per
+    unit of variance of a reading. rss, free: squares of what is left, and its degrees of freedom.
     """
 
     places: Floats
     values: Floats
-    cofactor: Floats
+    count: Floats
+    turned: Floats
     zero: float | None
     zero_cofactor: float
     rss: float
     free: int
+
+    @property
+    def cofactor(self) -> Floats:
+        """Covariance of the slopes per unit of variance of a reading, (m, m)."""
+        own = np.diag(1.0 / self.count)
+        if self.zero is None:
+            return own
+        return own + self.zero_cofactor * np.outer(self.turned, self.turned)
+
+    def variance(self, by: Floats) -> float:
+        """Of a combination of the slopes (m,), per unit of variance of a reading."""
+        zero = 0.0 if self.zero is None else self.zero_cofactor * float(by @ self.turned) ** 2
+        return float(by**2 @ (1.0 / self.count)) + zero
 
 
 def read_levels(path: str | PathLike[str]) -> Levels:

@@ -111,6 +111,12 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     return made if None in feeds else made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
 
 
+def logged_hash(path: str | PathLike[str]) -> str | None:
+    """Hash of the plan that the first run of a log names; None without such a line."""
+    found = re.search(RUN_LINE, decode(str(path), Path(path).read_bytes()))
+    return found["hash"] if found else None
+
+
 def probe_log_of(plan: Touches, measured: Touches, name: str) -> str:
     """Return what the program of a plan would log: all its touches in one run.
 

@@ -6,9 +6,10 @@ nonlinear parameters.
 """
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -111,13 +112,16 @@ class Candidates:
         numbers: int,
         basis: Floats,
         own_level: Floats | None = None,
+        stated: Mapping[int, float] = MappingProxyType({}),
     ) -> "Candidates":
         """Candidates of which not all columns are there at a time.
 
         ``pieces``: number of a candidate and some of its variants, in order; ``count``: of the
-        candidates; ``numbers``: of all pieces together; ``own_level``: as of the class.
+        candidates; ``numbers``: of all pieces together; ``own_level``: as of the class; ``stated``:
+        standard deviation of what some of them may add along their unit columns.
         """
         new = object.__new__(cls)
+        new.stated = stated
         new._build(pieces, count, numbers, basis)
         new._complete(basis, NAMING_LEVEL, own_level, None)
         return new
@@ -128,6 +132,7 @@ class Candidates:
     positive: frozenset[int] = (
         frozenset()
     )  # candidates of one column that explain nothing if negative
+    stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     _banned: frozenset[int] = frozenset()
 
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:
@@ -159,6 +164,7 @@ class Candidates:
         ``own_level``, ``own_price``: of the further ones only.
         """
         new = object.__new__(Candidates)
+        new.stated = self.stated
         new._build(enumerate(variants), len(variants), 0, self._basis)
         new.owner = np.concatenate([self.owner, new.owner + self.count])
         new.variant = np.concatenate([self.variant, new.variant])
@@ -283,7 +289,13 @@ class Candidates:
         for j in map(int, self.identifiable):
             home = j
             if single[j]:
-                homes = (i for i in self.alike if single[i] and same[place[i], place[j]])
+                homes = (
+                    i
+                    for i in self.alike
+                    if single[i]
+                    and same[place[i], place[j]]
+                    and self.stated.get(i) == self.stated.get(j)
+                )
                 home = next(homes, j)
             self.alike.setdefault(home, []).append(j)
         self.leaders = np.array(sorted(self.alike), dtype=np.intp)
@@ -316,12 +328,13 @@ class Candidates:
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
+        held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
+        rounded = {kind: r.astype(kind, copy=False) for kind in {x.dtype for x in held}}
+        found = [inner(x, rounded[x.dtype]) for x in held]
         return np.concatenate(
             [
-                part.weights @ inner(part.shared, r)
-                if isinstance(part, _Combined)
-                else inner(part, r)
-                for part in self._parts
+                part.weights @ x if isinstance(part, _Combined) else x
+                for part, x in zip(self._parts, found, strict=True)
             ]
         )
 

@@ -94,7 +94,9 @@ class Case:
         )
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
-        found = Candidates.of_pieces(pieces, len(self.effects), numbers, self.plain.basis, own)
+        found = Candidates.of_pieces(
+            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated()
+        )
         low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
         if self.dependent:
@@ -103,6 +105,18 @@ class Case:
         if drawn is not None:
             found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
         return found
+
+    def _stated(self) -> dict[int, float]:
+        """What is stated of candidates, as the standard deviation along their unit columns."""
+        sizes: dict[int, float] = {}
+        start = self.plain.nuisance
+        for j, effect in enumerate(self.effects):
+            if effect.stated is not None:
+                column = variant_columns(self.model, effect, start, grid_values(effect)[:1])[0]
+                white = self.white(column)
+                free = white - self.plain.basis @ (self.plain.basis.T @ white)
+                sizes[j] = effect.stated.std * float(np.linalg.norm(free))
+        return sizes
 
     def size(self, effect: Effect, f: Fit, variance: float) -> tuple[Floats, float, int]:
         """Standard errors of an effect's parameters; Wald's statistic of the linear ones, its rank.
@@ -251,21 +265,22 @@ class Case:
         return [some[some >= 0] for some in every]
 
     def exact(self, f: Fit) -> bool:
-        """Whether a fit leaves no more than rounding: there is nothing to explain then."""
-        return rms(f.residuals[self.rows]) < self._rounding
+        """Whether a fit leaves nothing that is evidence: there is nothing to explain then."""
+        return rms(f.residuals[self.rows]) < self.least_rms
 
     @property
-    def _rounding(self) -> float:
-        """Rms of what rounding leaves of exact readings."""
+    def least_rms(self) -> float:
+        """Rms of what rounding leaves of exact readings, or of the least noise."""
         readings = self.model.readings
         recorded = readings.values if readings.recorded is None else readings.recorded
         size = float(np.max(np.abs(recorded), initial=1.0))
-        return max(EXACT * size, MIN_STEP)
+        least = np.sqrt(np.mean(np.square(readings.least)))
+        return max(EXACT * size, MIN_STEP, float(least))
 
     @property
-    def rounding_rss(self) -> float:
-        """Sum of squares that rounding leaves of exact readings."""
-        return self.plain.dof * self._rounding**2
+    def least_rss(self) -> float:
+        """Sum of squares of readings that a set of causes fits exactly."""
+        return self.plain.dof * self.least_rms**2
 
 
 class Linearised:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
+from trunnion.machine.stated import Stated
 from trunnion.setup.names import effect_ids, iso_codes
 
 EffectLike: TypeAlias = UserEffect
@@ -109,6 +110,9 @@ class Effect:
         Whether it costs nothing to name: what differs from a set-up that is known to be far off.
     rare:
         Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
+    stated:
+        What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
+        a set of causes what it contradicts of that, and its estimate is made with it.
     """
 
     id: str
@@ -122,6 +126,7 @@ class Effect:
     least: NamedValues | None = None
     expected: bool = False
     rare: bool = False
+    stated: Stated | None = None
 
     @property
     def linear(self) -> bool:

@@ -29,7 +29,7 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import NO_FLOOR, Floor, Grid, Repeats, recognised
+from trunnion.base.resolution import Floor, Grid, Repeats, recognised
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
@@ -39,7 +39,7 @@ from trunnion.diagnosis.fit import Fit, Whiten, fit
 from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.report import report
+from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
 
@@ -71,34 +71,49 @@ def diagnose(model: Model) -> Diagnosis:
     DataError
         Fewer readings than unknowns, or readings that are not finite.
     """
+    with one_blas_thread():
+        return report(*_explained(model))
+
+
+def leave(model: Model) -> Left:
+    """Return what a diagnosis of a model leaves, without the diagnosis.
+
+    Raises
+    ------
+    DataError
+        As `diagnose`.
+    """
+    with one_blas_thread():
+        return left_of(*_explained(model))
+
+
+def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
+    """Explain a model's readings: the case, the explanation, the readings set aside."""
     LOG.info(
         "%d readings, %d parameters that are always fitted, %d candidates",
         len(model.readings),
         len(model.nuisance),
         len(model.effects),
     )
-    with one_blas_thread():
-        case, choice, sure = _ordinary(model)
-        if choice is None or not sure:
-            about = case_of(model.near(always=True), dependent=True)
-            about, other = _settled(_plain(model), about, _choose(about))
-            settled = _to_first_order(about, other[1].fit)
-            if choice is None or (
-                settled and _score(case, about, other) < _score(case, case, choice)
-            ):
-                case, choice = about, other
-        for _ in range(MAX_ROUNDS if case.grid is not None else 0):
-            # What was found was in the noise that the errors of rounding were weighed against.
-            again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
-            if again is None:
-                break
-            before = set(choice[1].fit.effects)
-            case, choice = again, _choose(again)
-            if set(choice[1].fit.effects) == before:
-                break
-        if _worse(case, choice):
-            case, choice = _without_causes(case, choice)
-        return report(case, choice[1], choice[2])
+    case, choice, sure = _ordinary(model)
+    if choice is None or not sure:
+        about = case_of(model.near(always=True), dependent=True)
+        about, other = _settled(_plain(model), about, _choose(about))
+        settled = _to_first_order(about, other[1].fit)
+        if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
+            case, choice = about, other
+    for _ in range(MAX_ROUNDS if case.grid is not None else 0):
+        # What was found was in the noise that the errors of rounding were weighed against.
+        again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
+        if again is None:
+            break
+        before = set(choice[1].fit.effects)
+        case, choice = again, _choose(again)
+        if set(choice[1].fit.effects) == before:
+            break
+    if _worse(case, choice):
+        case, choice = _without_causes(case, choice)
+    return case, choice[1], choice[2]
 
 
 def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
@@ -147,13 +162,13 @@ def _off(case: Case, found: Fit) -> float:
 
 def _is_linear(case: Case, found: Fit) -> bool:
     """Whether what is left to the second order could order no sets of causes otherwise."""
-    share = _off(case, found) / max(rms(found.residuals), TINY)
+    share = _off(case, found) / max(rms(found.residuals), case.least_rms)
     return len(found.residuals) * share**2 <= WITHIN
 
 
 def _to_first_order(case: Case, found: Fit) -> bool:
     """Whether a fit's causes, simulated together, leave about what they leave linearised."""
-    return _off(case, found) <= MAX_NONLINEAR * rms(found.residuals)
+    return _off(case, found) <= MAX_NONLINEAR * max(rms(found.residuals), case.least_rms)
 
 
 def _settled(given: Fit, case: Case, choice: Choice) -> tuple[Case, Choice]:
@@ -233,7 +248,7 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     rows = np.arange(len(model.readings))
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
-    floor = NO_FLOOR if grid is None else _floor(grid, whiten)
+    floor = _floor(model, grid, whiten)
     if isinstance(whiten, Whitener) and whiten.dependent:
         # Whitened readings have a variance of 1, and count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
@@ -267,13 +282,25 @@ def _white(grid: Grid, noise: float) -> Whiten:
     return errors if len(errors.rows) else Scaling(errors.scale)
 
 
-def _floor(grid: Grid, whiten: Whiten) -> Floor:
-    """Variance of the errors of rounding alone, after whitening."""
-    if whiten is identity or isinstance(whiten, Repeats | Scaling):
-        return Floor(grid.rounding)
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(grid.step), 8))
-    white = np.asarray(whiten(grid.step[:, None] / np.sqrt(12) * signs))
-    return Floor(float(np.mean(white**2)))
+def _floor(model: Model, grid: Grid | None, whiten: Whiten) -> Floor:
+    """Least variance of a white reading: of errors of rounding alone, or what is no evidence."""
+    least = np.broadcast_to(np.asarray(model.readings.least), len(model.readings))
+    smallest = _white_variance(least, whiten)
+    if grid is None:
+        return Floor(smallest)
+    simple = whiten is identity or isinstance(whiten, Repeats | Scaling)
+    rounding = grid.rounding if simple else _white_variance(grid.step / np.sqrt(12), whiten)
+    return Floor(max(smallest, rounding))
+
+
+def _white_variance(sizes: Floats, whiten: Whiten) -> float:
+    """Mean variance, after whitening, of independent errors of these standard deviations (n,)."""
+    if not np.any(sizes):
+        return 0.0
+    if whiten is identity:
+        return float(np.mean(sizes**2))
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(sizes), 8))
+    return float(np.mean(np.asarray(whiten(sizes[:, None] * signs)) ** 2))
 
 
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:

@@ -79,7 +79,7 @@ def _with_errors(case: Case, share: float) -> Case:
 
 
 def _exact_among(case: Case, noisy: Case) -> Explanation | None:
-    """Explain by the sets that fit exactly of those found in a case with so much noise."""
+    """Explain by the sets of fewest causes that fit exactly, found in a case with so much noise."""
     found = _explained(noisy)
     hidden = {b.members for b in found.probabilities.behind}
     tried = [s for s in found.sets if frozenset(s[0]) not in hidden][:MAX_EXACT]
@@ -91,10 +91,12 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
             exact.setdefault(frozenset(few), (few, least))
     if not exact:
         return None
+    fewest = min(map(len, exact))
+    exact = {members: one for members, one in exact.items() if len(members) == fewest}
     sets = [(members, 0.0, f.rss) for members, f in exact.values()]
     first = next(iter(exact.values()))[1]
     only = Only(frozenset(exact))
-    return replace(found, fit=first, rss=case.rounding_rss, sets=sets, terms=[], probabilities=only)
+    return replace(found, fit=first, rss=case.least_rss, sets=sets, terms=[], probabilities=only)
 
 
 def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int], Fit]:

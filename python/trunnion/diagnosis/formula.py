@@ -234,9 +234,9 @@ class FormulaEffect:
         if self._has_period:
             parts = [(s.astype(float), weight)]
             return periodic(self.id, self._searched_period(), parts, unit=self._suffix, **more)
-        return linear(self.id, self.parameters, weight[:, None] * self._columns(s), **more)
+        return linear(self.id, self.parameters, weight[:, None] * self.columns_at(s), **more)
 
-    def _columns(self, s: Any) -> Floats:
+    def columns_at(self, s: Any) -> Floats:
         """Functions of the quantity, one column a linear parameter."""
         match self.shape:
             case "class":

@@ -69,6 +69,9 @@ class Readings:
         in them a step is recognised. Shape (n,).
     hint:
         What to do about a step that is recognised in the readings.
+    least:
+        Noise that no reading goes below (1 σ), of all readings or of each: finer than instruments
+        of the kind resolve, and than formulas to first order say. What is smaller is no evidence.
     """
 
     values: Floats
@@ -78,6 +81,7 @@ class Readings:
     step: Floats | None = None
     recorded: Floats | None = None
     hint: str = ""
+    least: Floats | float = 0.0
 
     def __len__(self) -> int:
         """Count of readings."""

@@ -24,7 +24,7 @@ MAX_ORDER = 6
 MAX_STRUCTURE = 4  # terms of unexplained structure in a channel
 MAX_TRIED = 2  # terms tried at each step
 MEMORY_SIGMAS = 1.0  # by which an estimated memory of the noise is taken longer
-MIN_NOISE = 1e-6  # µm, arcsec: a simulated log has rounding only
+MIN_NOISE = 1e-6  # µm, arcsec: rounding of numbers
 
 
 @dataclass(frozen=True)
@@ -135,12 +135,17 @@ def whitener(
     filters: list[tuple[IntArray, Autoregression]] = []
     dependent: list[int] = []
     terms: dict[str, list[Array]] | None = None
+    every_least = np.broadcast_to(np.asarray(model.readings.least), len(residuals))
     for channel in channels:
+        least = float(np.max(every_least[channel.rows], initial=MIN_NOISE))
         y, own_groups = residuals[channel.rows], groups[channel.rows]
         segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
         segments = [s for s in segments if len(s)]
         q = _absorbed(y, channel, Autoregression(), segments)
         left = y - q @ (q.T @ y)
+        if float(left @ left) < len(left) * least**2:  # what is left is no evidence of a memory
+            filters += [(channel.rows[s], Autoregression(sizes=(least,))) for s in segments]
+            continue
         if all_dependent or changes(innovations([left[s] for s in segments])):
             noise = _long_run_noise([left[s] for s in segments], q.shape[1])
             dependent += range(len(filters), len(filters) + len(segments))

@@ -13,12 +13,12 @@ import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, measured, number, significant
 from trunnion.base.saved import Columns
-from trunnion.base.units import Flags, Floats, Integers, unit_of
+from trunnion.base.units import Flags, Floats, Integers, unit_of, without_unit
 from trunnion.diagnosis.model import Covariate, Model, Readings
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
 
-MAX_PARAMETERS = 8  # of a cause: more are counted, not listed
+MAX_PARAMETERS = 4  # of a cause: of more the largest is stated
 MIN_P = 0.001  # smaller ones are called so
 MAX_ROWS = 12  # of a table of readings
 
@@ -89,14 +89,29 @@ class Cause(Result):
 
     def sentences(self) -> tuple[str, ...]:
         """Say what it is and how large: ``drift of the Z axis (drift_z): 4.8 ± 0.3 µm/h``."""
-        if len(self.parameters) > MAX_PARAMETERS:
-            return (f"{self.called()}: {len(self.parameters)} parameters",)
-        parts = []
-        for name, value in self.parameters.items():
-            text = value_in_words(value, self.std_errors[name], unit_of(name))
-            symbol = name.split("_", 1)[0]
-            parts.append(f"{symbol} = {text}" if len(self.parameters) > 1 else text)
-        return (f"{self.called()}: {', '.join(parts)}",)
+        return (f"{self.called()}: {self.size()}",)
+
+    def size(self, coverage: float = 1.0) -> str:
+        """Say the parameters with `coverage` standard errors; of many only the largest."""
+        said = {
+            name: value_in_words(value, coverage * self.std_errors[name], unit_of(name))
+            for name, value in self.parameters.items()
+        }
+        if len(said) == 1:
+            return next(iter(said.values()))
+        known = [k for k in said if np.isfinite(self.std_errors[k])]
+        named = {
+            k: f"{without_unit(k).replace('_', ' ')} {'= ' if k in known else ''}{text}"
+            for k, text in said.items()
+        }
+        if len(said) <= MAX_PARAMETERS:
+            return ", ".join(named.values())
+        count = f"{len(said)} parameters"
+        if not known:
+            return f"{count}, not identifiable each for itself"
+        if len({unit_of(name) for name in known}) > 1:
+            return count
+        return f"{count}, the largest {named[max(known, key=lambda k: abs(self.parameters[k]))]}"
 
     def tables(self) -> tuple[Table, ...]:
         """Parameters with their standard errors."""
@@ -164,14 +179,17 @@ class Gain(Result):
 
     def sentences(self) -> tuple[str, ...]:
         """Say what the causes gain on data that the fit has not used."""
-        return ("Cross-validated rms: " + self.fall() + ".",)
+        return (f"Cross-validated rms {self.fall()}.",)
 
     def fall(self) -> str:
-        """Return ``from 0.97 to 0.304 µm``, unit by unit."""
-        return ", ".join(
-            with_unit(f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}", g.unit)
-            for g in (self, *self.others)
-        )
+        """Return ``falls from 0.97 to 0.304 µm``, unit by unit."""
+        said = []
+        for g in (self, *self.others):
+            before, after = (f"{x:.3g}" for x in (g.heldout_rms_before_um, g.heldout_rms_after_um))
+            verb = "falls" if float(after) < float(before) else "rises"
+            text = f"stays at {after}" if after == before else f"{verb} from {before} to {after}"
+            said.append(with_unit(text, g.unit))
+        return ", ".join(said)
 
     def tables(self) -> tuple[Table, ...]:
         """Rms before and after, one row a unit."""

@@ -1,7 +1,9 @@
 """Put what was found into a :class:`Diagnosis`."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from trunnion.diagnosis.case import Case, Explanation, kept_rows, rms
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
+from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
@@ -28,6 +31,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
+from trunnion.machine.stated import Stated, conditioned, contradiction
 from trunnion.machine.unnoticed import unnoticed
 
 LOST = "only the outliers identify it: measure them again"
@@ -38,6 +42,51 @@ MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is men
 MAX_STEPS = 3
 TINY = 1e-300
 CLEAR = 0.2  # of the rms, that causes may leave unexplained and still explain the data
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What a diagnosis leaves of the readings: all that one of several measurements asks of it.
+
+    before, after: Reading minus prediction of the plain and of the extended model, (n,).
+    rows: Data row of each reading, (n,).
+    outliers: Data rows that were set aside, in order.
+    parameters: Count of those of the named causes.
+    unexplained: Structure that no cause makes, in words.
+    """
+
+    before: Floats
+    after: Floats
+    rows: Integers
+    outliers: tuple[int, ...]
+    parameters: int
+    unexplained: str | None
+
+    @classmethod
+    def of(cls, found: Diagnosis) -> Left | None:
+        """Return that of a diagnosis; None: it has no residuals."""
+        r = found.residuals
+        if r is None:
+            return None
+        count = sum(len(c.parameters) for c in found.causes)
+        return cls(r.before, r.after, r.rows, found.outliers, count, found.unexplained)
+
+
+def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
+    """Return what an explanation leaves: the same as its report says."""
+    kept, model = case.without(dropped), case.model
+    unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
+    named = e.fit if _alternatives(case, e) else kept.plain
+    f = with_structure(kept, e, named)[1]
+    rows = np.asarray(model.readings.rows)
+    return Left(
+        (case.given or case.plain).residuals,
+        f.residuals,
+        rows,
+        tuple(sorted({int(r) for r in rows[dropped]})),
+        sum(len(values) for values in named.effects.values()),
+        unexplained,
+    )
 
 
 def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
@@ -56,6 +105,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     verdict = _verdict(unexplained, kept, rows, plain, f, len(alternatives), len(dropped))
     kept, f, source = with_structure(kept, e, f)
     variance = float(case.floor.noise(f.rss, f.dof))
+    f = _with_what_is_stated(kept, f, variance)
     gain = _gain(kept, rows, plain, f)
     growth = kept.growth(f, variance)
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
@@ -95,11 +145,53 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or case.plain, f, rows),
         reservation=model.reservation,
-        notes=(*model.remarks, *_notes(case, variance), *_minor(kept)),
+        notes=(*model.remarks, *_notes(case, variance), *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _stated_places(case: Case, f: Fit) -> dict[int, tuple[str, Stated]]:
+    """Parameters of a fit of which something is stated, by place: name, what is stated."""
+    stated = {x.id: x.stated for x in case.effects if x.stated is not None}
+    first = len(case.model.nuisance)
+    found = enumerate(f.names, start=first)
+    return {k: (f"{i}.{name}", stated[i]) for k, (i, name) in found if i in stated}
+
+
+def _with_what_is_stated(case: Case, f: Fit, variance: float) -> Fit:
+    """Return a fit with what is stated of its effects, to first order in what that moves."""
+    places = {k: one.std for k, (_, one) in _stated_places(case, f).items()}
+    if not places or variance <= 0:
+        return f
+    before = np.concatenate([f.nuisance, [f.effects[i][name] for i, name in f.names]])
+    values, covariance = conditioned(before, f.covariance * variance, places)
+    effects = {k: Values(v) for k, v in f.effects.items()}
+    for (i, name), value in zip(f.names, values[len(f.nuisance) :].tolist(), strict=True):
+        effects[i][name] = value
+    return replace(
+        f,
+        nuisance=values[: len(f.nuisance)],
+        effects=effects,
+        residuals=f.residuals - f.jacobian @ (values - before),
+        covariance=covariance / variance,
+    )
+
+
+def _notes_of_causes(case: Case, f: Fit, variance: float) -> tuple[str, ...]:
+    """Say which effects explain too little to be named, and which contradict what is stated."""
+    said = []
+    if case.minor:
+        names = ", ".join(sorted(case.minor))
+        least = f"{100 * MIN_EXPLAINED:.0f} %"
+        said.append(f"Not named, as each explains less than {least} of what is left: {names}.")
+    std = np.sqrt(np.maximum(np.diag(f.covariance) * variance, 0.0))
+    for k, (name, one) in _stated_places(case, f).items():
+        effect, _, parameter = name.partition(".")
+        against = contradiction(name, f.effects[effect][parameter], std[k], one)
+        said += [] if against is None else [against]
+    return tuple(said)
 
 
 def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float) -> float:
@@ -113,15 +205,6 @@ def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float)
 def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
     """Readings with what the models leave of them."""
     return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
-
-
-def _minor(kept: Case) -> tuple[str, ...]:
-    """Say which effects are there but explain too little to be named."""
-    if not kept.minor:
-        return ()
-    names = ", ".join(sorted(kept.minor))
-    least = f"{100 * MIN_EXPLAINED:.0f} %"
-    return (f"Not named, as each explains less than {least} of what is left: {names}.",)
 
 
 def _notes(case: Case, variance: float) -> tuple[str, ...]:

@@ -99,6 +99,7 @@ class Dictionary:
         for part in self._parts:
             part.store(storage(numbers_kept))
             part.normalise(ROUNDING * longest)
+        self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
     def of_fit(self, f: Fit) -> tuple[Floats, Integers]:
@@ -120,14 +121,29 @@ class Dictionary:
         by_width: dict[int, list[_Part]] = {}
         for part in self._parts:
             by_width.setdefault(part.functions.shape[1], []).append(part)
-        both = np.concatenate([basis, several], axis=1)
+        if self._beside is None or self._beside[0] is not basis:
+            self._beside = (basis, self._products(basis))
+        of_basis, of_several = self._beside[1], self._products(several)
         for parts in by_width.values():
             at = np.concatenate([np.arange(x.first, x.first + len(x)) for x in parts])
-            products = np.concatenate([part.products(both) for part in parts])
-            t, z = products[:, :, : basis.shape[1]], products[:, :, basis.shape[1] :]
+            t, z = (np.concatenate([x[id(part)] for part in parts]) for x in (of_basis, of_several))
             a = np.concatenate([part.gram for part in parts]) - t @ t.transpose(0, 2, 1)
             gain[at], rank[at] = _eliminated(a, z)
         return gain.reshape((-1, *r.shape[1:])), rank
+
+    def _products(self, r: Floats) -> dict[int, Floats]:
+        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
+        out = {id(p): np.empty((*p.size.shape, r.shape[1])) for p in self._parts}
+        shared: dict[bytes, list[tuple[_Part, int]]] = {}
+        for part in self._parts:
+            for i, c in enumerate(part.components):
+                shared.setdefault(c.tobytes(), []).append((part, i))
+        for those in shared.values():
+            part, i = those[0]
+            weighted = (part.components[i][:, None] * r).astype(part.functions.dtype, copy=False)
+            for part, i in those:
+                out[id(part)][:, i] = part.products(weighted, i)
+        return {k: v.reshape(-1, *v.shape[2:]) for k, v in out.items()}
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
@@ -200,15 +216,14 @@ class _Part:
         flat = x.reshape(-1, x.shape[-1]) @ weights.T
         return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
-    def products(self, r: Floats) -> Floats:
-        """Inner products of the columns with r (n, s), shape (terms, k, s)."""
+    def products(self, weighted: Floats, component: int) -> Floats:
+        """Inner products of the columns of one component with r (n, s), shape (m, k, s).
+
+        weighted: r times that component.
+        """
         m, k, n = self.functions.shape
-        flat = self.functions.reshape(m * k, n)
-        out = np.empty((m, len(self.components), k, r.shape[1]))
-        for i, c in enumerate(self.components):
-            products = inner(flat, c[:, None] * r).reshape(m, k, -1)
-            out[:, i] = products * self.scale[:, i, :, None]
-        return out.reshape(-1, k, r.shape[1])
+        products = inner(self.functions.reshape(m * k, n), weighted).reshape(m, k, -1)
+        return np.asarray(products * self.scale[:, component, :, None])
 
     def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""

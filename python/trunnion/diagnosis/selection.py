@@ -43,6 +43,7 @@ EXCHANGES = 4
 EXCHANGED_SETS = 4
 CANCELLING = 3.0  # times the residuals, that a contribution may be without costing much
 SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
+TINY = 1e-300
 MAX_BEYOND = 0.9  # of the series of the penalty, where it does not converge
 WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
 
@@ -268,11 +269,12 @@ class Search:
             self.grow(fresh, 0)
 
     def settle(self) -> None:
-        """Add to the scores of the best sets what causes cost that cancel each other.
+        """Add to the scores of the best sets what causes cost that cancel or contradict.
 
         A cause is as likely beforehand as its size allows: contributions are supposed to be normal,
         of at most `CANCELLING` times the size of the residuals. Three causes that add up to a cubic
-        none of them makes are each twenty times as large as what they explain.
+        none of them makes are each twenty times as large as what they explain. Where something is
+        stated of a cause (a certificate), it is as likely as that allows.
         """
         done: set[int] = set()
         while True:
@@ -282,7 +284,7 @@ class Search:
                 break
             done.add(mask)
             f = self.known[mask]
-            more = self._cancelling(f.blocks)
+            more = self._cancelling(f.blocks) + self._contradicting(f)
             if more > 0:
                 self.known[mask] = replace(f, score=float(np.round(f.score + more, SCORE_DIGITS)))
                 self.scores[mask] = self.known[mask].score
@@ -301,6 +303,21 @@ class Search:
         sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.empty.rss
         paid = np.array([c.penalty[b] > 0 for b in blocks])
         return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
+
+    def _contradicting(self, f: Found) -> float:
+        """What a set costs that is larger than what is stated of its causes: of -2 ln L."""
+        c = self.c
+        held = [c.stated.get(int(c.owner[b]), np.inf) for b in f.blocks]
+        if not np.isfinite(held).any():
+            return 0.0
+        columns = np.concatenate([c.columns(b) for b in f.blocks]).astype(np.float64)
+        along = np.concatenate([self.empty.residual[c.span(b)] for b in f.blocks])
+        noise = float(self.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
+        less = np.repeat(noise / np.maximum(np.square(held), TINY), [c.rank[b] for b in f.blocks])
+        gram = columns @ columns.T
+        free = along @ np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
+        kept = along @ np.linalg.lstsq(gram + np.diag(less), along, rcond=c.dependent)[0]
+        return float(max(free - kept, 0.0)) / max(noise, TINY)
 
     def expected(self) -> _State:
         """Set of what costs nothing to name; the empty one if there is none."""

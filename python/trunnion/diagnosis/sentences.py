@@ -48,15 +48,10 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
     if d.structure is not None:
         lines += d.structure.sentences()
     if said or d.structure is not None:
-        falls = all(
-            g.heldout_rms_after_um < g.heldout_rms_before_um for g in (d.gain, *d.gain.others)
-        )
-        verb = "falls" if falls else "changes"
         lines += [
             *_bias(d),
             *(() if d.ladder is None else d.ladder.sentences()),
-            f"Cross-validated rms {verb} {d.gain.fall()}; "
-            f"the plain model alone has {chance(d.p_value)}.",
+            f"Cross-validated rms {d.gain.fall()}; the plain model alone has {chance(d.p_value)}.",
         ]
     weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)

@@ -23,9 +23,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAli
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trunnion.base.checks import shown
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
-from trunnion.base.saved import Columns, Saved
+from trunnion.base.saved import Columns, Gridded, Saved
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
@@ -43,11 +44,27 @@ FROM_0 = " (counted from 0)"
 
 
 class ColumnMapping(Protocol):
-    """Columns by name: a dict of arrays, a pandas DataFrame."""
+    """Columns by name: a dict of arrays, a pandas DataFrame, an xarray Dataset."""
 
     def items(self) -> Iterable[tuple[Any, Any]]:
         """Return pairs of name and values."""
         ...
+
+
+def named_columns(given: Any) -> dict[str, Any]:
+    """Return columns by name of a dict, a DataFrame or a Dataset.
+
+    Named levels of an index and coordinates of a Dataset are columns, too; a Dataset on a grid is
+    taken node by node. What is called "index" numbers the rows and is none.
+    """
+    named = None
+    if hasattr(given, "coords") and hasattr(given, "to_dataframe"):  # a Dataset
+        named, given = set(given.coords), given.to_dataframe()
+    for name in getattr(getattr(given, "index", None), "names", ()):
+        if name is None or name == "index" or not (named is None or name in named):
+            continue
+        given = given.assign(**{name: given.index.get_level_values(name)})
+    return dict(given.items())
 
 
 class Table(Saved):
@@ -80,7 +97,7 @@ class Table(Saved):
         cls.kinds = {**cls.kinds, **{column.name: column for column in own}}
 
     def __init__(self, columns: ColumnMapping | None = None, /, **more: ArrayLike | None) -> None:
-        given: dict[str, Any] = {} if columns is None else dict(columns.items())
+        given = {} if columns is None else named_columns(columns)
         more = {self._column_name(name): values for name, values in more.items()}
         for name in more:
             if name in given:
@@ -90,6 +107,22 @@ class Table(Saved):
             self._fill(given)
         except ColumnError as fault:
             raise InputError(str(fault)) from None
+
+    @classmethod
+    def of_columns(cls, data: Self | ColumnMapping, what: str = "data") -> Self:
+        """Return a table of the kind as it is, or one made of a DataFrame, a Dataset or a dict.
+
+        what: Name of the argument, for messages.
+        """
+        if isinstance(data, cls):
+            return data
+        if isinstance(data, Table) or not hasattr(data, "items"):
+            article = "an" if cls.__name__[0] in "AEIO" else "a"
+            raise InputError(
+                f"{what}: got {shown(data)}, expected {article} {cls.__name__}, or a DataFrame, a "
+                "Dataset or a dict with its columns"
+            )
+        return cls(data)
 
     def _fill(self, given: Mapping[str, Any]) -> None:
         made = {name: self._column(name, values) for name, values in given.items()}
@@ -301,6 +334,10 @@ class Table(Saved):
         return cls._of(joined, Origin.joined(parts))
 
     # --- out
+
+    def gridded(self) -> Gridded:
+        """Return every column over the rows."""
+        return Gridded({}, {name: (("row",), values) for name, values in self.columns.items()}, {})
 
     def sheets(self) -> Mapping[str, Columns]:
         """Return the columns as one table: what a workbook or Parquet holds."""

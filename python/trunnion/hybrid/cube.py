@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,6 +65,14 @@ class CubeChange(Result):
     remainder_um: Floats
     edges_um: Floats
     circles_um: Floats
+
+    GRID: ClassVar = {
+        "nominal_mm": ("corner", "direction"),
+        "moved_mm": ("corner", "direction"),
+        "remainder_um": ("corner", "direction"),
+        "edges_um": ("edge",),
+        "circles_um": ("plane", "degree"),
+    }
 
     @property
     def shift_um(self) -> float:

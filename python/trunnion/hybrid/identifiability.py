@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import positive
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
@@ -63,6 +64,16 @@ class Identifiability(Result):
     directions: Floats
     std_errors: dict[str, float]
     direction_errors: Floats
+
+    def gridded(self) -> Gridded:
+        """Return the combinations over the errors, and the standard error of each."""
+        arrays = {
+            "directions": (("combination", "parameter"), self.directions),
+            "singular_values": (("combination",), self.singular_values),
+            "direction_errors": (("combination",), self.direction_errors),
+            "std_errors": (("parameter",), np.array([*self.std_errors.values()])),
+        }
+        return Gridded({"parameter": list(self.parameters)}, arrays, {"sigma_um": self.sigma_um})
 
     @checked
     def well_determined(self, within: float = MAX_WELL_DETERMINED_UM) -> int:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS
 
@@ -145,6 +146,18 @@ class Sensitivity(Result):
     def headline(self) -> str:
         """Counts."""
         return f"errors: {len(self.parameters)}, poses: {len(self.forward)}"
+
+    def gridded(self) -> Gridded:
+        """Return the derivatives over poses, directions and errors."""
+        axes = {"joint": list(JOINTS), "direction": list("xyz"), "parameter": list(self.parameters)}
+        along = ("pose", "direction", "parameter")
+        arrays = {
+            "joints": (("pose", "joint"), self.forward.joints),
+            **{f"{name}_um": (along, getattr(self, name)) for name in ("tip", "serial_tip")},
+            **{f"{name}_arcsec": (along, getattr(self, name)) for name in ("turn", "serial_turn")},
+            "passive_arcsec": (("pose", "passive_joint", "parameter"), self.passive),
+        }
+        return Gridded(axes, arrays, {"per": "unit at the end of the parameter's name"})
 
     def derived(self) -> Mapping[str, Any]:
         """Poses."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from trunnion.base.checks import choose, whole
 from trunnion.base.conformity import Conformity
-from trunnion.base.report import Cell, Result, Table, significant
+from trunnion.base.report import Cell, Result, Shown, Table, significant
 from trunnion.base.units import Floats, unit_of
 
 COVERAGE_FACTOR = 2.0
@@ -29,6 +29,7 @@ MAX_DRAWS = 1_000_000
 """Numbers that are drawn at a time."""
 MIN_SHOWN = 1e-4
 """Share of the variance; smaller contributions count but are not listed."""
+MANY = 100.0  # degrees of freedom from which they are whole
 READINGS = "readings"
 RESOLUTION = "resolution of the readings"
 MODEL = "model selection"
@@ -269,13 +270,19 @@ class Budget(Result):
             value = m.value if np.isfinite(m.std) else None
             most = m.lines[0].source if m.lines and m.lines[0].contribution > 0 else ""
             cells = (significant(x) for x in (m.std, self.coverage_factor * m.std))
-            freedom = significant(m.degrees_of_freedom, 3)
+            freedom = _freedom(m.degrees_of_freedom)
             interval = () if m.interval is None else map(significant, m.interval)
             rows.append((m.name, value, *cells, m.unit, freedom, most, *interval))
         heads = ["", "value", "u", f"U (k = {self.coverage_factor:g})", "unit", "ν", "most due to"]
         if self.method == "monte-carlo":
             heads += ["95.45 % from", "to"]
         return Table.of("Uncertainty budget", heads, rows)
+
+
+def _freedom(value: float) -> Shown:
+    """Return degrees of freedom as people print them."""
+    text = "∞" if np.isinf(value) else f"{value:.0f}" if value >= MANY else f"{value:.3g}"
+    return Shown(value, text)
 
 
 def _table(m: Measurand) -> Table:
@@ -288,7 +295,7 @@ def _table(m: Measurand) -> Table:
             significant(line.sensitivity),
             significant(line.contribution),
             f"{100 * line.contribution**2 / square:.0f} %",
-            significant(line.degrees_of_freedom, 3),
+            _freedom(line.degrees_of_freedom),
         )
         for line in m.lines
         if line.contribution**2 >= MIN_SHOWN * square

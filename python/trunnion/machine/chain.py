@@ -311,6 +311,8 @@ def standing_artefact(setup: Setup) -> _core.Artefact:
         turn_deg=artefact.turn_deg,
         stem_diameter_mm=artefact.effective_stem_diameter_mm,
         base_mm=artefact.base_mm or (0.0, 0.0, 0.0),
+        clamps_mm=artefact.clamps_mm or (),
+        chuck_mm=artefact.chuck_mm or (0.0, 0.0),
         tolerance_mm=artefact.tolerance_mm,
         tolerance_deg=artefact.tolerance_deg,
     )

@@ -9,11 +9,13 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import FileFormatError, InputError
 from trunnion.base.report import Result, Table
+from trunnion.base.saved import Gridded
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.budget import (
@@ -155,6 +157,22 @@ class Estimate(Result):
         """Keep the shape of a covariance of nothing."""
         if not self.names:
             object.__setattr__(self, "covariance", np.zeros((0, 0)))
+
+    def gridded(self) -> Gridded | None:
+        """Return values, standard uncertainties and covariance by name, where it is known."""
+        if not self.names:
+            return None
+        names, values = list(self.names), self.values
+        found: dict[str, list[Any]] = {
+            "estimate": [values.get(name, np.nan) for name in names],
+            "std_error": [self.std_errors.get(name, np.nan) for name in names],
+            "unit": [unit_of(name) for name in names],
+        }
+        arrays: dict[str, tuple[tuple[str, ...], NDArray[Any]]] = {
+            name: (("parameter",), np.array(held)) for name, held in found.items()
+        }
+        arrays["covariance"] = (("parameter", "parameter_2"), self.covariance)
+        return Gridded(dict.fromkeys(("parameter", "parameter_2"), names), arrays, {})
 
     # --- by name
 

@@ -29,7 +29,7 @@ from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.changes import Change, MachineComparison, Trend
-from trunnion.models.kinds import diagnose
+from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
 MOST_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
@@ -161,6 +161,7 @@ def compare(
 
 def _source(item: Any, setup: Any) -> _Source:
     """Quantities of one measurement that need no other."""
+    item = as_table(item)
     if isinstance(item, Table):
         item = diagnose(item, setup)
     if isinstance(item, Diagnosis):

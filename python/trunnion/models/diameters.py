@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -49,6 +50,7 @@ MAX_ERROR_UM = 5000.0
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 MIN_WEAR_UM = 2.0
+LEAST_NOISE_UM = 1e-3  # no gauge shows less
 
 MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
@@ -181,12 +183,16 @@ def _cuts(data: Diameters, conditions: Conditions, reference: _Reference) -> Flo
 
 @dataclass(frozen=True, eq=False)
 class _Cause:
-    """One cause of the core in these passes, spread over passes or coolants where it has to be."""
+    """One cause of the core in these passes, spread over passes or coolants where it has to be.
+
+    cuts: Rows of ``turning_cause``, which all causes share.
+    """
 
     name: str
     data: Diameters
     conditions: Conditions
     reference: _Reference
+    cuts: Floats
 
     @property
     def classes(self) -> tuple[str, ...]:
@@ -194,11 +200,6 @@ class _Cause:
         labels = {"chatter": self.reference.passes, "tool_heating": self.reference.coolants}
         own = labels.get(self.name, ())
         return own if len(own) > 1 else ()
-
-    @property
-    def cuts(self) -> Floats:
-        """Rows of ``turning_cause``."""
-        return _cuts(self.data, self.conditions, self.reference)
 
     def parameters(self) -> tuple[Parameter, ...]:
         """Names, units and grids."""
@@ -236,7 +237,9 @@ class _Cause:
         waves = np.arange(2.0, min(most, 100.0), WAVE_STEP)
         return tuple((span / waves[::-1]).tolist())
 
+    @cached_property
     def _blocks(self) -> list[Flags]:
+        """Rows of each class."""
         n = len(self.data)
         if not self.classes:
             return [np.ones(n, dtype=bool)]
@@ -254,7 +257,7 @@ class _Cause:
         # Without a clock 1 mm counts as 1 s: µm/m is then 0.06 µm/min.
         scale = 0.06 if self.name == "tool_wear" and not self.reference.timed else 1.0
         own = 2 if self.name == "chatter" else 1
-        blocks = self._blocks()
+        blocks = self._blocks
         shared = numbers[own * len(blocks) :]
         change = np.zeros(len(cuts))
         slopes = np.zeros((len(cuts), len(numbers)))
@@ -308,7 +311,8 @@ def _catalogue(data: Diameters, conditions: Conditions, reference: _Reference) -
     differ = sizes is not None and np.max(sizes) > MIN_DIAMETER_RANGE * np.min(sizes)
     shown = {"workpiece_heating": differ, "block_acceleration": bool(conditions.blocks_mm)}
     causes = [name for name in CAUSES if shown.get(name, True)]
-    return [_Cause(name, data, conditions, reference).effect() for name in causes]
+    cuts = _cuts(data, conditions, reference)
+    return [_Cause(name, data, conditions, reference, cuts).effect() for name in causes]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -389,7 +393,11 @@ class DiameterModel(LinearModel):
         place = np.clip((5 * (z - z.min()) / max(float(np.ptp(z)), 1e-9)).astype(int), 0, 4)
         super().__init__(
             data=data,
-            readings=Readings(np.asarray(data.error_um, dtype=np.float64), np.arange(len(data))),
+            readings=Readings(
+                np.asarray(data.error_um, dtype=np.float64),
+                np.arange(len(data)),
+                least=LEAST_NOISE_UM,
+            ),
             nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
             design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
             effects=self.effects_on(data),

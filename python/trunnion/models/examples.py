@@ -20,11 +20,13 @@ from trunnion.data.diameters import Diameters
 from trunnion.data.levels import Levels
 from trunnion.data.points import Points
 from trunnion.data.positioning import Positioning
+from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.sweep import Sweep
 from trunnion.data.touches import Touches
 from trunnion.hybrid import Mechanism, ballbar_plan
 from trunnion.machine.chain import Chain
 from trunnion.probing.plan import plan
+from trunnion.probing.rotary_test import plan_rotary_test, simulate_rotary_test
 from trunnion.probing.simulate import simulate
 from trunnion.setup import Artefact, Setup
 
@@ -179,6 +181,36 @@ def hybrid_ballbar() -> tuple[Ballbar, Setup]:
     return data.with_columns(length_mm=length, time_s=1.0 * np.arange(len(data))), Setup(
         artefact=Artefact("none")
     )
+
+
+def rotary_test() -> tuple[RotaryTest, Setup]:
+    """An R-test of two balls, A and C turned to and fro."""
+    setup = Setup(artefact=Artefact("none"))
+    return _rotary_test(setup, {"near": (90.0, 20.0, 60.0), "far": (-40.0, 110.0, 90.0)}), setup
+
+
+def rotary_bars() -> tuple[RotaryTest, Setup]:
+    """A ball-bar in three directions."""
+    setup = Setup(artefact=Artefact("none"), rotary_test={"balls_mm": [(90.0, 20.0, 60.0)] * 3})
+    balls = dict.fromkeys("xyz", setup.rotary_test["balls_mm"][0])
+    return _rotary_test(setup, balls, bar=True), setup
+
+
+def _rotary_test(
+    setup: Setup, balls: dict[str, tuple[float, float, float]], *, bar: bool = False
+) -> RotaryTest:
+    """Turns of A and C to and fro about each ball in turn, a bar along X, Y, Z."""
+    there = np.arange(0.0, 360.0, 30.0)
+    turns = {"A": np.repeat([0.0, 50.0, -35.0, 80.0], 24), "C": np.tile([*there, *there[::-1]], 4)}
+    bars = 100.0 * np.eye(3) if bar else np.zeros((len(balls), 3))
+    made = []
+    for number, (label, ball) in enumerate(balls.items()):
+        planned = plan_rotary_test(setup, ball, turns, bar_mm=bars[number])
+        given: dict[str, Any] = {"noise_um": NOISE_UM, "seed": SEED + number, "bar": bar}
+        part = simulate_rotary_test(planned, setup, ball, {"EX0C": 5.0, "EZ0A": -8.0}, **given)
+        time = 4.0 * (np.arange(len(part)) + number * len(part))
+        made.append(part.with_columns(ball=np.full(len(part), label), time_s=time))
+    return RotaryTest.concatenate(made)
 
 
 def axis_log() -> tuple[AxisLog, Setup]:

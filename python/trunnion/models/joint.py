@@ -154,8 +154,10 @@ class JointModel(Model):
         own: Effect | None = None,
     ) -> Effect:
         bound = OneEffect(self, id_)
-        motion = None if own is None else own.motion
-        return Effect(id_, parameters, bound.change, bound.jacobian, label, owner, motion)
+        motion, stated = (None, None) if own is None else (own.motion, own.stated)
+        return Effect(
+            id_, parameters, bound.change, bound.jacobian, label, owner, motion, stated=stated
+        )
 
     def ids_of_part(self, i: int) -> dict[str, str]:
         """What this model calls the effects of one part, by their ids there."""
@@ -379,6 +381,7 @@ def _readings(parts: Sequence[Part]) -> Readings:
         np.concatenate([p.rows for p in parts]),
         tuple(units),
         step=np.concatenate(steps),
+        least=np.concatenate([np.broadcast_to(r.least, len(r)) for r in own]),
     )
 
 

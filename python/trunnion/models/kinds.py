@@ -20,9 +20,11 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Integers
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
+from trunnion.diagnosis.engine import leave
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.files.table import Table
+from trunnion.files.table import Table, named_columns
 from trunnion.machine.effects import EffectInfo
 from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured, joined, joint_model
@@ -70,7 +72,11 @@ class Kind:
         return resolve_name(self.reader)(path)
 
 
-_MORE_EXAMPLES = {"ballbar": ("hybrid_ballbar",), "levels": ("surface_levels",)}
+_MORE_EXAMPLES = {
+    "ballbar": ("hybrid_ballbar",),
+    "levels": ("surface_levels",),
+    "rotary_test": ("rotary_bars",),
+}
 
 
 def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
@@ -89,6 +95,8 @@ def _kind(name: str, data: str, module: str, model: str, *columns: str) -> Kind:
 
 _AXES = "x_cmd_mm|y_cmd_mm|z_cmd_mm|a_cmd_deg|b_cmd_deg|c_cmd_deg"
 
+_ROTARY_TEST = ("x_mm", "a_deg|b_deg|c_deg", "dx_um|length_mm")
+
 _KINDS = [
     _kind("touches", "Touches", "touches", "touches", "dir_x", "dir_y", "dir_z"),
     _kind("points", "Points", "points", "points", "nominal_x_mm", "nominal_y_mm"),
@@ -97,6 +105,7 @@ _KINDS = [
     _kind("ballbar", "Ballbar", "ballbar", "ballbar", "setup", "length_mm"),
     _kind("positioning", "Positioning", "positioning", "positioning", "direction", "cycle"),
     _kind("levels", "Levels", "levels", "levels", "along_um_m|across_um_m"),
+    _kind("rotarytest", "RotaryTest", "rotary_test", "rotary_test", *_ROTARY_TEST),
     _kind("axislog", "AxisLog", "axis_log", "axis_log", "time_s", _AXES),
 ]
 
@@ -182,7 +191,7 @@ def table_of(columns: Any, kind: str | None = None) -> Any:
     kind
         Name of the kind; by default found from the names of the columns.
     """
-    given = {name: np.asarray(values) for name, values in columns.items()}
+    given = {name: np.asarray(values) for name, values in named_columns(columns).items()}
     return resolve_name(kind_of_columns(given, kind).data)(given)
 
 
@@ -308,19 +317,19 @@ def diagnose(
     >>> d.verdict, [cause.id for cause in d.causes]
     ('explained', ['scale_x', 'straightness_y_of_x'])
     """
-    data = _as_table(data)
+    data = as_table(data)
     if isinstance(data, list | tuple):
         return _of_several(data, setup, effects)
-    return _alone(data, setup, effects).alone
+    return _alone(data, setup, effects)
 
 
-def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
+def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
     used, first = _distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
-        return Measured(kind_name(data), data, None, found, model)
+        return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
     found = replace(found, notes=(*_time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
@@ -334,7 +343,7 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measur
         )
         outliers = tuple(int(first[row]) for row in found.outliers)
         found = replace(found, outliers=outliers, notes=(note, *found.notes))
-    return Measured(kind_name(data), data, first, found, model)
+    return found
 
 
 def measured_of(found: Diagnosis) -> Measured:
@@ -349,10 +358,10 @@ def measured_of(found: Diagnosis) -> Measured:
     used, first = _distinct_rows(found.data)
     if first is not None:
         model = model_of(used, found.setup, found.candidates)
-    return Measured(kind_name(found.data), found.data, first, found, model)
+    return Measured(kind_name(found.data), found.data, first, Left.of(found) or leave(model), model)
 
 
-def _as_table(data: Any) -> Any:
+def as_table(data: Any) -> Any:
     """Return data with named columns as data of their kind, anything else as it is."""
     named = isinstance(data, Mapping) or type(data).__name__ in ("DataFrame", "Dataset")
     return table_of(data) if named else data
@@ -372,7 +381,17 @@ def _measured(
     """Diagnose each of several measurements alone."""
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-    return [_alone(_as_table(one), setup, effects) for one in data]
+    return [_one_of_several(as_table(one), setup, effects) for one in data]
+
+
+def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
+    """Explain one measurement, of which rows that repeat others count once."""
+    used, first = _distinct_rows(data)
+    model = model_of(used, setup, effects)
+    left = leave(model)
+    if first is not None:
+        left = replace(left, outliers=tuple(int(first[row]) for row in left.outliers))
+    return Measured(kind_name(data), data, first, left, model)
 
 
 def _joint(

@@ -39,7 +39,9 @@ from trunnion.diagnosis.model import (
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
+MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
+LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
 SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
 MAX_DEGREE = 4
@@ -174,7 +176,7 @@ class LevelsModel(LinearModel):
         count = len(data.components)
         super().__init__(
             data=data,
-            readings=Readings(values.astype(np.float64), rows.row, "µm/m"),
+            readings=Readings(values.astype(np.float64), rows.row, "µm/m", least=LEAST_NOISE_UM_M),
             nuisance=[Nuisance(f"tilt_{c}_um_m", "µm/m") for c in data.components],
             design=rows.each(rows.sense),
             effects=with_own(_catalogue(rows, self._frame), effects, data, known=IDS),
@@ -326,7 +328,9 @@ def _kinks(rows: _Rows) -> list[Effect]:
         between = (places[1:] + places[:-1]) / 2
         if len(between) < 5:
             continue
-        at = Parameter("at_mm", grid=tuple(map(float, between[1:-1])))
+        inner = between[1:-1]
+        some = np.unique(np.linspace(0, len(inner) - 1, min(len(inner), MAX_KINKS)).round())
+        at = Parameter("at_mm", grid=tuple(map(float, inner[some.astype(np.intp)])))
         if data.grid:
             id_, names = f"kink_{'xy'[axis]}", ["angle_um_m"]
             enters = np.where(rows.has(COMPONENTS[axis]), rows.sense, 0.0)[:, None]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, Integers
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.effect import (
     Effect,
@@ -41,6 +41,7 @@ from trunnion.machine.estimate import Estimate
 
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
+LEAST_NOISE = 1e-3  # µm or arcsec: no interferometer shows less in air
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
 MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
@@ -82,12 +83,13 @@ class PositioningModel(LinearModel):
                 np.arange(n),
                 data.unit,
                 recorded=data.measured * (3600.0 if data.rotary else 1e3),
+                least=LEAST_NOISE,
             ),
             nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],
             design=np.ones((n, 1)),
             effects=with_own(_catalogue(data, unit), effects, data, known=IDS),
             covariates=_covariates(data),
-            groups=np.unique(np.asarray(data.cycle), return_inverse=True)[1],
+            groups=_folds(data),
             replicates=np.unique(stops, return_inverse=True)[1],
         )
 
@@ -197,6 +199,12 @@ def _covariates(data: Positioning) -> tuple[Covariate, ...]:
     return tuple(out)
 
 
+def _folds(data: Positioning) -> Integers:
+    """What is predicted together: a cycle from the others; of one cycle each stop."""
+    cycles, number = np.unique(np.asarray(data.cycle), return_inverse=True)
+    return np.asarray(number if len(cycles) > 1 else np.arange(len(data)), dtype=np.intp)
+
+
 def _catalogue(data: Positioning, unit: str) -> list[Effect]:
     """Effects for which the stops have what it takes."""
     d = np.asarray(data.direction, dtype=np.float64)
@@ -208,11 +216,12 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
     if both:
         out.append(linear("reversal", [f"b_{unit}"], d / 2, "reversal (backlash) of the axis"))
     each = (index[:, None] == np.arange(len(targets))).astype(float)
+    places = [f"at_{x:.9g}_{'deg' if data.rotary else 'mm'}_{unit}" for x in targets]
     if both and len(targets) > 2:
-        beside = _beside(each, np.ones((len(targets), 1)))
-        names = [f"b{i}_{unit}" for i in range(1, beside.shape[1] + 1)]
+        beside = _beside(each, np.ones((len(targets), 1)))[:, 1:]
         label = "reversal that depends on position"
-        out.append(linear("reversal_of_position", names, d[:, None] / 2 * beside, label))
+        columns = d[:, None] / 2 * beside
+        out.append(linear("reversal_of_position", places[1:], columns, label))
     if len(targets) >= MIN_WAVE_TARGETS:
         out.append(_periodic(data, targets, unit))
     if data.rotary and np.ptp(targets) >= MIN_TURN_DEG:
@@ -227,17 +236,20 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
     if len(targets) > 3 and len(data) >= MIN_REPEATS * len(targets):
         line = np.stack([np.ones(len(targets)), targets - targets.mean()], axis=1)
-        beside = _beside(each, line)
-        names = [f"c{i}_{unit}" for i in range(1, beside.shape[1] + 1)]
+        beside = _beside(each, line)[:, 1:-1]
         label = "repeatable curve of deviations without a name"
-        out.append(linear("curve", names, beside, label))
+        out.append(linear("curve", places[1:-1], beside, label))
     return out
 
 
 def _beside(each: Floats, taken: Floats) -> Floats:
-    """Columns by target (n, m - k) that are orthogonal to k columns of the targets (m, k)."""
-    q = np.linalg.qr(np.concatenate([taken, np.eye(len(taken))], axis=1))[0]
-    return np.asarray(each @ q[:, taken.shape[1] : len(taken)])
+    """Columns of the targets (n, m) less what k columns of the targets (m, k) hold of them.
+
+    Of the m columns k depend on the others. Without the first the parameters are what a target has
+    more than the first; without the first and the last, deviations from the line through these.
+    """
+    q = np.linalg.qr(taken)[0]
+    return np.asarray(each - (each @ q) @ q.T)
 
 
 def _periodic(data: Positioning, targets: Floats, unit: str) -> Effect:

@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.model import Model, Scaling
+from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel, Part
@@ -28,7 +29,7 @@ class Measured:
     distinct
         Rows that do not repeat others in every column; None: all.
     alone
-        Its own diagnosis.
+        What its own diagnosis leaves.
     model
         The model that it was diagnosed with, of the distinct rows.
     """
@@ -36,7 +37,7 @@ class Measured:
     kind: str
     data: Any
     distinct: Integers | None
-    alone: Diagnosis
+    alone: Left
     model: Model
 
     @property
@@ -61,16 +62,16 @@ class Measured:
 
     def noise(self, model: Model) -> Callable[[Floats], Floats]:
         """Return what makes the noise of the used readings white, of size 1."""
-        found = self.alone.residuals
-        if found is None:
-            return model.whitener(np.zeros(len(model.readings)))
+        found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
         kept = ~np.isin(of_row, self.alone.outliers)
         whiten = model.whitener(found.before[kept])
         after = np.asarray(whiten(found.after[kept]))
-        parameters = sum(len(c.parameters) for c in self.alone.causes) + len(model.nuisance)
-        size = float(np.sqrt(np.sum(after**2) / max(len(after) - parameters, 1)))
-        return _Scaled(whiten, Scaling(np.full(len(after), max(size, MIN_NOISE))))
+        parameters = found.parameters + len(model.nuisance)
+        size = np.sqrt(np.sum(after**2) / max(len(after) - parameters, 1))
+        least = np.asarray(whiten(np.broadcast_to(model.readings.least, len(after)).astype(float)))
+        size = float(max(size, np.sqrt(np.mean(least**2)), MIN_NOISE))
+        return _Scaled(whiten, Scaling(np.full(len(after), size)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ from trunnion.machine.budget import Input
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import mistakes_in
-from trunnion.probing.inputs import inputs_of
+from trunnion.probing.inputs import inputs_of, stated_of
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
     TouchModel,
@@ -138,6 +138,7 @@ class TouchDiagnosisModel(Model):
         self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
         self._at: dict[bytes, Floats] = {}
         self._given = tuple(effects)
+        self._stated = stated_of(setup)
         named = [self._effect(i) for i in infos]
         self.effects = with_own(named, effects, data, known=[i.id for i in known], described=self)
         self._own = self.effects[len(named) :]
@@ -242,6 +243,7 @@ class TouchDiagnosisModel(Model):
             label=info.label,
             owner=info.owner,
             needs=info.needs,
+            stated=self._stated.get(info.id),
         )
 
     def _parameter(self, name: str, unit: str, kind: str) -> Parameter:

@@ -11,7 +11,7 @@ from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.iso230_4 import Iso2304, iso230_4
 from trunnion.plot.picture import Axis, Kind, Picture, Series, line
-from trunnion.plot.static import panels
+from trunnion.plot.static import draw_all
 from trunnion.plot.style import BLUE, MUTED, VERMILLION, near_number
 
 WIDE_STEPS = 4.0
@@ -42,10 +42,7 @@ def plot_circular(
     **style
         As :meth:`trunnion.plot.picture.Picture.draw` takes it.
     """
-    pictures = circular_pictures(result)
-    if len(pictures) == 1 or ax is not None:
-        return pictures[0].draw(ax, **style)
-    return panels(pictures, columns=min(len(pictures), 3), size=(4.9, 5.9), **style)
+    return draw_all(circular_pictures(result), ax, columns=3, size=(4.9, 5.9), **style)
 
 
 def circular_pictures(result: Iso2304 | Sequence[Iso2304] | Ballbar) -> list[Picture]:

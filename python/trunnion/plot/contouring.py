@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from trunnion.contouring.reproduction import ContourComparison
 from trunnion.contouring.simulation import ContourRun, ContourSweep
 from trunnion.plot.axes import axes_or_new
 from trunnion.plot.picture import Axis, Dash, Picture, Series, line, points
+from trunnion.plot.statistics import bars_picture
 from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION, capital
 
 COLOURS = {"independent": MUTED, "existing": VERMILLION, "proposed": BLUE}
@@ -124,6 +126,9 @@ def plot_path(path: Path, *, ax: Any = None, tools: int = 25) -> Any:
     space.set_aspect("equal")
     space.set_box_aspect(None, zoom=0.95)
     space.legend(frameon=False, loc="upper left", fontsize="small")
+    space.set_title(
+        f"Path of {path.length_mm:.4g} mm with tool axes, part's frame", fontsize="medium"
+    )
     return space
 
 
@@ -173,7 +178,12 @@ def plot_margins(result: Margins, *, ax: Any = None, **style: Any) -> Any:
 
 
 def margins_picture(result: Margins) -> Picture:
-    """Return the gain margin of the coupled loop over the path with the margins of the axes."""
+    """Return the gain margin of the coupled loop over the path with the margins of the axes.
+
+    Without a coupling the margins do not depend on the path: one bar an axis.
+    """
+    if not len(result.coupled_gain):
+        return _margins_of_axes(result)
     ends = np.array([result.u[0], result.u[-1]]) if len(result.u) else np.array([0.0, 1.0])
     coupled = result.coupled_gain
     series = [line(ends, [1.0, 1.0], "limit of stability", colour=VERMILLION, dash="dash")]
@@ -182,10 +192,16 @@ def margins_picture(result: Margins) -> Picture:
             colour = PALETTE[2 + number % (len(PALETTE) - 2)]
             label = f"axis {axis} alone"
             series.append(line(ends, [gain, gain], label, colour=colour, dash="dot", width=1.2))
-    if len(coupled):
-        series.append(line(result.u, coupled, "all axes, coupled", colour=BLUE, width=2.0))
+    series.append(line(result.u, coupled, "all axes, coupled", colour=BLUE, width=2.0))
     least = float(np.min(coupled, initial=np.inf))
     title = "Gain margin along the path"
     if np.isfinite(least):
         title += f": least {least:.3g}, largest {np.max(coupled):.3g}"
     return Picture(title, Axis("Path parameter u"), Axis("Gain margin"), tuple(series))
+
+
+def _margins_of_axes(result: Margins) -> Picture:
+    gains = {f"axis {axis}": float(g) for axis, g in zip(result.axes, result.gain, strict=True)}
+    p = bars_picture("Gain margin of each axis, no coupling", "Gain margin", "", gains, digits=3)
+    limit = line([1.0, 1.0], [-0.5, len(gains) - 0.5], "limit of stability", colour=VERMILLION)
+    return replace(p, series=(*p.series, limit))

@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
+from scipy.ndimage import median_filter
 
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
@@ -35,6 +36,8 @@ MAX_READINGS = 4000
 MAX_HARMONIC = 12
 EXACT = 1e-3
 DENSE = 241
+GAP, GAP_SHARE = 12.0, 0.03  # of the usual step, of the range: where a curve is broken
+QUIET = 20  # windows of the running median, of all values
 AS_PARAMETER = 12.0
 """What it costs a reader that an amount is given as one of a parameter."""
 MIN_WEIGHT = 0.25
@@ -271,6 +274,8 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
     """
     levels, index = np.unique(x, return_inverse=True)
     under = np.bincount(index, w * w)
+    steps = np.diff(levels)
+    wide = np.flatnonzero(steps > max(GAP * float(np.median(steps)), GAP_SHARE * np.ptp(levels)))
     amounts = np.stack([np.bincount(index, w * c) / under for c in columns.T], axis=1)
     if v.classes or len(levels) < 3:
         return levels, amounts
@@ -282,9 +287,28 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
         size = np.abs(amounts).max(initial=0.0)
         if np.abs(at @ values - amounts).max(initial=0.0) <= EXACT * size + 1e-12:
             return dense, basis(dense) @ values
+    amounts = _quiet(amounts, index, w, columns[:, 0])
     if len(levels) > DENSE:
-        return dense, np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
-    return levels, amounts
+        made = np.stack([np.interp(dense, levels, a) for a in amounts.T], axis=1)
+        for k in wide:  # no reading says what is between
+            made[(dense > levels[k]) & (dense < levels[k + 1])] = np.nan
+        return dense, made
+    between = (levels[wide] + levels[wide + 1]) / 2
+    return np.insert(levels, wide + 1, between), np.insert(amounts, wide + 1, np.nan, axis=0)
+
+
+def _quiet(amounts: Floats, index: Integers, w: Floats, change: Floats) -> Floats:
+    """Return amounts (m, k) by their running median, where that explains the change as well.
+
+    A change that depends on a little more than the quantity (what follows a reversal) jumps from
+    value to value; a median keeps the steps of its curve.
+    """
+    size = len(amounts) // QUIET | 1
+    if size < 3:
+        return amounts
+    smooth = median_filter(amounts, size=(size, 1), mode="nearest")
+    left = float(np.sum((change - w * smooth[index, 0]) ** 2))
+    return smooth if left <= (1 - ENOUGH) * float(np.sum(change**2)) else amounts
 
 
 @dataclass(frozen=True)

@@ -144,11 +144,11 @@ class Explained:
             nuisance = np.array(list(self.d.nuisance_after.values()))
             effect = self.model.effect(self.cause.id)
             columns = self.model.effect_jacobian(nuisance, effect, values)
-            return np.asarray(columns @ _root(self.d, self.cause))
+            return np.asarray(columns @ root_of(self.d, self.cause))
         return np.zeros((len(self.change), 0))
 
 
-def _root(d: Diagnosis, cause: Cause) -> Floats:
+def root_of(d: Diagnosis, cause: Cause) -> Floats:
     """Root of the covariance of a cause's parameters, (k, k); of their variances alone without."""
     names = [f"{cause.id}.{name}" for name in cause.parameters]
     std = np.array([s if np.isfinite(s) else 0.0 for s in cause.std_errors.values()])

@@ -13,17 +13,19 @@ from trunnion.base.errors import InputError
 from trunnion.hybrid.cube import EDGES, CubeChange, CubeStudy
 from trunnion.hybrid.identifiability import Identifiability
 from trunnion.hybrid.identify import BallbarIdentification
-from trunnion.hybrid.results import Sensitivity
+from trunnion.hybrid.results import ClosureDependence, Constraint, Forward, Sensitivity
 from trunnion.hybrid.spectrum import combination
 from trunnion.plot.axes import axes_or_new, new_figure
 from trunnion.plot.picture import Axis as PictureAxis
-from trunnion.plot.picture import Kind, Picture, bars, line, points
+from trunnion.plot.picture import Kind, Marker, Picture, bars, line, points
 from trunnion.plot.statistics import order_picture
 from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION, near_number, round_number
 
 SHARE = 0.35
 LEVELS = (-2, -1, 0, 1, 2)
 COLUMNS = 4
+TOOL_MM, TOOL_SHARE = 100.0, 0.2  # of the size of the picture: length of a tool
+ZERO = 1e-9  # of the largest singular value
 HEAVY = 0.45  # of a combination: components that name it
 
 
@@ -188,6 +190,54 @@ def sensitivity_picture(result: Sensitivity, *, pose: int = 0) -> Picture:
         PictureAxis("Tool point", "µm per µm or arcsec"),
         PictureAxis(names=tuple(result.parameters[k] for k in order)),
         (bars(size[order]),),
+    )
+
+
+def forward_pictures(result: Forward) -> list[Picture]:
+    """Return the tool points from above and from the front, with the tool's direction."""
+    size = max(float(np.ptp(result.tip_mm, axis=0).max()), TOOL_MM)
+    found = []
+    for i, j, view in ((0, 1, "from above"), (0, 2, "from the front")):
+        x, y = result.tip_mm[:, i], result.tip_mm[:, j]
+        u, v = -TOOL_SHARE * size * result.direction[:, [i, j]].T
+        gap = np.full_like(x, np.nan)
+        ends = [np.stack([a, a + b, gap], axis=1).ravel() for a, b in ((x, u), (y, v))]
+        series = (
+            line(ends[0], ends[1], "tool", colour=MUTED),
+            points(x, y, "tool point", colour=BLUE),
+        )
+        title = f"Tool points of {len(result)} poses, {view}"
+        axes = [PictureAxis("XYZ"[k], "mm") for k in (i, j)]
+        found.append(Picture(title, axes[0], axes[1], series, Kind.MAP))
+    return found
+
+
+def constraint_picture(result: Constraint) -> Picture:
+    """Return the singular values of the loop Jacobian; what is zero is redundant."""
+    values = result.singular_values
+    zero = values < ZERO * float(values.max(initial=1.0))
+    names = tuple(f"{k + 1}{', redundant' if z else ''}" for k, z in enumerate(zero))
+    return Picture(
+        f"Loop Jacobian of rank {result.rank}: {result.mobility} degrees of freedom",
+        PictureAxis("Singular value", "mm/rad", log=True),
+        PictureAxis(names=names),
+        (bars(np.where(zero, np.nan, values)),),
+    )
+
+
+def closure_picture(result: ClosureDependence) -> Picture:
+    """Return the displacement of the tool point under each way to close the loops."""
+    at = np.arange(len(result.closures), dtype=np.float64)
+    markers: tuple[Marker, ...] = ("dot", "square", "diamond")
+    series = [
+        points(values, at, f"along {axis}", colour=PALETTE[k], marker=markers[k], size=6.5)
+        for k, (axis, values) in enumerate(zip("XYZ", result.tip_um.T, strict=True))
+    ]
+    return Picture(
+        f"Answers of the closures differ by {result.spread_um:.3g} µm",
+        PictureAxis("Displacement of the tool point", "µm"),
+        PictureAxis(names=result.closures),
+        (line([0.0, 0.0], [-0.5, len(at) - 0.5], colour=MUTED, width=0.8), *series),
     )
 
 

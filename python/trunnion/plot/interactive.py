@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.base.units import Floats
+from trunnion.base.units import Flags, Floats
 from trunnion.plot.picture import Axis, Form, Kind, Picture, Series, heat_range
 from trunnion.plot.style import DIVERGING, MAGNITUDES
 
@@ -68,8 +68,8 @@ def _traces(s: Series, *, polar: bool) -> list[dict[str, Any]]:
         case Form.BAND:
             assert s.high is not None
             edge = {
-                names[0]: _short(np.concatenate([s.x, s.x[::-1]])),
-                names[1]: _short(np.concatenate([s.y, s.high[::-1]])),
+                names[0]: _around(s.x, s.x, np.isfinite(s.y + s.high)),
+                names[1]: _around(s.y, s.high, np.isfinite(s.y + s.high)),
             }
             fill = {"fill": "toself", "fillcolor": s.colour, "line": {"width": 0}}
             out |= {**edge, **fill, "mode": "lines"}
@@ -80,6 +80,16 @@ def _traces(s: Series, *, polar: bool) -> list[dict[str, Any]]:
         case Form.HEAT:
             return [_heat(s)]
     return [out]
+
+
+def _around(low: Floats, high: Floats, known: Flags) -> list[float | None]:
+    """Return each unbroken piece of a band forth and back, pieces apart."""
+    out: list[float | None] = []
+    pieces = np.split(np.arange(len(low)), np.flatnonzero(np.diff(known.astype(int))) + 1)
+    for piece in pieces:
+        if len(piece) and known[piece[0]]:
+            out += [*([None] if out else []), *_short(low[piece]), *_short(high[piece[::-1]])]
+    return out
 
 
 def _heat(s: Series) -> dict[str, Any]:
@@ -124,6 +134,7 @@ def _layout(p: Picture) -> dict[str, Any]:
         ],
     }
     if p.kind is Kind.POLAR:
+        out["legend"]["y"] = 1.07  # above the label of 90°
         radial = {"title": {"text": _text(p.y.title)}, "angle": 90, "tickangle": 90}
         if p.y.limits is not None:
             radial["range"] = list(p.y.limits)
@@ -145,7 +156,7 @@ def _plotly_axis(axis: Axis) -> dict[str, Any]:
     if axis.limits is not None:
         out["range"] = list(axis.limits)
     if axis.log:
-        out["type"] = "log"
+        out |= {"type": "log", "dtick": "D2"}  # labels at 1, 2, 5
         if axis.limits is not None:
             out["range"] = np.log10(axis.limits).tolist()
     if axis.ticks is not None:
@@ -154,6 +165,7 @@ def _plotly_axis(axis: Axis) -> dict[str, Any]:
             "ticktext": [_text(text) for _, text in axis.ticks],
         }
     if axis.names:
+        out["zeroline"] = False  # the first name is no zero
         places: Sequence[int] = range(len(axis.names))
         out |= {"tickvals": list(places), "ticktext": [_text(name) for name in axis.names]}
     return out

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from trunnion.data.flatness import Flatness, Straightness
+from trunnion.data.flatness import Flatness, Straightness, Twist
 from trunnion.data.levels import Levels
 from trunnion.plot.picture import Axis, Kind, Picture, band, heat, line, points
-from trunnion.plot.style import BLUE, MUTED
+from trunnion.plot.static import draw_all
+from trunnion.plot.style import BLUE, MUTED, PURPLE
 
 
 def plot_straightness(result: Straightness, *, ax: Any = None, **style: Any) -> Any:
@@ -59,13 +60,38 @@ def flatness_picture(result: Flatness) -> Picture:
     )
 
 
+def twist_pictures(result: Twist) -> list[Picture]:
+    """Return the slopes across over the position along, with the line of the twist."""
+    at, slopes = result.at_mm, result.slopes_um_m
+    if not len(at):  # stored before slopes were
+        return []
+    ends = np.array([at.min(), at.max()])
+    fitted = 1e-3 * result.twist_um_m_m * ends
+    x = Axis("Position along, from the middle", "mm")
+    series = (
+        points(at, slopes, "slope across"),
+        line(ends, fitted, "constant twist", colour=PURPLE, width=2.0),
+    )
+    u = result.std_errors["twist_um_m_m"]
+    u_text = f" ± {2 * u:.2g}" if np.isfinite(u) else ""
+    title = f"Twist {result.twist_um_m_m:.3g}{u_text} µm/m per m (k = 2)"
+    return [Picture(title, x, Axis("Slope across", "µm/m"), series)]
+
+
 def levels_pictures(data: Levels) -> list[Picture]:
-    """Return straightness of a line, or flatness of a surface, of the readings of a level."""
-    kinds = {Straightness: straightness_picture, Flatness: flatness_picture}
-    return [kinds[type(r)](r) for r in data.results() if type(r) in kinds]  # type: ignore[operator]
+    """Return straightness of a line or flatness of a surface, and twist, of the readings."""
+    found: list[Picture] = []
+    for r in data.results():
+        match r:
+            case Straightness():
+                found.append(straightness_picture(r))
+            case Flatness():
+                found.append(flatness_picture(r))
+            case Twist():
+                found += twist_pictures(r)
+    return found
 
 
 def plot_levels(data: Levels, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the profile of a line, or the heights of a surface, from the readings of a level."""
-    pictures = levels_pictures(data)
-    return pictures[0].draw(ax, **style)
+    """Draw the profile of a line or the heights of a surface, and the twist, of readings."""
+    return draw_all(levels_pictures(data), ax, **style)

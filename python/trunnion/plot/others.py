@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.errors import InputError
-from trunnion.base.units import unit_of
+from trunnion.base.units import unit_of, without_unit
 from trunnion.data.iso230_2 import CompensationTable
 from trunnion.diagnosis.contributions import Ladder
 from trunnion.diagnosis.records import Residuals
+from trunnion.machine.budget import Budget
 from trunnion.machine.estimate import Estimate
 from trunnion.models.instruments import InstrumentComparison
 from trunnion.models.points import RepeatablePart
 from trunnion.models.rotary import Circle
 from trunnion.plot.picture import Axis, Picture, Series, bars, line, points
-from trunnion.plot.static import panels
+from trunnion.plot.static import draw_all
+from trunnion.plot.statistics import bars_picture, number_text, stacked_picture
 from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, PALETTE, RED, VERMILLION
 from trunnion.plot.touches import estimates_pictures, plot_estimates
+from trunnion.probing.result import PerPosition
 from trunnion.reference.comparison import Comparison
 
 MAX_UNITS = 4
 MAX_NAMES = 24
+MIN_SHARE = 0.5  # percent: smaller sources are drawn together
 DECISIONS = {Decision.PASS: GREEN, Decision.FAIL: RED, Decision.UNDECIDED: OCHRE}
 
 
@@ -60,25 +65,34 @@ def plot_estimate(
         pictures = [p for p in pictures if p.x.unit == unit]
     if not pictures:
         raise InputError(f"plot_estimate: got no parameter of unit {unit!r}, expected some")
-    if len(pictures) == 1 or ax is not None:
-        return pictures[0].draw(ax, **style)
-    return panels(pictures, columns=2, **style)
+    return draw_all(pictures, ax, **style)
 
 
 def estimate_pictures(result: Estimate) -> list[Picture]:
     """Return the parameters of an estimate, a picture for each unit; at most `MAX_UNITS`."""
-    values, std = result.values, result.std_errors
+    return values_pictures("Estimates", result.values, result.std_errors)
+
+
+def values_pictures(
+    title: str, values: Mapping[str, float], std: Mapping[str, float], label: str = "Value"
+) -> list[Picture]:
+    """Return values with U (k = 2), a picture for each unit of their names; at most `MAX_UNITS`."""
     units = list(dict.fromkeys(unit_of(name) for name in values))[:MAX_UNITS]
     found = []
     for unit in units:
         names = [n for n in values if unit_of(n) == unit and np.isfinite(std.get(n, 0.0))]
-        two = np.array([2 * std.get(name, 0.0) for name in names])
-        shown = bars([values[name] for name in names[:MAX_NAMES]], error=two[:MAX_NAMES])
-        x = Axis("Value with U (k = 2)", unit)
-        y = Axis(names=tuple(names[:MAX_NAMES]))
-        if names:
-            found.append(Picture(f"Estimates, {unit}" if unit else "Estimates", x, y, (shown,)))
+        mine = {_name(name): values[name] for name in names[:MAX_NAMES]}
+        two = {_name(name): std[name] for name in names[:MAX_NAMES] if name in std} or None
+        if mine:
+            head = f"{title}, {unit}" if unit and len(units) > 1 else title
+            name = f"{label} with U (k = 2)" if two else label
+            found.append(bars_picture(head, name, unit, mine, std=two))
     return found
+
+
+def _name(parameter: str) -> str:
+    """Return a parameter without its unit, which the axis states."""
+    return without_unit(parameter).replace("_", " ")
 
 
 def plot_compensation_table(table: CompensationTable, *, ax: Any = None, **style: Any) -> Any:
@@ -213,3 +227,46 @@ def circle_picture(result: Circle) -> Picture:
     )
     title = f"Distances from the circle of radius {result.radius_mm:.4f} mm"
     return Picture(title, Axis("Position, in order"), Axis("Distance", "µm"), series)
+
+
+def budget_pictures(budget: Budget) -> list[Picture]:
+    """Return the share of each source in the variance of each quantity, stacked."""
+    known = [m for m in budget.measurands if np.isfinite(m.std) and m.std > 0][:MAX_NAMES]
+    size: dict[str, float] = {}
+    shares: list[dict[str, float]] = []
+    for m in known:
+        square = sum(one.contribution**2 for one in m.lines) or 1.0
+        shares.append({one.source: 100 * one.contribution**2 / square for one in m.lines})
+        for source, share in shares[-1].items():
+            size[source] = max(size.get(source, 0.0), share)
+    ranked = sorted(size, key=lambda source: -size[source])
+    named = [s for s in ranked if size[s] >= MIN_SHARE][: len(PALETTE) - 1]
+    rates = {s: np.array([one.get(s, 0.0) for one in shares]) for s in named}
+    others = 100.0 - np.sum(list(rates.values()), axis=0) if rates else np.zeros(0)
+    if np.any(others >= MIN_SHARE):
+        rates["others"] = others
+    names = tuple(
+        f"{m.name}: U = {number_text(budget.coverage_factor * m.std, 2)} {m.unit}" for m in known
+    )
+    if not known:
+        return []
+    title = f"What the uncertainties are due to, k = {budget.coverage_factor:g}"
+    return [stacked_picture(title, "Share of the variance", names, rates)]
+
+
+def per_position_pictures(result: PerPosition) -> list[Picture]:
+    """Return the estimates over the positions of C and of A, a picture for each unit."""
+    found = []
+    for axis, rows in (("c", result.c), ("a", result.a)):
+        at = np.array([row[f"{axis}_deg"] for row in rows])
+        names = [name for name in (rows[0] if rows else {}) if name != f"{axis}_deg"]
+        for unit, letters in (("µm", "XYZ"), ("arcsec", "ABC")):
+            series = [
+                points(at, [row[name] for row in rows], name, colour=PALETTE[k], size=6.0)
+                for k, name in enumerate(n for n in names if n[1] in letters)
+            ]
+            if series:
+                title = f"Estimates at each position of {axis.upper()}, {unit}"
+                x, y = Axis(f"Position of {axis.upper()}", "°"), Axis("Estimate", unit)
+                found.append(Picture(title, x, y, tuple(series)))
+    return found

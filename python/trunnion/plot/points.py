@@ -9,6 +9,7 @@ import numpy as np
 from trunnion.base.checks import choose
 from trunnion.base.units import Floats
 from trunnion.data.points import Points
+from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.geometry import Frame, groups_of
 from trunnion.plot.picture import Axis, Kind, Picture, arrows, line, points
 from trunnion.plot.style import MUTED, PALETTE, round_number
@@ -84,8 +85,12 @@ def vector_picture(
     title: str,
     plane: str = "xy",
     magnification: float | None = None,
+    bar_um: float | None = None,
 ) -> Picture:
-    """Return vectors (n, d) at places (n, d) in a plane, one colour a group, with their scale."""
+    """Return vectors (n, d) at places (n, d) in a plane, one colour a group, with their scale.
+
+    bar_um: Length of the scale; a round number near the largest vector if None.
+    """
     i, j = PLANES[choose("plane", plane, PLANES)]
     at, by = places[:, [i, j]], away_um[:, [i, j]]
     low, high = at.min(axis=0), at.max(axis=0)
@@ -106,7 +111,7 @@ def vector_picture(
         drawn = 1e-3 * times * by[mine]
         look: dict[str, Any] = {"colour": colour, "width": 1.3}
         series.append(arrows(at[mine, 0], at[mine, 1], drawn[:, 0], drawn[:, 1], name, **look))
-    bar = round_number(largest) if largest > 0 else 1.0
+    bar = bar_um or (round_number(largest) if largest > 0 else 1.0)
     across = 1e-3 * times * bar
     x, y, tick = float(low[0]), float(low[1] - BELOW * size), 0.012 * size
     path = [(x, y - tick), (x, y + tick), (x, y), (x + across, y)]
@@ -123,3 +128,24 @@ def vector_picture(
         note=f"Largest {largest:.3g} µm, rms {rms:.3g} µm; arrows × {times:,.0f}.",
         notes_at=((x + across, y, f" {bar:g} µm"),),
     )
+
+
+def field_motion_picture(motion: FieldMotion) -> Picture:
+    """Return a smooth field at the places that it goes through, as vectors on one scale."""
+    travel = motion.travel
+    places = motion.places * max(travel.half_mm)
+    if places.shape[1] < 2:
+        names = "XYZ"[: motion.readings.shape[1]]
+        series = [
+            points(places[:, 0], motion.readings[:, k], f"along {name}", colour=PALETTE[k])
+            for k, name in enumerate(names)
+        ]
+        x = Axis("Position from the middle", "mm")
+        return Picture("Smooth field without a name", x, Axis("Error", "µm"), tuple(series))
+    away = np.zeros((len(places), 3))
+    away[:, : motion.readings.shape[1]] = motion.readings
+    where = np.zeros((len(places), 3))
+    where[:, : places.shape[1]] = places
+    group = np.zeros(len(places))
+    title = "Smooth field without a name, from the middle of the travel"
+    return vector_picture(where, away, group, ["error"], title=title)

@@ -13,7 +13,8 @@ from trunnion.base.errors import InputError
 from trunnion.compensation.parameters import CncParameters
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.many import DiagnosisBatch
-from trunnion.plot.picture import Axis, Picture, Series, bars
+from trunnion.plot.picture import Axis, Picture, bars
+from trunnion.plot.statistics import stacked_picture
 from trunnion.plot.style import BLUE, GREEN, MUTED, RED, SKY
 from trunnion.setup.names import error_label
 
@@ -74,22 +75,10 @@ def rates_picture(
     names: Sequence[str], rates: Mapping[str, ArrayLike], title: str = "How often it is right"
 ) -> Picture:
     """Return rates as stacked bars."""
-    total = np.zeros(len(names))
-    stacked: list[Series] = []
     for outcome, values in rates.items():
-        rate = np.asarray(values, dtype=np.float64)
-        if rate.shape != total.shape:
-            raise InputError(
-                f"{outcome}: got shape {rate.shape}, expected one a name, {total.shape}"
-            )
-        total = total + rate
-        stacked.append(bars(total, outcome, colour=RATES.get(outcome, BLUE)))
-    return Picture(
-        title,
-        Axis("Share of the runs", "%", limits=(0.0, 100.0)),
-        Axis(names=tuple(names)),
-        tuple(reversed(stacked)),
-    )
+        if (shape := np.shape(values)) != (len(names),):
+            raise InputError(f"{outcome}: got shape {shape}, expected one a name, {(len(names),)}")
+    return stacked_picture(title, "Share of the runs", names, rates, RATES)
 
 
 def plot_cnc_parameters(p: CncParameters, *, ax: Any = None, **style: Any) -> Any:

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.units import ARCSEC, Floats, Integers
+from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.sweep import Sweep
 from trunnion.models.rotary.geometry import Geometry, fit_circles, targets_of
 from trunnion.plot.picture import Axis, Kind, Picture, Series, line, points
 from trunnion.plot.static import panels
-from trunnion.plot.style import BLUE, MUTED, PURPLE, VERMILLION, near_number
+from trunnion.plot.style import BLUE, MUTED, PALETTE, PURPLE, VERMILLION, near_number
 
 SHARE = 0.35
 LEVELS = (-2, -1, 0, 1, 2)
@@ -213,3 +214,29 @@ def error_motion_picture(motion: ErrorMotion) -> Picture:
         Kind.POLAR,
         note=f"{said}; {step:g} {motion.unit} a line.",
     )
+
+
+def rotary_test_pictures(data: RotaryTest) -> list[Picture]:
+    """Return the readings of an R-test or a ball-bar over each rotary axis that turns."""
+    readings = data.displacement_um
+    if readings is not None:
+        shown = {f"along {name}": readings[:, k] for k, name in enumerate("XYZ")}
+        y = Axis("Ball less sensors", "µm")
+    elif data.length_mm is not None:
+        mean = float(np.mean(data.length_mm))
+        shown = {f"length less {mean:.4f} mm": 1e3 * (data.length_mm - mean)}
+        y = Axis("Deviation of the length", "µm")
+    else:
+        return []
+    found = []
+    for axis, at in data.rotary_deg.items():
+        if np.ptp(at) == 0:
+            continue
+        rows = np.arange(len(data))
+        series = [
+            points(at, values, name, colour=PALETTE[k], rows=rows)
+            for k, (name, values) in enumerate(shown.items())
+        ]
+        title = f"Readings over the position of {axis.upper()}"
+        found.append(Picture(title, Axis(f"Position of {axis.upper()}", "°"), y, tuple(series)))
+    return found

@@ -166,7 +166,7 @@ def speed_picture(runs: Sequence[_Run], axis: str) -> Picture:
     series: list[Series] = []
     for run, colour, label in _per_run(runs):
         error = size * (run.commanded - run.actual)
-        series.append(points(run.speed, error, label, colour=colour, size=2.0, opacity=0.5))
+        series.append(points(run.speed, error, label, colour=colour, size=3.0, opacity=0.7))
     speed = np.concatenate([run.speed for run in runs])
     error = size * np.concatenate([run.commanded - run.actual for run in runs])
     slope = float(speed @ error / max(speed @ speed, 1e-300))

@@ -25,6 +25,8 @@ LEGEND_POINTS = 14.5
 HANDLE = 7  # characters that a line or marker of a legend takes
 ROW_INCHES = 0.29  # of a bar with a name
 MAX_NAME = 44
+MIN_NAMES = 2.5
+MIN_INCHES = 2.3  # height of a picture of few bars
 
 
 def size_of(p: Picture) -> tuple[float, float]:
@@ -33,7 +35,7 @@ def size_of(p: Picture) -> tuple[float, float]:
         return 5.6, 6.0
     if p.kind is Kind.MAP:
         return 6.4, 5.2
-    return 7.0, max(3.8, 1.5 + ROW_INCHES * len(p.y.names)) if p.y.names else 3.8
+    return 7.0, max(MIN_INCHES, 1.5 + ROW_INCHES * len(p.y.names)) if p.y.names else 3.8
 
 
 def draw_picture(
@@ -80,6 +82,20 @@ def panels(
         kind = "polar" if p.kind is Kind.POLAR else None
         p.draw(drawn.add_subplot(rows, columns, k + 1, projection=kind), **style)
     return drawn
+
+
+def draw_all(
+    pictures: Sequence[Picture],
+    ax: Any,
+    *,
+    columns: int = 2,
+    size: tuple[float, float] | None = None,
+    **style: Any,
+) -> Any:
+    """Draw one picture, or the first on axes given: return the axes; several: return the figure."""
+    if len(pictures) == 1 or ax is not None:
+        return pictures[0].draw(ax, **style)
+    return panels(pictures, columns=min(len(pictures), columns), size=size, **style)
 
 
 def _head(ax: Any, title: str, p: Picture, *, legend: bool) -> None:
@@ -197,4 +213,5 @@ def _set_ticks(ax: Any, one: str, axis: Axis) -> None:
         ticks(places, axis.names, rotation=turn)
         return
     ticks(places, [fill(name, MAX_NAME) for name in axis.names], fontsize="small")
-    ax.invert_yaxis()
+    room = max(0.0, MIN_NAMES - len(axis.names)) / 2 + 0.5  # few bars are no blocks
+    ax.set_ylim(len(axis.names) - 1 + room, -room)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from trunnion.base.units import Floats, Integers
 from trunnion.plot.picture import (
     BLUE,
     MUTED,
+    PALETTE,
     PURPLE,
     VERMILLION,
     Axis,
@@ -22,6 +25,9 @@ from trunnion.plot.picture import (
     line,
     points,
 )
+
+ROOM = 0.14
+"""Of the length of the longest bar, for the number beside it."""
 
 
 def order_picture(
@@ -92,11 +98,82 @@ def correlation_picture(names: Sequence[str], covariance: Floats) -> Picture:
     )
 
 
-def ranked_picture(
-    title: str, names: Sequence[str], values: Sequence[float], unit: str, label: str
+def bars_picture(
+    title: str,
+    label: str,
+    unit: str,
+    values: Mapping[str, float],
+    *,
+    std: Mapping[str, float] | None = None,
+    digits: int = 0,
+    note: str = "",
 ) -> Picture:
-    """Bars with names, in the order given."""
-    return Picture(title, Axis(label, unit), Axis(names=tuple(names)), (bars(values, colour=BLUE),))
+    """Bars with names, in the order given; with U (k = 2) where there are standard uncertainties.
+
+    digits: Significant ones that stand beside each bar; 0: none.
+    """
+    size = np.array(list(values.values()), dtype=np.float64)
+    error = None if std is None else np.array([2 * std.get(name, np.nan) for name in values])
+    if error is not None:
+        error = np.where(np.isfinite(error), error, np.nan)
+    ends = [(float(v), float(k), number_text(float(v), digits)) for k, v in enumerate(size)]
+    high, low = float(np.max(size, initial=0.0)), float(np.min(size, initial=0.0))
+    room = ROOM * (high - low)
+    limits = (low - room * (low < 0), high + room) if digits and room > 0 else None
+    return Picture(
+        title,
+        Axis(label, unit, limits=limits),
+        Axis(names=tuple(values)),
+        (bars(size, error=error),),
+        note=note,
+        notes_at=tuple((max(x, 0.0), y, text) for x, y, text in ends) if digits else (),
+    )
+
+
+def change_picture(
+    title: str,
+    label: str,
+    unit: str,
+    before: Mapping[str, float],
+    after: Mapping[str, float],
+    said: tuple[str, str] = ("before", "after"),
+) -> Picture:
+    """Bars of what was and diamonds of what is, by name; what was not known has no bar."""
+    names = tuple(after)
+    was = np.array([before.get(name, np.nan) for name in names], dtype=np.float64)
+    now = points(
+        list(after.values()),
+        np.arange(len(names)),
+        said[1],
+        colour=VERMILLION,
+        marker="diamond",
+        size=7.0,
+    )
+    return Picture(
+        title, Axis(label, unit), Axis(names=names), (bars(was, said[0], colour=BLUE), now)
+    )
+
+
+def stacked_picture(
+    title: str,
+    label: str,
+    names: Sequence[str],
+    shares: Mapping[str, ArrayLike],
+    colours: Mapping[str, str] = MappingProxyType({}),
+) -> Picture:
+    """Shares (n,) in percent, by what they are due to, as bars one behind the other."""
+    total = np.zeros(len(names))
+    stacked: list[Series] = []
+    for k, (name, values) in enumerate(shares.items()):
+        total = total + np.asarray(values, dtype=np.float64)
+        stacked.append(bars(total, name, colour=colours.get(name, PALETTE[k % len(PALETTE)])))
+    x = Axis(label, "%", limits=(0.0, 100.0))
+    return Picture(title, x, Axis(names=tuple(names)), tuple(reversed(stacked)))
+
+
+def number_text(value: float, digits: int) -> str:
+    """Return a number to so many digits, with the sign that people print."""
+    return f"{value:.{max(digits, 1)}g}".replace("-", "−")
 
 
 def estimates_picture(
@@ -113,7 +190,7 @@ def estimates_picture(
     ]
     return Picture(
         f"Location errors with U (k = 2), {unit}",
-        Axis("error", unit),
+        Axis("Location error", unit),
         Axis(names=tuple(known)),
         tuple(series),
     )

@@ -15,7 +15,7 @@ from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
-from trunnion.plot.picture import Axis, Picture, Series, bars, line, points
+from trunnion.plot.picture import Axis, Kind, Picture, Series, arrows, bars, line, points
 from trunnion.plot.static import panels
 from trunnion.plot.style import (
     BLUE,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 ARROW_MM = 12.0
 LONGEST_MM = 15.0
+APPROACH_SHARE = 0.05  # of the size of the picture
 EDGE = "#5f6b75"
 SEEN = 0.5  # percent: a shorter bar is not seen
 
@@ -115,6 +116,28 @@ def plot_artefact(
     title = f"{len(touches)} touches at {places} places of the {setup.artefact.kind}, in its frame"
     axes.set_title(title, fontsize="medium")
     return axes  # type: ignore[no-any-return]
+
+
+def touches_pictures(touches: Touches) -> list[Picture]:
+    """Return where the ball's centre touched, machine frame, from above and from the front."""
+    at, towards = touches.position_mm, touches.direction
+    turned = np.column_stack(list(touches.rotary_deg.values())) if touches.rotary_deg else None
+    _, pose = np.unique(turned, axis=0, return_inverse=True) if turned is not None else (0, None)
+    several = f" in {int(pose.max()) + 1} postures" if pose is not None and len(pose) else ""
+    size = max(float(np.ptp(at, axis=0).max(initial=0.0)), 1.0)
+    found = []
+    for i, j, view in ((0, 1, "from above"), (0, 2, "from the front")):
+        x, y = at[:, i], at[:, j]
+        u, v = APPROACH_SHARE * size * towards[:, [i, j]].T
+        rows = np.arange(len(touches))
+        series = (
+            arrows(x - u, y - v, u, v, "approach", colour=MUTED, width=1.0),
+            points(x, y, "centre of the ball", colour=VERMILLION, rows=rows, size=4.0),
+        )
+        title = f"{len(touches)} touches{several}, {view}"
+        axes = [Axis("XYZ"[k], "mm") for k in (i, j)]
+        found.append(Picture(title, axes[0], axes[1], series, Kind.MAP))
+    return found
 
 
 def _draw_solid(axes: Any, setup: Setup) -> None:

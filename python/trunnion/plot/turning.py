@@ -8,11 +8,12 @@ import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.data.diameters import Diameters
+from trunnion.nc import follow
 from trunnion.plot.picture import Axis, Kind, Picture, Series, band, line, points
 from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, PALETTE, RED, VERMILLION
 from trunnion.turning.correction import Correction
-from trunnion.turning.probing import ProbePath
-from trunnion.turning.profile import Profile
+from trunnion.turning.probing import Interval, ProbePath
+from trunnion.turning.profile import Finishing, Profile
 
 Z_AXIS = Axis("Z from the chuck face", "mm")
 PART = "#9aa3ab"
@@ -105,6 +106,50 @@ def probe_path_picture(path: ProbePath) -> Picture:
         Axis("Radius", "mm", limits=(0.0, top)),
         tuple(series),
         Kind.MAP,
+    )
+
+
+def interval_picture(interval: Interval) -> Picture:
+    """Return the stretch along which the ball's centre measures, to scale."""
+    z, x = zip(interval.start_mm, interval.end_mm, strict=True)
+    low, high = min(x), max(x)
+    room = max(0.25 * abs(z[1] - z[0]), 1.0)
+    return Picture(
+        f"Measured along element {interval.element}: the ball's centre",
+        Z_AXIS,
+        Axis("Radius", "mm", limits=(low - room, high + room)),
+        (
+            line(z, x, "measuring", colour=RED, width=2.2),
+            points([z[0]], [x[0]], "start", colour=RED, size=7.0),
+        ),
+        Kind.MAP,
+    )
+
+
+def finishing_picture(made: Finishing) -> Picture:
+    """Return the path of a finishing program in Z and radius; stretches left out are marked."""
+    moves = follow(made.program)
+    series: list[Series] = []
+    for rapid, colour, dash, label in (
+        (False, BLUE, "solid", "at feed"),
+        (True, MUTED, "dash", "rapid"),
+    ):
+        mine = (moves.code == 0) == rapid
+        if mine.any():
+            gap = np.full(int(mine.sum()), np.nan)
+            z, x = (
+                np.stack([moves.start[mine, k], moves.end[mine, k], gap], axis=1).ravel()
+                for k in (2, 0)
+            )
+            series.append(line(z, x, label, colour=colour, dash=dash))
+    high = float(max(moves.start[:, 0].max(), moves.end[:, 0].max()))
+    for k, ends in enumerate(made.left_out_mm):
+        label = "left to another tool" if k == 0 else ""
+        shown = band(ends, [0.0] * 2, [high] * 2, label, colour=OCHRE, opacity=0.2)
+        series.append(shown)
+    title = f"Finishing program of {len(made.program)} blocks"
+    return Picture(
+        title, Z_AXIS, Axis("Radius", "mm", limits=(0.0, 1.05 * high)), tuple(series), Kind.MAP
     )
 
 

@@ -10,7 +10,8 @@ import numpy as np
 from trunnion.base.checks import choose
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
-from trunnion.compensation.volumetric import VolumetricError
+from trunnion.compensation.maps import ErrorMap
+from trunnion.compensation.volumetric import PoseField, VolumetricError
 from trunnion.plot.picture import Axis, Kind, Picture, Series, arrows, heat, line
 from trunnion.plot.style import PALETTE
 
@@ -93,30 +94,79 @@ def volumetric_picture(
     colorbar: bool = True,
 ) -> Picture:
     """Return a section through a field; arguments as for `plot_volumetric`."""
-    u, v, w = _PLANES[choose("plane", plane, _PLANES)]
+    whole, said = vectors_at(field, pose)
     axes = (field.x_mm, field.y_mm, field.z_mm)
+    low, top, log = _scale(field.max_um, scale_um)
+    label = "error (µm)" if colorbar else ""
+    return section_picture(
+        axes, whole, said, (low, top), plane=plane, at_mm=at_mm, log=log, label=label
+    )
+
+
+def section_picture(
+    axes: tuple[Floats, Floats, Floats],
+    vectors: Floats,
+    said: str,
+    scale: tuple[float, float],
+    *,
+    plane: str = "xz",
+    at_mm: float | None = None,
+    log: bool = False,
+    label: str = "",
+    unit: str = "mm",
+) -> Picture:
+    """Return a section through vectors (nx, ny, nz, 3), µm, at the nodes of three axes.
+
+    said: the pose in words; scale: least and largest of the colours; unit: of the nodes.
+    """
+    u, v, w = _PLANES[choose("plane", plane, _PLANES)]
     if at_mm is not None and not axes[w].min() <= at_mm <= axes[w].max():
         raise InputError(
             f"at_mm: got {at_mm:g}, expected {axes[w].min():g} to {axes[w].max():g} (the field's "
             f"{'xyz'[w]})"
         )
     at = len(axes[w]) - 1 if at_mm is None else int(np.argmin(np.abs(axes[w] - at_mm)))
-    whole, said = vectors_at(field, pose)
-    section = np.take(whole, at, axis=w)
+    section = np.take(vectors, at, axis=w)
     length = np.linalg.norm(section, axis=-1)
-    low, top, log = _scale(field.max_um, scale_um)
-    label = "error (µm)" if colorbar else ""
-    colours = heat(length.T, axes[u], axes[v], scale=(low, top), log=log, label=label)
-    arrow, shown = _arrows((axes[u], axes[v]), section[..., [u, v]], top)
+    colours = heat(length.T, axes[u], axes[v], scale=scale, log=log, label=label)
+    arrow, shown = _arrows((axes[u], axes[v]), section[..., [u, v]], scale[1])
     name = "xyz"
     size = "" if log else f"; longest arrow {shown:.3g} µm"
+    where = f"{axes[w][at]:g} mm" if unit == "mm" else f"{unit} {axes[w][at]:g}"
+    place = ", ".join(filter(None, (f"{name[w]} = {where}", said)))
     return Picture(
-        f"{name[w]} = {axes[w][at]:g} mm, {said}: largest {length.max():.3g} µm{size}",
-        Axis(name[u].upper(), "mm"),
-        Axis(name[v].upper(), "mm"),
+        f"{place}: largest {length.max():.3g} µm{size}",
+        Axis(name[u].upper(), unit),
+        Axis(name[v].upper(), unit),
         (colours, *arrow),
         Kind.MAP,
     )
+
+
+def pose_field_picture(field: PoseField) -> Picture:
+    """Return a section through the errors at one pose; the field knows its nodes by number only."""
+    axes = [np.arange(1.0, n + 1) for n in field.field_um.shape[:3]]
+    said = ", ".join(f"{letter} = {value:g}°" for letter, value in field.rotary_deg.items())
+    scale = (0.0, field.max_um or 1.0)
+    return section_picture(
+        (axes[0], axes[1], axes[2]), field.field_um, said, scale, label="error (µm)", unit="node"
+    )
+
+
+def error_map_picture(made: ErrorMap) -> Picture:
+    """Return a section through the corrections, where the rotary axes take the largest one."""
+    table = made.corrections_um
+    length = np.linalg.norm(table, axis=-1)
+    poses = table.shape[:-4]
+    worst = np.unravel_index(int(np.argmax(length)), length.shape)[: len(poses)]
+    said = ", ".join(
+        f"{letter} = {nodes[i]:g}°"
+        for (letter, nodes), i in zip(made.rotary_deg.items(), worst, strict=True)
+        if len(nodes) > 1
+    )
+    axes = (made.x_mm, made.y_mm, made.z_mm)
+    scale = (0.0, float(length.max()) or 1.0)
+    return section_picture(axes, table[worst], said, scale, label="correction (µm)")
 
 
 def _scale(

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -23,19 +24,25 @@ SHORTEST_PROBE_MM = 0.3
 """LinuxCNC refuses probing moves below 0.254 mm."""
 CHECK_DEG, CHECK_MM = 90.0, 10.0
 """Where C stands, and how far X moves, to see whether tool centre point control is on."""
+Frame: TypeAlias = Literal["machine", "corrected", "table"]
+"""What X Y Z of the approaches are: the linear axes', these with corrections, the table's (TCP)."""
 Move = tuple[int, dict[str, float], float]
 """Code (0 rapid, 1 down to a start, 38 approach), positions by axis, feed."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One touch: positions and expected senses of turning by letter, and its approach, mm."""
+    """One touch: positions and expected senses of turning by letter, and its approach, mm.
+
+    way: From start to end as the table sees it.
+    """
 
     angles: Mapping[str, float]
     senses: Mapping[str, int]
     start: tuple[float, ...]
     contact: tuple[float, ...]
     end: tuple[float, ...]
+    way: tuple[float, ...]
     level: float
     feed: float
 
@@ -53,13 +60,13 @@ class Cycle:
     log: str = "touches.log"
     start_at: int = 1
     dry_run: bool = False
-    corrected: bool = False
+    frame: Frame = "machine"
 
     @property
     def mode(self) -> str:
-        """Line that switches the kinematics to what the program is written for."""
+        """Line that switches the kinematics to what the moves between touches are written for."""
         control = self.setup.control
-        return control.corrected_on if self.corrected else control.tcp_off
+        return control.corrected_on if self.frame == "corrected" else control.tcp_off
 
     @property
     def checks_tcp(self) -> bool:

@@ -19,6 +19,7 @@ from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.machine.stated import Stated, contradiction
 from trunnion.probing.inputs import certificate, inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
@@ -36,10 +37,6 @@ from trunnion.setup import Setup
 MAX_STEPS = 50
 HUBER_KNEE = 1.345
 """Knee of Huber's loss in standard deviations: 95 % efficient on Gaussian noise."""
-
-CONTRADICTION_SIGMAS = 3.0
-MIN_GAINED = 1e-3
-"""Share of a certificate's variance below which readings have nothing to say of it."""
 
 
 @checked
@@ -169,27 +166,21 @@ def _by_priors(
 
 def _of_the_certificate(
     result: IdentificationResult,
-    stated: Mapping[str, tuple[str, float]],
+    stated: Mapping[str, Stated],
     loss: Loss,
     given: Mapping[str, tuple[float, float]],
 ) -> tuple[str, ...]:
     """Say where what the set-up states could not be used, or the readings contradict it."""
     said = []
-    for name, (label, std) in stated.items():
+    for name, one in stated.items():
         if name in given:
             continue
         if not loss.sigma_um:
             needs = "that needs [probe] repeatability_um"
-            said.append(f"{name} is fitted without the {label}, {std:g}: {needs}.")
+            said.append(f"{name} is fitted without the {one.what}, {one.std:g}: {needs}.")
             continue
-        # Of what is known beforehand, the part that the readings have determined.
-        gained = std**2 - result.std_errors[name] ** 2
-        off = abs(result[name]) / np.sqrt(gained) if gained > MIN_GAINED * std**2 else 0.0
-        if off > CONTRADICTION_SIGMAS:
-            said.append(
-                f"The readings contradict the {label}: {name} = {result[name]:.3g}, stated as 0 ± "
-                f"{std:g} (1 σ), {off:.1f} standard deviations away."
-            )
+        against = contradiction(name, result[name], result.std_errors[name], one)
+        said += [] if against is None else [against]
     return tuple(said)
 
 

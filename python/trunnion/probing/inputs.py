@@ -11,6 +11,7 @@ import numpy as np
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Input
+from trunnion.machine.stated import Stated
 from trunnion.probing.model import TouchModel, catalogue, stops_of
 from trunnion.setup import Setup
 
@@ -22,8 +23,8 @@ DIMENSIONS = (
 )
 
 
-def stated_of(setup: Setup) -> dict[str, tuple[str, float]]:
-    """Effects that the set-up states to be nothing within a standard uncertainty: name, std."""
+def stated_of(setup: Setup) -> dict[str, Stated]:
+    """Effects of one parameter that the set-up states to be nothing within an uncertainty."""
     artefact, probe = setup.artefact, setup.probe
     expansion = artefact.expansion_ppm_k * artefact.temperature_std_k
     sizes = (k.replace("_", " ") for k in DIMENSIONS)
@@ -39,13 +40,13 @@ def stated_of(setup: Setup) -> dict[str, tuple[str, float]]:
         ),
         "artefact_expansion": ("temperature of the artefact", expansion),
     }
-    given = {k: one for k, one in stated.items() if one[1] > 0}
+    given = {k: Stated(*one) for k, one in stated.items() if one[1] > 0}
     known = {info.id for info in catalogue(setup)} if given else set()
     return {k: one for k, one in given.items() if k in known}
 
 
-def certificate(model: TouchModel) -> dict[str, tuple[str, float]]:
-    """What the set-up states of parameters that are fitted: what states it, std, by parameter."""
+def certificate(model: TouchModel) -> dict[str, Stated]:
+    """What the set-up states of parameters that are fitted, by parameter."""
     stated = stated_of(model.setup)
     ids = {name: name.split(".", maxsplit=1)[0] for name in model.names}
     return {name: stated[id_] for name, id_ in ids.items() if id_ in stated}
@@ -62,9 +63,7 @@ def inputs_of(model: TouchModel, data: Touches, values: Floats) -> tuple[Input, 
     return (*_known_to(model.setup, data, others), *_rotary_steps(model, data, values))
 
 
-def _known_to(
-    setup: Setup, data: Touches, stated: Mapping[str, tuple[str, float]]
-) -> Iterator[Input]:
+def _known_to(setup: Setup, data: Touches, stated: Mapping[str, Stated]) -> Iterator[Input]:
     """Effects that are known to be nothing within a standard uncertainty: id → name, std."""
     if not stated:
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle
 from trunnion.probing.notes import assumptions
@@ -43,8 +43,11 @@ def _header(cycle: Cycle) -> Iterator[str]:
         yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"
     yield "(tool length: to the CENTRE of the ball, not to its tip)"
     kinematics = "identity kinematics, no TCP or trunnion kinematics"
-    if cycle.corrected:
+    if cycle.frame == "corrected":
         kinematics = f"machine coordinates with corrections: {cycle.mode}"
+    elif cycle.frame == "table":
+        on = cycle.setup.control.tcp_on
+        kinematics = f"TCP on for the approaches alone: {on}, {cycle.mode}"
     yield f"(state of the control: homed, {kinematics},)"
     yield "(no G92, no rotation of the work offset, feed override 100 %)"
     ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
@@ -122,7 +125,7 @@ def _state(cycle: Cycle) -> Iterator[str]:
                 f"{control.wcs} {axis} is #<at> mm, expected {_n(value)} as in the set-up",
             )
     if control.tcp_check:
-        yield from _identity(CORRECTION_MM if cycle.corrected else TOLERANCE_MM)
+        yield from _identity(CORRECTION_MM if cycle.frame == "corrected" else TOLERANCE_MM)
     yield "o100 endif"
 
 
@@ -206,7 +209,8 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     x, y, z, to_x, to_y, to_z, level, feed = (f"#{first + i}" for i in range(8))
     yield ""
     senses = ", ".join(f"{a}, its sense" for a in cycle.letters)
-    yield f"(touch: number, {senses}, start X Y Z, end X Y Z, level, feed)"
+    more = ", way X Y Z on the table" if cycle.frame == "table" else ""
+    yield f"(touch: number, {senses}, start X Y Z, end X Y Z, level, feed{more})"
     yield "o<touch> sub"
     yield "o300 if [#1 LT #<_from>]"
     yield "  o<touch> return"
@@ -223,7 +227,17 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield f"o302 elseif [#5422 - {z} GT 0.00005]"
     yield f"  G0 Z{z}"
     yield "o302 endif"
-    yield from _approach(x, y, z, to_x, to_y, to_z, feed)
+    if cycle.frame == "table":
+        yield cycle.setup.control.tcp_on
+        for i, axis in enumerate("xyz"):
+            yield f"#<start_{axis}> = #{5420 + i}"
+            yield f"#<end_{axis}> = [#<start_{axis}> + #{first + 8 + i}]"
+        yield from _approach(
+            [f"#<{end}_{axis}>" for end in ("start", "end") for axis in "xyz"], feed
+        )
+        yield cycle.mode
+    else:
+        yield from _approach([x, y, z, to_x, to_y, to_z], feed)
     yield f"o307 if [{level} - {z} GT 0.00005]"
     yield f"  G0 Z{level}"
     yield "o307 endif"
@@ -240,8 +254,9 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield "o<touch> endsub"
 
 
-def _approach(x: str, y: str, z: str, to_x: str, to_y: str, to_z: str, feed: str) -> Iterator[str]:
-    """The approach, once or twice, its line of the log, and the way back to the start."""
+def _approach(places: Sequence[str], feed: str) -> Iterator[str]:
+    """The approach from a start to its end (X Y Z each), once or twice, and the way back."""
+    x, y, z, to_x, to_y, to_z = places
     yield "#<hit> = 1"
     yield "#<stale> = 0"
     yield "o304 if [#<_dry> EQ 0]"
@@ -292,7 +307,7 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     yield "G0 X0 Y0"
     yield f"(DEBUG,plan {cycle.name}, {len(cycle.steps)} touches)"
     yield "(DEBUG,%.3f is the ball #5422 mm above the centre of the table?)"
-    expected = "corrections on" if cycle.corrected else "TCP off"
+    expected = "corrections on" if cycle.frame == "corrected" else "TCP off"
     yield f"(MSG,spindle at rest, {expected}? then cycle start)"
     yield "M0"
     yield from (line.strip() for line in _own(control.probe_on))
@@ -345,6 +360,7 @@ def _calls(cycle: Cycle) -> Iterator[str]:
     for number, step in enumerate(cycle.steps, start=1):
         rotary = [v for x in cycle.letters for v in (step.angles[x], step.senses[x])]
         values = [number, *rotary, *step.start, *step.end, step.level, step.feed]
+        values += step.way if cycle.frame == "table" else ()
         yield "o<touch> call " + " ".join(f"[{_n(v)}]" for v in values)
 
 

@@ -11,15 +11,16 @@ import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from trunnion.base.checks import instance
+from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_log import plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.nc import Program
-from trunnion.probing.cycle import Cycle
+from trunnion.probing.cycle import Cycle, Frame
 from trunnion.probing.linuxcnc import program_text
+from trunnion.probing.on_table import on_table
 from trunnion.probing.steps import check_clear, cycle_of, with_starts
 from trunnion.setup import Setup
 
@@ -78,6 +79,7 @@ class ProbingProgram:
         return self.cycle.plan_hash
 
 
+@checked
 def probing_program(
     plan: Touches,
     setup: Setup,
@@ -88,6 +90,7 @@ def probing_program(
     dry_run: bool = False,
     feed_mm_min: float | None = None,
     corrected: bool = False,
+    tcp: bool = False,
 ) -> ProbingProgram:
     """Write a plan as a LinuxCNC probing program.
 
@@ -117,6 +120,11 @@ def probing_program(
     corrected
         Measure with the corrections on (``corrected_on`` of `[control]`, M430): what an
         identification then finds is what they leave.
+    tcp
+        Make the approaches with tool centre point control on (``tcp_on`` of `[control]`, M428), the
+        way between them without (``tcp_off``): a ball on the table must then be at one place
+        whatever A and C are (:func:`verify_ball`). The log is in the table's frame, and is read by
+        :func:`read_table_log`.
 
     Raises
     ------
@@ -126,7 +134,8 @@ def probing_program(
         in the set-up; an axis "not turned" that turns before in the order of the plan.
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
-        a name of the log that LinuxCNC cannot take; a first touch that the plan does not have.
+        a name of the log that LinuxCNC cannot take; a first touch that the plan does not have;
+        `tcp` with `corrected`, or without ``tcp_on`` and ``tcp_off``.
 
     Examples
     --------
@@ -136,8 +145,6 @@ def probing_program(
     >>> print(program.text().splitlines()[1])
     (machine trt-ca, cross, ball radius 1 mm, clearance 5 mm)
     """
-    instance("plan", plan, Touches, "Touches, as plan or read_touches gives them")
-    instance("setup", setup, Setup, "a Setup, as read_setup gives it")
     chain = Chain(setup)
     if "head" in chain.sides.values():
         raise InputError(
@@ -153,18 +160,33 @@ def probing_program(
         raise InputError(f"start_at: got {start_at}, expected a touch of the plan's {len(plan)}")
     ready = with_starts(plan, setup, feed_mm_min)
     check_clear(ready, setup)
+    frame = _frame(setup, corrected=corrected, tcp=tcp)
     cycle = replace(
         cycle_of(ready, setup),
         name=re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60] or "plan",
-        plan_hash=plan_hash(plan),
+        plan_hash=plan_hash(on_table(plan, setup) if tcp else plan),
         log=log,
         start_at=start_at,
         dry_run=dry_run,
-        corrected=corrected,
+        frame=frame,
     )
     _check_senses(plan, cycle)
     cycle.check_ranges()
     return ProbingProgram(cycle)
+
+
+def _frame(setup: Setup, *, corrected: bool, tcp: bool) -> Frame:
+    if not tcp:
+        return "corrected" if corrected else "machine"
+    if corrected:
+        raise InputError("tcp: got it with corrected, expected one of them")
+    for name in ("tcp_on", "tcp_off"):
+        if not getattr(setup.control, name):
+            raise InputError(
+                f"control.{name}: not given, expected the line that switches tool centre point "
+                f"control {name[4:]}: approaches are made with it, turns without"
+            )
+    return "table"
 
 
 def _check_senses(plan: Touches, cycle: Cycle) -> None:

@@ -1,37 +1,36 @@
 """R-test and ball-bar tests of rotary axes: a ball on the table that the tool follows.
 
-The reading is where the ball is from the tool's point: p - F(q), turned into the machine's
-directions, with F the machine's forward kinematics with its errors; a ball-bar reads its length.
+What the readings are is in `trunnion.probing.rotary_readings`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import array, point, positive, whole
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.checks import array, choose, numbers, point, positive, whole
+from trunnion.base.errors import InputError
 from trunnion.base.report import Table
-from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
-from trunnion.base.units import Floats, Integers
+from trunnion.base.statistics import LinearFit, linear_fit
+from trunnion.base.units import Floats
 from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate, named_combination
+from trunnion.probing.rotary_readings import (
+    Relation,
+    RotaryReadings,
+    RotaryTestSettings,
+    machine_effects,
+)
 from trunnion.setup import Setup
 
-MAX_DEVIATION_MM = 5.0
 MAX_STEPS = 20
-STEP = 1.0
-"""Of every parameter, µm and arcsec, over which readings are differenced."""
-OFFSETS = ("dx_um", "dy_um", "dz_um")
-TOOL = "tool_offset"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -49,6 +48,9 @@ class RotaryTestIdentification(Estimate):
         Measured minus modelled readings: (n, 3) of an R-test, (n, 1) of a ball-bar.
     converged
         Whether the last step was within rounding.
+    bar_length_um
+        How much longer a ball-bar that is not calibrated reads than it is, and the standard error
+        of that; None where the length is known.
 
     Examples
     --------
@@ -66,6 +68,7 @@ class RotaryTestIdentification(Estimate):
     offsets_std_um: dict[str, tuple[float, float, float]]
     residuals_um: Floats
     converged: bool
+    bar_length_um: tuple[float, float] | None = None
 
     @property
     def rms_um(self) -> float:
@@ -78,6 +81,9 @@ class RotaryTestIdentification(Estimate):
             f"{self.residuals_um.size} readings, {self.degrees_of_freedom:g} degrees of freedom, "
             f"residuals {self.rms_um:.4g} µm rms, one reading {self.sigma_um:.4g} µm (1 σ)."
         ]
+        if self.bar_length_um is not None:
+            longer, std = self.bar_length_um
+            lines.append(f"The ball-bar reads {longer:.4g} ± {2 * std:.2g} µm (k = 2) longer.")
         if not self.converged:
             lines.append("Did NOT converge: do not use these numbers.")
         return [*lines, *super().sentences()]
@@ -151,6 +157,7 @@ def simulate_rotary_test(
     ball_mm: ArrayLike,
     errors: Mapping[str, float] | None = None,
     *,
+    effects: Mapping[str, Mapping[str, float]] | None = None,
     bar: bool = False,
     tool_offset_um: ArrayLike = (0.0, 0.0, 0.0),
     noise_um: float = 0.0,
@@ -166,6 +173,8 @@ def simulate_rotary_test(
         Where the ball is on the table, (3,), mm.
     errors
         Location errors, µm and arcsec; those of the set-up where not given.
+    effects
+        Effects of the machine as on touches, id to parameter to value; not its backlash.
     bar
         Whether a ball-bar reads lengths; else an R-test reads displacements.
     tool_offset_um
@@ -176,7 +185,7 @@ def simulate_rotary_test(
     Raises
     ------
     InputError, UnknownNameError
-        Noise without a seed, an error that the machine lacks.
+        Noise without a seed, an error or an effect that the machine lacks.
 
     Examples
     --------
@@ -194,7 +203,8 @@ def simulate_rotary_test(
     chain = Chain(setup)
     offset = np.array(point("tool_offset_um", tool_offset_um))
     balls = np.broadcast_to(point("ball_mm", ball_mm), (len(plan), 3))
-    apart = relative_um(chain, plan, chain.named_errors(errors), balls) - offset
+    acting = _acting(chain, effects or {})
+    apart = Relation.of(chain, plan, chain.named_errors(errors), acting).apart_um(balls) - offset
     rng = np.random.default_rng(None if seed is None else whole("seed", seed, 0))
     noise = rng.normal(0.0, 1.0, apart.shape) * noise_um
     if bar:
@@ -203,17 +213,17 @@ def simulate_rotary_test(
     return plan.with_columns(**dict(zip(READINGS, (apart + noise).T, strict=True)))
 
 
-def relative_um(
-    chain: Chain, data: RotaryTest, errors: Mapping[str, float], balls_mm: Floats
-) -> Floats:
-    """Ball's centre minus tool's point in the machine's directions, (n, 3)."""
-    machine = chain.machine(errors)
-    turned = chain.to_machine(data.rotary_deg, len(data))
-    axes = np.hstack([data.position_mm, turned])
-    tool = machine.forward(axes)[:, :3]
-    step = np.eye(3, axes.shape[1])
-    directions = [machine.forward(axes + one)[:, :3] - tool for one in step]
-    found: Floats = 1e3 * np.einsum("kni,ni->nk", np.array(directions), balls_mm - tool)
+def _acting(
+    chain: Chain, effects: Mapping[str, Mapping[str, float]]
+) -> list[tuple[str, list[float]]]:
+    """Effects with the values of their parameters in order."""
+    known, found = machine_effects(chain), []
+    for name, values in effects.items():
+        parameters = [p.name for p in known[choose("effect", name, known)].parameters]
+        sizes = numbers(name, values)
+        for parameter in sizes:
+            choose(f"parameter of effect {name!r}", parameter, parameters)
+        found.append((name, [sizes.get(parameter, 0.0) for parameter in parameters]))
     return found
 
 
@@ -221,10 +231,10 @@ def relative_um(
 def identify_rotary_test(
     data: RotaryTest,
     setup: Setup,
-    ball_mm: ArrayLike | Mapping[str | int, ArrayLike],
+    ball_mm: ArrayLike | Mapping[str | int, ArrayLike] | None = None,
     *,
     sigma_um: float | None = None,
-    tool_is_known: bool = True,
+    tool_is_known: bool | None = None,
 ) -> RotaryTestIdentification:
     """Estimate location errors and the place of each ball from an R-test or a ball-bar test.
 
@@ -235,12 +245,14 @@ def identify_rotary_test(
     data
         Commanded positions with readings.
     setup
-        The machine; known errors are where the search starts, estimates are totals.
+        The machine; known errors are where the search starts, estimates are totals. Its table
+        ``[rotary_test]`` says what is not given here, and whether the bar's length is known.
     ball_mm
         About where the ball was on the table, (3,), mm; with several places by their label.
-        Estimates say how far from it.
+        Estimates say how far from it. Unless given or in the set-up it is where the readings of an
+        R-test have it on average.
     sigma_um
-        Noise of one reading if known; else from the residuals.
+        Noise of one reading if known; else that of the set-up, else from the residuals.
     tool_is_known
         Whether the tool's point is on the axis of the spindle and its length known to within the
         noise. If not, its offset is unknown as well, and what is not distinguished from it is
@@ -251,7 +263,7 @@ def identify_rotary_test(
     DataError
         No readings, fewer than unknowns, or readings more than 5 mm from the modelled ones.
     InputError
-        A noise that is not above 0, no place of a ball.
+        A noise that is not above 0; no place of a ball, where a ball-bar needs one.
 
     Examples
     --------
@@ -260,11 +272,12 @@ def identify_rotary_test(
     >>> plan = tn.plan_rotary_test(setup, (100, 0, 50), {"A": [0, 0, 0, 0, 60, -60, 60, -60],
     ...                                                  "C": [0, 90, 180, 270, 0, 0, 90, 90]})
     >>> made = tn.simulate_rotary_test(plan, setup, (100, 0, 50), {"EX0C": 12.0})
-    >>> round(tn.identify_rotary_test(made, setup, (100, 0, 50))["EX0C"], 4)
+    >>> round(tn.identify_rotary_test(made, setup)["EX0C"], 4)
     12.0
     """
-    problem = _Problem.of(data, setup, ball_mm, tool_is_known=tool_is_known)
-    known = 0.0 if sigma_um is None else positive("sigma_um", sigma_um)
+    problem = RotaryReadings.of(data, setup, ball_mm, tool_is_known=tool_is_known)
+    stated = RotaryTestSettings.from_setup(setup).repeatability_um
+    known = stated if sigma_um is None else positive("sigma_um", sigma_um)
     x = problem.start
     converged = False
     for _ in range(MAX_STEPS):
@@ -277,129 +290,8 @@ def identify_rotary_test(
     return _result(problem, x, fit, known, converged=converged)
 
 
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """Readings as a function of errors, places of the balls and the offset of the tool's point."""
-
-    data: RotaryTest
-    setup: Setup
-    balls_mm: Floats
-    index: Integers
-    labels: tuple[str, ...]
-    tool_is_known: bool
-
-    @classmethod
-    def of(
-        cls,
-        data: RotaryTest,
-        setup: Setup,
-        ball_mm: ArrayLike | Mapping[str | int, ArrayLike],
-        *,
-        tool_is_known: bool,
-    ) -> _Problem:
-        """Check the readings, and put each at its ball."""
-        labels: tuple[str, ...] = ("ball",)
-        index = np.zeros(len(data), dtype=np.intp)
-        places: Sequence[ArrayLike]
-        if isinstance(ball_mm, Mapping):
-            given = {str(label): place for label, place in ball_mm.items()}
-            if data.ball is None:
-                raise DataError("ball: got no such column, expected the label of each place")
-            names, index = np.unique(data.ball.astype(str), return_inverse=True)
-            if lacking := sorted(set(names.tolist()) - set(given)):
-                raise InputError(f"ball_mm: got none of ball {lacking[0]}, expected its place")
-            labels = tuple(f"ball_{name}" for name in names.tolist())
-            places = [given[name] for name in names.tolist()]
-        else:
-            places = [ball_mm]
-        balls = np.array([point("ball_mm", place) for place in places])
-        problem = cls(data, setup, balls, index.reshape(-1), labels, tool_is_known)
-        problem.check()
-        return problem
-
-    def check(self) -> None:
-        """Refuse readings that are too few, or of another test."""
-        measured = self.measured
-        if measured.size <= len(self.names):
-            raise DataError(
-                f"rotary test: got {measured.size} readings, expected more than "
-                f"{len(self.names)} unknowns"
-            )
-        off = np.abs(measured - self.modelled(self.start)).max(axis=1)
-        row = int(np.argmax(off))
-        if off[row] > 1e3 * MAX_DEVIATION_MM:
-            raise DataError(
-                f"{self.data.place(row)}: got a reading {1e-3 * off[row]:.4g} mm from the modelled "
-                f"one, expected within {MAX_DEVIATION_MM:g} mm: are ball_mm, the senses of the "
-                "rotary axes and the units right?"
-            )
-
-    @cached_property
-    def chain(self) -> Chain:
-        """The machine."""
-        return Chain(self.setup)
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the unknowns."""
-        groups = (*self.labels, *(() if self.tool_is_known else (TOOL,)))
-        offsets = [f"{group}.{name}" for group in groups for name in OFFSETS]
-        return (*self.chain.location_errors, *offsets)
-
-    @property
-    def start(self) -> Floats:
-        """Errors as the set-up states them, balls and tool's point at their places."""
-        x = np.zeros(len(self.names))
-        known = self.chain.named_errors(None)
-        for k, name in enumerate(self.names):
-            x[k] = known.get(name, 0.0)
-        return x
-
-    @cached_property
-    def measured(self) -> Floats:
-        """Readings in µm, (n, 3) or (n, 1)."""
-        displacement, length = self.data.displacement_um, self.data.length_mm
-        if displacement is not None:
-            return displacement
-        if length is None:
-            raise DataError(
-                f"rotary test: got no readings, expected {', '.join(READINGS)} or length_mm"
-            )
-        return 1e3 * length[:, None]
-
-    def modelled(self, x: Floats) -> Floats:
-        """Readings of these unknowns."""
-        count = len(self.chain.location_errors)
-        errors = dict(zip(self.names, x[:count].tolist(), strict=False))
-        offsets = x[count:].reshape(-1, 3)
-        balls = (self.balls_mm + 1e-3 * offsets[: len(self.labels)])[self.index]
-        apart = relative_um(self.chain, self.data, errors, balls)
-        if not self.tool_is_known:
-            apart = apart - offsets[-1]
-        if self.data.displacement_um is not None:
-            return apart
-        lengths: Floats = np.linalg.norm(apart, axis=1)
-        return lengths[:, None]
-
-    def residuals(self, x: Floats) -> Floats:
-        """Measured minus modelled, one after another."""
-        return np.ravel(self.measured - self.modelled(x))
-
-    def jacobian(self, x: Floats) -> Floats:
-        """Derivative of the readings, (readings, unknowns), by central differences.
-
-        What moves the ball across a bar changes its length in second order: no information.
-        """
-        ahead = (STEP * row for row in np.eye(len(x)))
-        columns = [
-            (self.modelled(x + d) - self.modelled(x - d)).ravel() / (2 * STEP) for d in ahead
-        ]
-        found = np.column_stack(columns)
-        return np.where(np.sqrt(np.mean(found**2, axis=0)) < RANK_TOLERANCE, 0.0, found)
-
-
 def _result(
-    problem: _Problem, x: Floats, fit: LinearFit, known: float, *, converged: bool
+    problem: RotaryReadings, x: Floats, fit: LinearFit, known: float, *, converged: bool
 ) -> RotaryTestIdentification:
     """Estimates by name."""
     off = problem.measured - problem.modelled(x)
@@ -408,8 +300,8 @@ def _result(
     names, count = problem.names, len(problem.chain.location_errors)
     covariance = sigma**2 * fit.cofactor[:count, :count]
     std = sigma * fit.std
-    groups = (*problem.labels, *(() if problem.tool_is_known else (TOOL,)))
     degrees = np.inf if known else float(freedom)
+    bar = None if problem.bar_is_known else (float(x[-1]), float(std[-1]))
     return RotaryTestIdentification(
         errors=dict(zip(names, map(float, x[:count]), strict=False)),
         std_errors=dict(zip(names, map(float, std[:count]), strict=False)),
@@ -420,14 +312,15 @@ def _result(
         combinations=tuple(named_combination(names, row) for row in fit.combinations),
         sources=of_readings(covariance, sigma, "µm", 0.0, degrees),
         tolerances=dict(problem.setup.machine.tolerance),
-        offsets_um=_by_group(groups, x[count:]),
-        offsets_std_um=_by_group(groups, std[count:]),
+        offsets_um=_by_group(problem.groups, x[count:]),
+        offsets_std_um=_by_group(problem.groups, std[count:]),
         residuals_um=off,
         converged=converged,
+        bar_length_um=bar,
     )
 
 
 def _by_group(groups: Sequence[str], values: Floats) -> dict[str, tuple[float, float, float]]:
     """Three values for each group."""
-    rows = values.reshape(-1, 3).tolist()
+    rows = values[: 3 * len(groups)].reshape(-1, 3).tolist()
     return {group: (x, y, z) for group, (x, y, z) in zip(groups, rows, strict=True)}

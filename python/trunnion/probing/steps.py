@@ -8,6 +8,7 @@ import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.errors import DataError
+from trunnion.base.progress import tracked
 from trunnion.base.units import Flags, Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -16,6 +17,8 @@ from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 
 DECIMALS = 4
+AT_ONCE = 500
+"""Touches that the core is asked about at a time: Ctrl-C is answered between them."""
 MAX_NAMED = 10
 """Touches that a message names."""
 
@@ -27,7 +30,9 @@ def arrangement(setup: Setup) -> _core.Arrangement:
         standing_artefact(setup),
         ball_radius_mm=setup.probe.ball_radius_mm,
         stem_radius_mm=setup.probe.effective_stem_radius_mm,
-        stem_length_mm=setup.probe.length_mm,
+        stem_length_mm=setup.probe.effective_stem_length_mm,
+        body_radius_mm=0.5 * setup.probe.body_diameter_mm,
+        body_length_mm=setup.probe.length_mm - setup.probe.effective_stem_length_mm,
         table_radius_mm=setup.table.radius_mm,
         table_thickness_mm=setup.table.thickness_mm,
         clearance_mm=setup.plan.clearance_mm,
@@ -81,10 +86,14 @@ def check_clear(plan: Touches, setup: Setup) -> None:
     """Refuse a plan of another set-up, or of no planner, that runs into something."""
     starts = plan.start_mm
     assert starts is not None
-    found = arrangement(setup).blocked_moves(
-        TouchModel(setup).moves(plan, from_start=True),
-        (np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm).tolist(),
-    )
+    model, arranged = TouchModel(setup), arrangement(setup)
+    model.moves(plan, from_start=True)  # what is wrong with a row is said by its own number
+    reach = np.linalg.norm(plan.position_mm - starts, axis=1) + setup.plan.overtravel_mm
+    found: list[int] = []
+    for first in tracked(range(0, len(plan), AT_ONCE), "clear", -(-len(plan) // AT_ONCE)):
+        some = slice(first, first + AT_ONCE)
+        moves = model.moves(plan[some], from_start=True)
+        found += [first + row for row in arranged.blocked_moves(moves, reach[some].tolist())]
     if found:
         which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
         more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
@@ -97,11 +106,18 @@ def check_clear(plan: Touches, setup: Setup) -> None:
         )
 
 
+def table_pose(touches: Touches, setup: Setup) -> tuple[Floats, Floats]:
+    """Rotation (n, 3, 3) and shift (n, 3), mm, from the table to the machine frame, each touch."""
+    chain = Chain(setup)
+    return chain.table_pose(chain.to_machine(touches.rotary_deg, len(touches)))
+
+
 def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
     starts, feeds = plan.start_mm, plan.feed_mm_min
     assert starts is not None
     assert feeds is not None
     ends = plan.position_mm + setup.plan.overtravel_mm * plan.direction
+    ways = table_pose(plan, setup)[0].swapaxes(1, 2) @ (ends - starts)[:, :, None]
     rotary: Mapping[str, Floats] = plan.rotary_deg
     senses = plan.rotary_dir
     steps = []
@@ -116,6 +132,7 @@ def _steps(plan: Touches, setup: Setup, levels: Floats) -> tuple[Step, ...]:
                 start=start,
                 contact=tuple(float(v) for v in plan.position_mm[row]),
                 end=tuple(_round(float(v)) for v in ends[row]),
+                way=tuple(_round(float(v)) for v in ways[row, :, 0]),
                 level=max(_up(float(levels[row])), start[2]),
                 feed=float(feeds[row]),
             )

@@ -16,6 +16,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
 from trunnion.base.units import Floats
+from trunnion.data.touches import Touches
 from trunnion.machine.estimate import named_combination
 from trunnion.probing.result import IdentificationResult
 from trunnion.reference.casadi_model import (
@@ -29,7 +30,6 @@ from trunnion.reference.casadi_model import (
 )
 
 if TYPE_CHECKING:
-    from trunnion.data.touches import Touches
     from trunnion.setup import Setup
 
 FAR_MM = 5.0

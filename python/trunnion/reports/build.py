@@ -29,6 +29,7 @@ from trunnion.reports.results import (
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors
+from trunnion.reports.verdict import verdict_of_result
 
 MARKS = {Decision.PASS: Mark.GOOD, Decision.FAIL: Mark.BAD, Decision.UNDECIDED: Mark.DOUBT}
 CONFORMITY = {
@@ -58,11 +59,12 @@ def verdict_of(text: str, decisions: list[Decision], plain: Mark) -> tuple[Mark,
 def _general(result: Result, source: Source) -> Document:
     """Sentences, tables and pictures as the result has them; figures with their uncertainty."""
     sentences, tables = list(result.sentences()), list(result.tables())
-    found, decisions = figures_table("Results", figures_of(result), source.tolerance)
+    figures = figures_of(result)
+    found, decisions = figures_table("Results", figures, source.tolerance)
     shown = drawn(result)
     if found.rows:
         tables = [found, *tables[1:]]
-    text = " ".join(sentences[:1]) or result.headline()
+    text = verdict_of_result(result, figures)
     mark, text = verdict_of(text, decisions, Mark.NEUTRAL)
     if isinstance(result, Conformity):
         mark = MARKS[result.decision]
@@ -95,6 +97,8 @@ def _estimate(result: Estimate, source: Source) -> Document:
     rest, _ = figures_table("Placement of the artefact, and effects", others, {})
     lost = len([s for s in result.std_errors.values() if not np.isfinite(s)])
     text = of_interest(result.errors, result.std_errors)
+    if lost and lost == len(result.std_errors):
+        text = " ".join([text, *list(result.sentences())[:1]])
     mark, text = verdict_of(text, decisions, Mark.DOUBT if lost else Mark.NEUTRAL)
     if not getattr(result, "converged", True):
         mark, text = Mark.BAD, "The fit did not converge: do not use these numbers."
@@ -118,7 +122,7 @@ def _estimate(result: Estimate, source: Source) -> Document:
 def _own(result: Estimate) -> list[Item]:
     """Pictures of a result beside those of its estimates."""
     name = next((PICTURES[k.__name__] for k in type(result).__mro__ if k.__name__ in PICTURES), "")
-    return [] if name == "plot_estimates" else drawn(result)
+    return [] if name == "estimates_pictures" else drawn(result)
 
 
 def _residuals(result: Estimate) -> list[Item]:

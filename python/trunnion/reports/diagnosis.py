@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, significant
-from trunnion.base.units import unit_of, without_unit
-from trunnion.diagnosis.records import Cause, labelled, percent, value_in_words, with_unit
+from trunnion.data.axis_log import AxisLog
+from trunnion.diagnosis.records import Cause, labelled, percent
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
 from trunnion.files.table import places
@@ -29,10 +29,11 @@ from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
-from trunnion.reports.results import figures_table, location_errors
+from trunnion.reports.results import COVERAGE, figures_table, location_errors
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
+from trunnion.reports.verdict import verdict_of_diagnosis
 from trunnion.setup.names import error_label
 
 MARKS = {
@@ -49,8 +50,6 @@ KINDS = {"Ballbar": "a ball-bar test", "Sweep": "a rotary axis", "AxisLog": "an 
 SLOW = {"drift", "warmup", "expansion", "heating"}  # in the id of what changes with time
 MAX_OUTLIERS = 50
 MAX_PICTURES = 8  # of the measurement
-MAX_PARAMETERS = 6  # of a cause
-MAX_SETS = 4  # in the verdict
 SURE = 0.5  # a probability below it is a doubt
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
@@ -80,7 +79,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     standard = [r for one in source.data for r in standard_results(one)]
     judged = [_judged(r, source) for r in standard]
     top = [t for t in (causes, errors, *judged) if t.rows]
-    verdict = _verdict(d)
+    verdict = verdict_of_diagnosis(d)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
     elif "undecided" in decisions:
@@ -93,7 +92,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict,
         (*top, *_to_do(d, source), first),
         (
-            Section("The measurement", tuple(_measurement(source, standard))),
+            Section("The measurement", tuple(_measurement(d, source, standard))),
             Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
@@ -115,51 +114,14 @@ def _kind(data: DataTable) -> str:
     return KINDS.get(name) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
 
 
-def _verdict(d: Diagnosis) -> str:
-    """Say what is wrong and how sure that is, in one sentence with labels; sizes are below."""
-    if d.verdict == "consistent":
-        size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
-        return (
-            f"The model explains the readings, what is left is noise of {size}. That nothing else "
-            f"acts, of all causes looked for: {percent(d.none_probability)}."
-        )
-    if not d.causes:
-        return d.sentences()[0]
-    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
-    sure = [_likely(c) for c in d.causes if c.id in certain]
-    doubted = [
-        (
-            " + ".join(d.labels.get(i) or i.replace("_", " ") for i in sorted(a.causes - certain))
-            or "no further cause"
-        )
-        + f" ({percent(a.probability)})"
-        for a in d.evidence[:MAX_SETS]
-    ]
-    parts = []
-    if sure:
-        parts.append(f"Found: {'; '.join(sure)}.")
-    if len(d.alternatives) > 1:
-        more = len(d.alternatives) - len(doubted)
-        other = f" or one of {more} other sets" if more > 1 else ""
-        parts.append(f"In doubt, with the probability of each set: {' or '.join(doubted)}{other}.")
-    if d.unexplained:
-        parts.append(f"Not explained: {d.unexplained}.")
-    return " ".join(parts)
-
-
-def _likely(c: Cause) -> str:
-    label = c.label or c.id.replace("_", " ")
-    return f"{label} ({percent(c.probability)})"
-
-
 def _judged(result: Result, source: Source) -> Table:
     """Figures of a standard with U and tolerances; none where the result has no uncertainty."""
     return figures_table(result.title(), figures_of(result), source.tolerance)[0]
 
 
-def _measurement(source: Source, standard: list[Result]) -> list[Item]:
+def _measurement(d: Diagnosis, source: Source, standard: list[Result]) -> list[Item]:
     """Pictures of the readings as the field draws them, and what the standard says of them."""
-    own = [p for one in source.data for p in drawn(one)]
+    own = [p for one in source.data for p in drawn(one, **_shown_of(d, one))]
     shown = own or [p for r in standard for p in drawn(r)]
     items: list[Item] = [
         hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]
@@ -167,6 +129,15 @@ def _measurement(source: Source, standard: list[Result]) -> list[Item]:
     for r in standard:
         items += [*r.sentences(), *(() if figures_of(r) else r.tables())]
     return items
+
+
+def _shown_of(d: Diagnosis, data: DataTable) -> dict[str, Any]:
+    """Of a log: the axis of the strongest cause that has one, and the servo as identified."""
+    if not isinstance(data, AxisLog):
+        return {}
+    axes = [c.id.rpartition("_")[2] for c in d.causes]
+    axis = next((letter for letter in axes if letter in data.axes), None)
+    return {"axis": axis, "servo": getattr(d.model, "servo", None)}
 
 
 def _label(cause: Cause) -> str:
@@ -187,28 +158,13 @@ def _causes(d: Diagnosis) -> Table:
     """Each named cause with its size and probability."""
     rows = []
     for c in d.causes:
-        size = _size(c)
+        size = c.size(COVERAGE)
         share = next((x for x in d.contributions if x.id == c.id), None)
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))
         rows.append((_label(c), c.id, size, sure, explains))
     columns = ("", "name in programs", "size ± U (k = 2)", "probability", "explains")
     return Table.of("What is wrong", columns, rows)
-
-
-def _size(c: Cause) -> str:
-    """Say the parameters with U (k = 2); of many their number."""
-    if len(c.parameters) > MAX_PARAMETERS:
-        return f"{len(c.parameters)} parameters"
-    said = []
-    for name, value in c.parameters.items():
-        text = value_in_words(value, _twice(c.std_errors[name]), unit_of(name))
-        said.append(f"{without_unit(name)} = {text}" if len(c.parameters) > 1 else text)
-    return "; ".join(said)
-
-
-def _twice(std: float | None) -> float | None:
-    return None if std is None else 2 * std
 
 
 def _to_do(d: Diagnosis, source: Source) -> list[Item]:

@@ -10,7 +10,7 @@ import numpy as np
 from trunnion.base.conformity import Decision, decide
 from trunnion.base.report import Cell, Shown, Table, number, significant
 from trunnion.base.units import unit_of
-from trunnion.setup.names import error_label
+from trunnion.setup.names import called
 
 COVERAGE = 2.0
 EXPANDED = "U (k = 2)"
@@ -82,12 +82,6 @@ def with_expanded(value: float, std: float | None) -> tuple[Cell, Cell]:
     expanded = COVERAGE * std
     digits = int(np.clip(1 - np.floor(np.log10(expanded)), 0, 9))
     return Shown(value, number(value, digits)), Shown(expanded, number(expanded, digits))
-
-
-def called(name: str) -> str:
-    """Return a location error in words with its name: "offset of the C axis along X (EX0C)"."""
-    label = error_label(name)
-    return name if label == name else f"{label} ({name})"
 
 
 def location_errors(

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ CALLS = {
     "CncParameters": "trunnion.cnc_parameters",
     "VolumetricError": "trunnion.volumetric_error",
     "ResidualInterval": "trunnion.residual_interval",
+    "BallVerification": "trunnion.verify_ball",
 }
 """Class of a result → function that makes it."""
 
@@ -48,12 +50,15 @@ class Source:
         Largest sizes allowed, by name.
     made_by
         The command or call; by default the command that runs, or the function of the class.
+    inputs
+        Files beside those of the data that it was made of: an estimate, a part program.
     """
 
     data: tuple[DataTable, ...] = ()
     setup: Setup | None = None
     tolerance: Mapping[str, float] = field(default_factory=dict)
     made_by: str = ""
+    inputs: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -63,15 +68,15 @@ class Source:
         data = getattr(result, "data", None) if data is None else data
         several = tuple(data) if isinstance(data, list | tuple) else (data,)
         tables = tuple(one for one in several if isinstance(one, DataTable))
+        inputs = tuple(str(one) for one in several if isinstance(one, str | PathLike))
         setup = getattr(result, "setup", None) if setup is None else setup
         setup = setup if isinstance(setup, Setup) else None
         if tolerance is None:
             own = getattr(result, "tolerances", None)
             known = own if isinstance(own, Mapping) else {}
             tolerance = {**known, **(setup.machine.tolerance if setup else {})}
-        return cls(
-            tables, setup, dict(tolerance), by or COMMAND.get() or _call(result, tables, setup)
-        )
+        call = by or COMMAND.get() or _call(result, tables, inputs, setup)
+        return cls(tables, setup, dict(tolerance), call, inputs)
 
     @property
     def machine(self) -> str:
@@ -86,6 +91,7 @@ class Source:
         """Machine, date and data in one line."""
         said = self.setup.report if self.setup else None
         names = [name for _, name in self.files() if name]
+        names += [Path(path).name for path in self.inputs]
         machine = self.machine or "Machine not named (set-up: table [report])"
         parts = (machine, said and said.date, said and said.operator, ", ".join(names))
         return " · ".join(part for part in parts if part)
@@ -134,6 +140,7 @@ class Source:
 
     def _paths(self) -> list[tuple[str, str]]:
         found = [(path, "data") for path, _ in self.files()]
+        found += [(path, "input") for path in self.inputs]
         if self.setup is not None and self.setup.source:
             found.append((self.setup.source, "set-up"))
         return found
@@ -173,7 +180,9 @@ def _span(data: DataTable) -> str:
     return f"{len(data)} rows over {(float(time.max()) - float(time.min())) / 60:.3g} min"
 
 
-def _call(result: Result, data: tuple[DataTable, ...], setup: Setup | None) -> str:
+def _call(
+    result: Result, data: tuple[DataTable, ...], inputs: tuple[str, ...], setup: Setup | None
+) -> str:
     """Return the Python call that makes such a result of such data."""
     name = type(result).__name__
     called = next((CALLS[k.__name__] for k in type(result).__mro__ if k.__name__ in CALLS), name)
@@ -181,6 +190,7 @@ def _call(result: Result, data: tuple[DataTable, ...], setup: Setup | None) -> s
         next((f'"{path}"' for path in (one.origin.files if one.origin else ())), type(one).__name__)
         for one in data
     ]
+    given += [f'"{path}"' for path in inputs]
     many = f"[{', '.join(given)}]" if len(given) > 1 else "".join(given)
     parts = [part for part in (many, f'"{setup.source}"' if setup and setup.source else "") if part]
     script = Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "an interactive session"

@@ -15,7 +15,7 @@ from trunnion.plot.scenes.scene import VIEWS, scene
 from trunnion.reports.document import Item
 from trunnion.reports.source import Source
 
-MAX_CHARACTERS = 1_500_000
+MAX_CHARACTERS = 2_000_000
 TURN = "Drag to turn, wheel to zoom."
 TITLES = {"VolumetricError": "Error field"}
 WITH_DATA = ("IdentificationResult", "ClosedFormResult")

@@ -43,10 +43,10 @@ def figures_of(result: Any) -> list[Figure]:
     ]
 
 
-def drawn(of: Result | Table) -> list[Item]:
+def drawn(of: Result | Table, **options: Any) -> list[Item]:
     """Return the pictures of a result or of data, interactive; none of too few readings."""
     try:
-        return list(pictures(of))
+        return list(pictures(of, **options))
     except DataError:
         return []
 

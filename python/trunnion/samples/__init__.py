@@ -3,6 +3,8 @@
 ``cross/setup.toml`` and ``cross/touches.csv``: a trt-ca table with the errors of the paper's
 Table 2, simulated by ``samples/make_samples.py`` (an artefact 50 µm and 60" off its place, 0.3 µm
 repeatability, 0.1 µm ticks).
+``rotary/setup.toml``, ``rotary/rtest.csv``: an R-test of the machine of ``hidden``, made by the
+same.
 ``plate/first.csv``, ``plate/second.csv``, ``axis/sweep.csv``, ``axis/arc.csv``,
 ``ballbar/circle.csv``, ``positioning/axis.csv``, ``levels/bed.csv``, ``levels/plate.csv``: points,
 sweeps, a ball-bar test, stops of an axis and a level on a bed and on a plate, made by

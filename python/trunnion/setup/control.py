@@ -71,6 +71,7 @@ class ControlSetup(Part):
     tool_number: int = key(0, _Tool(), "of the probe: G43 H; 0: the tool length in force is taken")
     tool_check: bool = key(True, Flag(), "stop unless a tool length is in force")
     tcp_off: str = key("", _Line(), "line that switches tool centre point control off (M429)")
+    tcp_on: str = key("M428", _Line(), "line that switches it on, for --tcp")
     corrected_on: str = key(
         "M430", _Line(), "line that switches machine coordinates with corrections on"
     )

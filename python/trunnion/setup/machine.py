@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -92,7 +92,8 @@ class Machine(Part):
             raise self.refuse("chain", f"none beside preset = {self.preset!r}: give one of the two")
         with entry("table_normal"):
             machine = self.description().core(1.0)
-        self.check_errors(machine)
+        # Which components are redundant depends on the directions of the axes: `Setup` checks it.
+        self.check_errors(machine, dict(machine.redundant_errors))
 
     @property
     def name(self) -> str:
@@ -109,11 +110,13 @@ class Machine(Part):
             known if self.table_normal is None else replace(known, table_normal=self.table_normal)
         )
 
-    def check_errors(self, machine: _core.Machine) -> None:
-        """Refuse errors and tolerances that a machine of this chain has not."""
+    def check_errors(self, machine: _core.Machine, allowed: Container[str] = ()) -> None:
+        """Refuse errors and tolerances that a machine has not, but for those that are allowed."""
         for table in ("errors", "tolerance"):
             for name in getattr(self, table):
                 with entry(table, name):
+                    if name in allowed:
+                        continue
                     check_error(f"machine.{table} of {self.name}", name, machine)
 
 

@@ -104,6 +104,7 @@ def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
 
 
 _RIGHT = {"A": "X", "B": "Y", "C": "Z"}
+_OF_AXIS = re.compile(r"axis_(r?)([xyz])_(?:um|arcsec)")
 _PLACEMENT = re.compile(r"(d(?=[xyz])|r(?=[abc]))([xyzabc])_(?:um|arcsec)")
 
 
@@ -128,3 +129,12 @@ def error_label(name: str) -> str:
         if what == axis
         else (f"tilt of the {axis} axis about {_RIGHT[what]}")
     )
+
+
+def called(name: str) -> str:
+    """Return a location error in words with its name: "offset of the C axis along X (EX0C)"."""
+    label = error_label(name)
+    if match := _OF_AXIS.fullmatch(name):
+        verb = "tilt of the axis about" if match[1] else "offset of the axis along"
+        label = f"{verb} {match[2].upper()}"
+    return name if label == name else f"{label} ({name})"

@@ -4,9 +4,9 @@ Every key but the artefact's kind has a default, and ``print(setup)`` lists them
 unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine.tolerance]``),
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
 ``[control]``, ``[report]`` are its own.
-``[turning]``, ``[servo]``, ``[ballbar]`` and ``[hybrid]`` belong to these processes, which declare
-and read them; a file with one of them needs no ``[artefact]`` (its kind is then "none"). Any other
-key is an error.
+``[turning]``, ``[servo]``, ``[ballbar]``, ``[hybrid]`` and ``[rotary_test]`` belong to these
+processes, which declare and read them; a file with one of them needs no ``[artefact]`` (its kind is
+then "none"). Any other key is an error.
 """
 
 from __future__ import annotations
@@ -38,11 +38,16 @@ from trunnion.setup.fields import (
 from trunnion.setup.machine import AxisSetup, Machine
 from trunnion.setup.machines import Description
 from trunnion.setup.report import ReportSetup
-from trunnion.setup.write import commented_toml, headline_of, report_of, tables_of, toml_of
+from trunnion.setup.write import (
+    PROCESS_TABLES,
+    commented_toml,
+    headline_of,
+    report_of,
+    tables_of,
+    toml_of,
+)
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
-PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid")
-"""Tables that belong to a process, which declares and reads them."""
 
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
@@ -54,7 +59,10 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 }
 """Keys of an artefact beside its kind; "none" where nothing is touched."""
 
-STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", "base_mm")
+HOLDING = ("base_mm", "clamps_mm", "chuck_mm")
+"""What an artefact of any kind is held by, as obstacles of a plan."""
+
+STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", *HOLDING)
 """Keys that say how an artefact of any kind stands on the table."""
 
 CERTIFICATE = (
@@ -81,8 +89,9 @@ class Artefact(Part):
     A sphere needs `diameter_mm` and `centre_mm`, several need `spheres_mm`, two to nine centres
     (all in the artefact frame); a ring needs `diameter_mm` (of the bore) and `outer_diameter_mm`.
     They are None for the others. Stems, from each sphere down to the table top, are obstacles of a
-    plan, as is a plate of the lengths `base_mm` under the artefact; a `stem_diameter_mm` of None is
-    a third of the sphere's: read it as `effective_stem_diameter_mm`.
+    plan, as are a plate of the lengths `base_mm` under the artefact, boxes beside it (`clamps_mm`)
+    and a chuck (`chuck_mm`); a `stem_diameter_mm` of None is a third of the sphere's: read it as
+    `effective_stem_diameter_mm`.
 
     `place_mm` and `turn_deg` (about Z) are where the artefact's frame nominally stands in the
     table's, whose origin is the centre of its top; the placement that is identified is the
@@ -124,6 +133,15 @@ class Artefact(Part):
     base_mm: tuple[float, float, float] | None = key(
         None, Vector(3, LENGTH), "plate under the artefact: along X and Y, height; else none"
     )
+    clamps_mm: tuple[tuple[float, ...], ...] | None = key(
+        None,
+        Vectors(5, 0, 100, COORDINATE),
+        "boxes beside the artefact, such as jaws of a vise, on the table and turned with it: X and "
+        "Y of the middle from its place, lengths along X and Y, height; else none",
+    )
+    chuck_mm: tuple[float, float] | None = key(
+        None, Vector(2, LENGTH), "chuck about the artefact's place: diameter, height; else none"
+    )
     calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
     calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
     expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
@@ -138,7 +156,7 @@ class Artefact(Part):
         own = self.own_names()
         for name, declared in keys_of(Artefact).items():
             value = getattr(self, name)
-            if name in own and value is None and name not in ("stem_diameter_mm", "base_mm"):
+            if name in own and value is None and name not in ("stem_diameter_mm", *HOLDING):
                 raise self.refuse(name, f"{declared.takes.words}: a {self.kind} needs it")
             if name not in own and value != declared.default:
                 has = ", ".join(own[1:])
@@ -196,7 +214,8 @@ class Probe(Part):
     probe that is latched at fixed steps of travel has a `tick_um` instead. Give one of the two.
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
-    collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`.
+    collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`. So are
+    `stem_length_mm` and `body_diameter_mm`.
 
     Examples
     --------
@@ -213,6 +232,12 @@ class Probe(Part):
     stem_radius_mm: float | None = key(None, LENGTH, "for collision checks; else half the ball's")
     servo_period_ms: float = key(0.0, Number(0.0, 1e3), "time between two looks; tick = feed × it")
     calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of the ball's radius")
+    stem_length_mm: float | None = key(
+        None, LENGTH, "ball centre to the probe's body, for collision checks; else length_mm"
+    )
+    body_diameter_mm: float = key(
+        0.0, Number(0.0, 1e4), "of the probe's body, from stem_length_mm to length_mm; 0: none"
+    )
 
     def __post_init__(self) -> None:
         """Check every field, and that the ball is thicker than its stem."""
@@ -222,6 +247,11 @@ class Probe(Part):
                 f"at most probe.ball_radius_mm = {self.ball_radius_mm:g}: the ball touches first"
             )
             raise self.refuse("stem_radius_mm", limit)
+        if self.body_diameter_mm > 0 and self.stem_length_mm is None:
+            raise self.refuse("stem_length_mm", "where the body begins, beside body_diameter_mm")
+        if self.effective_stem_length_mm > self.length_mm:
+            limit = f"at most probe.length_mm = {self.length_mm:g}, where the body ends"
+            raise self.refuse("stem_length_mm", limit)
         if self.tick_um and self.servo_period_ms:
             raise self.refuse(
                 "servo_period_ms", f"0 beside probe.tick_um = {self.tick_um:g}: give one of the two"
@@ -230,6 +260,11 @@ class Probe(Part):
     def ticks_um(self, feed_mm_min: Any) -> Any:
         """Travel between two looks at the probe, µm, at feeds in mm/min (any shape)."""
         return self.tick_um + self.servo_period_ms * feed_mm_min / 60.0
+
+    @property
+    def effective_stem_length_mm(self) -> float:
+        """Length of the stem from the ball's centre: as given, or up to `length_mm`."""
+        return self.length_mm if self.stem_length_mm is None else self.stem_length_mm
 
     @property
     def effective_stem_radius_mm(self) -> float:
@@ -336,6 +371,7 @@ class Setup:
     servo: Mapping[str, Any] = field(default_factory=dict)
     ballbar: Mapping[str, Any] = field(default_factory=dict)
     hybrid: Mapping[str, Any] = field(default_factory=dict)
+    rotary_test: Mapping[str, Any] = field(default_factory=dict)
     source: str = field(default="", compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -14,12 +14,12 @@ from trunnion.setup.parts import (
     AXES,
     DIMENSIONS,
     PARTS,
-    PROCESS_TABLES,
     Artefact,
     Setup,
     TableSetup,
     names_of,
 )
+from trunnion.setup.write import PROCESS_TABLES
 
 
 @checked

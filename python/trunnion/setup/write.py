@@ -16,14 +16,15 @@ if TYPE_CHECKING:
 
 PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control", "report")
 SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
-PROCESSES = ("turning", "servo", "ballbar", "hybrid")
+PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid", "rotary_test")
+"""Tables that belong to a process, which declares and reads them."""
 
 
 def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
     """Return every table of the file that is not empty, with plain values."""
     tables = {name: getattr(setup, name).to_dict() for name in PARTS}
     tables["axes"] = {letter: axis.to_dict() for letter, axis in setup.axes.items()}
-    tables |= {name: thawed(getattr(setup, name)) for name in PROCESSES}
+    tables |= {name: thawed(getattr(setup, name)) for name in PROCESS_TABLES}
     for name in ("errors", "tolerance"):
         if not tables["machine"][name]:
             del tables["machine"][name]
@@ -71,7 +72,7 @@ def report_of(setup: Setup) -> Table:
     table = report("Set-up", parts)
     rows = [
         (f"{name}.{key}", str(thawed(value)), "", "")
-        for name in PROCESSES
+        for name in PROCESS_TABLES
         for key, value in getattr(setup, name).items()
     ]
     return Table.of(table.title, table.columns, (*table.rows, *rows))
@@ -86,7 +87,7 @@ def size_of(artefact: Artefact) -> str:
 def headline_of(setup: Setup) -> str:
     """Return the machine, the artefact and the probe in one line."""
     kind = setup.artefact.kind
-    processes = [f"[{name}]" for name in PROCESSES if getattr(setup, name)]
+    processes = [f"[{name}]" for name in PROCESS_TABLES if getattr(setup, name)]
     said = [
         setup.machine.name,
         "no artefact" if kind == "none" else f"{kind} {size_of(setup.artefact)}",

@@ -99,10 +99,9 @@ def sweep(
     executor
         None: this process (the core uses all its cores; "diagnosis-power" starts worker processes).
         Else anything with ``submit`` in the style of `concurrent.futures`: a
-        `ProcessPoolExecutor`; on a cluster dask's ``distributed.Client(...).get_executor()``
-        (tested), ``mpi4py.futures.MPIPoolExecutor()`` under ``mpiexec -n 9 python -m
-        mpi4py.futures``; for Ray an object whose ``submit(f, *a)`` returns
-        ``ray.remote(f).remote(*a).future()``.
+        `ProcessPoolExecutor`; on a cluster dask's ``distributed.Client(...).get_executor()``,
+        ``mpi4py.futures.MPIPoolExecutor()`` under ``mpiexec -n 9 python -m
+        mpi4py.futures``; for Ray :class:`trunnion.studies.RayExecutor`.
     setup
         What "identification" and "diagnosis-power" begin with: any key of it can be in the grid
         (``artefact.length_mm``, ``machine.preset``, ``axes.C.sense``); by default a cross on

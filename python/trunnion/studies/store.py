@@ -23,6 +23,8 @@ from trunnion.studies.study import Block
 
 Place = tuple[int, int, int]
 """Node, first sample, number of samples."""
+FILLED_AT_ONCE = 1 << 22
+"""Numbers of which memory is made at once: gigabytes take seconds."""
 COMMIT_EVERY_S = 0.25
 """Blocks that come within this time are written to the disk together."""
 
@@ -31,7 +33,10 @@ class Blocks:
     """All outputs in memory, (nodes, samples, columns), and the samples that failed."""
 
     def __init__(self, nodes: int, samples: int, columns: int) -> None:
-        self.columns: Floats = np.full((nodes, samples, columns), np.nan)
+        self.columns: Floats = np.empty((nodes, samples, columns))
+        flat = self.columns.reshape(-1)
+        for first in range(0, len(flat), FILLED_AT_ONCE):  # Ctrl-C is answered between them
+            flat[first : first + FILLED_AT_ONCE] = np.nan
         self.done = np.zeros((nodes, samples), dtype=bool)
         self.failures: dict[tuple[int, int], str] = {}
 

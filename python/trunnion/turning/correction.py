@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -70,6 +70,14 @@ class Correction(Result):
     between_um: Floats
     bound_um: float | None
 
+    GRID: ClassVar = {
+        "window_mean_um": ("window_z_mm",),
+        "window_k": ("window_z_mm",),
+        "error_um": ("z_mm",),
+        "remaining_um": ("z_mm",),
+        "between_um": ("between_z_mm",),
+    }
+
     @property
     def program(self) -> Program:
         """The corrected program."""
@@ -82,9 +90,10 @@ class Correction(Result):
 
     def sentences(self) -> Sequence[str]:
         """Say what was done and what is left."""
+        blocks = f"{len(self.inserted)} block{'s' if len(self.inserted) != 1 else ''}"
         lines = [
-            f"{len(self.inserted)} blocks put in (rule {self.rule!r}, unit {self.unit_um:g} µm, "
-            f"windows of {self.window}).",
+            f"{blocks} put in (rule {self.rule!r}, unit {self.unit_um:g} µm, windows of "
+            f"{self.window}).",
         ]
         if self.bound_um is not None:
             lines.append(f"Bound: no window mean is left with more than {self.bound_um:.2f} µm.")

@@ -28,8 +28,8 @@ pub struct Artefact {
 impl Artefact {
     #[new]
     #[pyo3(signature = (
-        kind, dimensions, *, place_mm, turn_deg, stem_diameter_mm, base_mm, tolerance_mm,
-        tolerance_deg
+        kind, dimensions, *, place_mm, turn_deg, stem_diameter_mm, base_mm, clamps_mm, chuck_mm,
+        tolerance_mm, tolerance_deg
     ))]
     fn new(
         kind: &str,
@@ -38,6 +38,8 @@ impl Artefact {
         turn_deg: f64,
         stem_diameter_mm: f64,
         base_mm: [f64; 3],
+        clamps_mm: Vec<[f64; 5]>,
+        chuck_mm: [f64; 2],
         tolerance_mm: f64,
         tolerance_deg: f64,
     ) -> PyResult<Self> {
@@ -47,6 +49,8 @@ impl Artefact {
             turn: turn_deg * DEG,
             stem_radius: 0.5 * stem_diameter_mm,
             base: base_mm.into(),
+            clamps: clamps_mm,
+            chuck: [0.5 * chuck_mm[0], chuck_mm[1]],
             tolerance: tolerance_mm,
             turn_tolerance: tolerance_deg * DEG,
         };

@@ -37,8 +37,8 @@ impl Arrangement {
 impl Arrangement {
     #[new]
     #[pyo3(signature = (
-        machine, artefact, *, ball_radius_mm, stem_radius_mm, stem_length_mm, table_radius_mm,
-        table_thickness_mm, clearance_mm, overtravel_mm
+        machine, artefact, *, ball_radius_mm, stem_radius_mm, stem_length_mm, body_radius_mm,
+        body_length_mm, table_radius_mm, table_thickness_mm, clearance_mm, overtravel_mm
     ))]
     fn new(
         machine: &Machine,
@@ -46,6 +46,8 @@ impl Arrangement {
         #[pyo3(from_py_with = finite)] ball_radius_mm: f64,
         #[pyo3(from_py_with = finite)] stem_radius_mm: f64,
         #[pyo3(from_py_with = finite)] stem_length_mm: f64,
+        #[pyo3(from_py_with = finite)] body_radius_mm: f64,
+        #[pyo3(from_py_with = finite)] body_length_mm: f64,
         #[pyo3(from_py_with = finite)] table_radius_mm: f64,
         #[pyo3(from_py_with = finite)] table_thickness_mm: f64,
         #[pyo3(from_py_with = finite)] clearance_mm: f64,
@@ -61,6 +63,7 @@ impl Arrangement {
                 ball_radius: ball_radius_mm,
                 stem_radius: stem_radius_mm,
                 length: stem_length_mm,
+                body: [body_radius_mm, body_length_mm],
             },
             clearance: clearance_mm,
             overtravel: overtravel_mm,

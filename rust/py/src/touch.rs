@@ -155,7 +155,7 @@ impl TouchModel {
         effect_ids: Vec<String>,
     ) -> PyResult<Self> {
         let machine = machine.inner.clone();
-        let (artefact, fixture) = (artefact.inner, artefact.fixture);
+        let (artefact, fixture) = (artefact.inner, artefact.fixture.clone());
         let probe = Probe::new(ball_radius_mm, tick_um * UM)
             .and_then(|probe| probe.looked_at_every(1e-3 * servo_period_ms))
             .into_py()?;

@@ -9,10 +9,9 @@ from importlib.resources import files
 import numpy as np
 
 import trunnion._core as _core
-from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
 from trunnion.compensation.machine import MachineErrors
-from trunnion.controls.links import COMPONENTS, Link, links, table_centre
+from trunnion.controls.links import COMPONENTS, Link, links, pivot_mm, table_centre
 from trunnion.controls.linuxcnc.linear_map import LinearMap, map_words
 from trunnion.controls.linuxcnc.present import MM
 from trunnion.machine.chain import Chain
@@ -114,21 +113,6 @@ def pin_values(setup: Setup, known: MachineErrors) -> dict[str, float]:
         pins[PIVOT] = pivot
     pins |= {f"zero-{letter.lower()}-arcsec": 0.0 for letter in Chain(setup).letters}
     return {name: round(value, PLACES) + 0.0 for name, value in pins.items()}
-
-
-def pivot_mm(setup: Setup) -> float | None:
-    """From the pivot of a head to the gauge line of the spindle; None without a head.
-
-    Raises InputError: a head, and the set-up does not say it.
-    """
-    if "head" not in Chain(setup).sides.values():
-        return None
-    if setup.control.pivot_mm is None:
-        raise InputError(
-            "control.pivot_mm: not given, expected the distance from the head's pivot to where "
-            "the tool length is 0: probe.length_mm less the probe's length in the tool table"
-        )
-    return setup.control.pivot_mm
 
 
 def joint_letters(setup: Setup) -> str:

@@ -30,6 +30,7 @@ from trunnion.models.axis_log.near import Point, near
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
 from trunnion.setup import Setup
 
+LEAST_NOISE = 1e-3  # µm, arcsec: no scale of an axis shows less
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
@@ -243,7 +244,8 @@ class AxisLogModel(Model):
             values += list((1e3 * blocks.mean(self._signals.tip.deviation())).T)
             units += ["µm"] * len(TIP_COLUMNS)
         rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
-        return Readings(np.concatenate(values), rows, tuple(np.repeat(units, len(blocks)).tolist()))
+        each = tuple(np.repeat(units, len(blocks)).tolist())
+        return Readings(np.concatenate(values), rows, each, least=LEAST_NOISE)
 
     def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
         """Position and speed of each axis at the start of each run, and their columns, (n, p)."""

@@ -36,6 +36,7 @@ from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
+LEAST_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
@@ -101,6 +102,7 @@ class BallbarModel(Model):
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
             recorded=data.length_mm * 1e3,
+            least=LEAST_NOISE_UM,
         )
         self.nuisance = self._nuisance()
         self._at: tuple[bytes, Floats, Floats] | None = None

@@ -50,7 +50,7 @@ from trunnion.models.points.geometry import (
     rotation,
     rounded,
 )
-from trunnion.models.points.variance import variance_components
+from trunnion.models.points.variance import LEAST_NOISE_UM, variance_components
 
 MAX_DISTANCE_MM = 5.0
 FOLDS = 10
@@ -93,6 +93,7 @@ class PointsModel(Model):
             deviation.reshape(-1),
             np.repeat(np.arange(n), d),
             recorded=1e3 * data.measured_mm.reshape(-1),
+            least=LEAST_NOISE_UM,
         )
         names = [f"d{a}_um" for a in AXES[:d]]
         names += ["rz_arcsec"] if d == 2 else ["rx_arcsec", "ry_arcsec", "rz_arcsec"]

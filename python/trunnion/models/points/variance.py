@@ -9,6 +9,7 @@ from trunnion.base.units import Floats, Integers
 
 MAX_P_VALUE = 0.005
 MIN_FREEDOM = 3
+LEAST_NOISE_UM = 1e-3  # no measuring machine resolves less
 
 
 def variance_components(
@@ -16,7 +17,8 @@ def variance_components(
 ) -> tuple[Integers, float, float] | None:
     """Label of each reading, and variance between features and of one measurement, µm².
 
-    None where nothing was measured again, or where features do not differ (F test, 0.5 %).
+    None where nothing was measured again (what agrees better than instruments resolve is a copy),
+    or where features do not differ (F test, 0.5 %).
     """
     if replicates is None:
         return None
@@ -33,7 +35,9 @@ def variance_components(
         return None
     within = float(np.sum(((residuals - mean[label]) ** 2)[several[label]])) / within_freedom
     apart = float(np.sum((count * mean**2)[several])) / between_freedom
-    if within <= 0 or special.fdtrc(between_freedom, within_freedom, apart / within) > MAX_P_VALUE:
+    if within < LEAST_NOISE_UM**2:
+        return None
+    if special.fdtrc(between_freedom, within_freedom, apart / within) > MAX_P_VALUE:
         return None
     repeats = float(np.mean(count[several]))
     return label.astype(np.intp), (apart - within) / repeats, within

@@ -40,6 +40,8 @@ from trunnion.models.rotary.passes import check_one_axis
 
 BLOCKS = 10
 NOISE_LEVEL = 0.01
+LEAST_NOISE_UM = 1e-3  # no instrument that follows a target resolves less
+MAX_NOISE_RATIO = 20.0  # of two directions: of a laser tracker, or less
 DIRECTIONS = ("radial", "tangential", "axial")
 #: A target further from its circle than this belongs to no model, mm.
 MAX_DISTANCE_MM = 5.0
@@ -114,6 +116,7 @@ class SweepModel(Model):
             1e3 * away.reshape(-1),
             np.repeat(np.arange(n), 3),
             recorded=1e3 * data.position_mm.reshape(-1),
+            least=LEAST_NOISE_UM,
         )
         given = effects if source is None else source._given
         self._given: tuple[EffectLike | str, ...] = tuple(given)
@@ -302,7 +305,9 @@ class SweepModel(Model):
             radial = axial = (radial + axial) / 2
             if _alike(tangential, freedom, radial, 2 * freedom):
                 radial = axial = tangential = (2 * radial + tangential) / 3
-        scale = np.tile(np.sqrt([radial, tangential, axial]), len(r))
+        noise = np.sqrt([radial, tangential, axial])
+        # A direction in which nothing happens has no noise: it does not outweigh the others.
+        scale = np.tile(np.maximum(noise, noise.max() / MAX_NOISE_RATIO), len(r))
         scale = scale / np.sqrt(np.mean(scale**2))
         return Scaling(scale)
 

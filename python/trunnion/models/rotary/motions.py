@@ -116,8 +116,8 @@ def catalogue(
     out |= _trends(positions)
     scale = "scale of the positioning of the axis"
     out["positioning_scale"] = Motion((Parameter("ppm"),), (5,), _scale, scale)
-    if periods := _periods(positions):
-        period = Parameter("period_deg", grid=periods, bounds=(periods[-1], periods[0] * 1.2))
+    if grid := periods(positions):
+        period = Parameter("period_deg", grid=grid, bounds=(grid[-1], grid[0] * 1.2))
         parameters = (Parameter("a_arcsec"), Parameter("b_arcsec"), period)
         out["positioning_cyclic"] = Motion(parameters, (5,), _cyclic, "cyclic positioning error")
     if min(np.sum(conditions.sense > 0), np.sum(conditions.sense < 0)) >= MIN_OF_A_SENSE:
@@ -248,7 +248,7 @@ def _drift(conditions: Conditions, _: Floats) -> Floats:
     return np.asarray(conditions.elapsed[:, None, None] * conditions.instrument)
 
 
-def _periods(positions: Floats) -> tuple[float, ...]:
+def periods(positions: Floats) -> tuple[float, ...]:
     """Periods to try, deg, longest first: a third of the range to two steps, evenly in frequency.
 
     A period below two steps of an even sweep looks like a longer one, and is named as that.

@@ -24,8 +24,8 @@ LIGHT = {"x": 4e4, "y": -6e4, "z": 1e5}
 
 
 def _xyz(points: Floats) -> dict[str, Any]:
-    # 1 nm is below what a picture shows and keeps pages small
-    x, y, z = np.round(np.asarray(points, dtype=np.float64).reshape(-1, 3), 6).T
+    # Seven digits are more than a picture shows, and keep pages small.
+    x, y, z = np.asarray(points, dtype=np.float32).reshape(-1, 3).T
     return {"x": x, "y": y, "z": z}
 
 

@@ -40,7 +40,7 @@ pub enum Artefact {
 }
 
 /// How an artefact stands on the table.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fixture {
     /// Nominal place of the artefact's origin in the table's frame (middle of its top), mm.
     pub place: Vector3<f64>,
@@ -50,6 +50,11 @@ pub struct Fixture {
     pub stem_radius: f64,
     /// Lengths of the plate that it stands on, on the table and turned with it, mm; 0: none.
     pub base: Vector3<f64>,
+    /// Boxes beside it, on the table and turned with it (jaws of a vise, clamps): X and Y of the middle
+    /// from its origin, lengths along X and Y, height over the table, mm.
+    pub clamps: Vec<[f64; 5]>,
+    /// Radius and height over the table of a chuck about its place, mm; 0: none.
+    pub chuck: [f64; 2],
     /// How far its origin may lie from the nominal place, in any direction, mm.
     pub tolerance: f64,
     /// How far it may be turned about Z from nominal, rad.

@@ -13,7 +13,7 @@ use crate::artefact::{Artefact, Fixture, Part};
 use crate::pose::{Direction, Pose};
 use crate::{Error, Result};
 
-/// Ball and stem of the probe, mm. The stem leaves the ball towards the spindle.
+/// Ball, stem and body of the probe, mm. The stem leaves the ball towards the spindle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stylus {
     /// Radius of the ball.
@@ -22,6 +22,8 @@ pub struct Stylus {
     pub stem_radius: f64,
     /// Length from the ball's centre to the end of the stem.
     pub length: f64,
+    /// Radius and length of the body behind the stem; 0: none.
+    pub body: [f64; 2],
 }
 
 /// A straight move of the ball's centre, with the stem in one direction.
@@ -142,6 +144,7 @@ impl Surroundings {
             }
         }
         around.add_base(&fixture.base, fixture.turn);
+        around.add_holders(fixture)?;
         let (pose, shape) = upright(table_radius, &Vector3::zeros(), -table_thickness, 0.0);
         let growth = around.shift_at(0.0);
         let hull = Vec::new();
@@ -160,6 +163,34 @@ impl Surroundings {
         if base.iter().all(|length| *length > 0.0) {
             self.add_block(None, [base.x, base.y], &Vector3::zeros(), [0.0, base.z], turn);
         }
+    }
+
+    /// Clamps beside the artefact, and a chuck about it.
+    fn add_holders(&mut self, fixture: &Fixture) -> Result<()> {
+        let rotation = Direction::Z.rotation(fixture.turn);
+        for [x, y, along_x, along_y, height] in &fixture.clamps {
+            for (what, size) in [("X", along_x), ("Y", along_y), ("Z", height)] {
+                positive(&format!("length of a clamp along {what}"), *size)?;
+            }
+            let off = rotation * Vector3::new(*x, *y, 0.0);
+            self.add_block(None, [*along_x, *along_y], &off, [0.0, *height], fixture.turn);
+        }
+        let [radius, height] = fixture.chuck;
+        if radius > 0.0 && height > 0.0 {
+            let at = fixture.place;
+            let (pose, shape) = upright(radius, &at, 0.0, height);
+            // A prism about it.
+            let step = std::f64::consts::TAU / CORNERS as f64;
+            let hull = (0..CORNERS).flat_map(|corner| {
+                let out = Direction::Z.rotation(step * corner as f64) * Vector3::x() * radius;
+                let around = at + out / (0.5 * step).cos();
+                [0.0, height].map(|z| (Vector3::new(around.x, around.y, z), 0.0))
+            });
+            let hull = hull.collect();
+            let growth = self.shift_at(0.0);
+            self.obstacles.push(Obstacle { pose, shape, hull, growth, part: None });
+        }
+        Ok(())
     }
 
     /// The wall of a bore as narrow boxes, whose inner faces touch it, and what carries it.
@@ -322,6 +353,9 @@ const SLACK_MM: f64 = 0.05;
 /// is within [`SLACK_MM`] for bores up to 180 mm.
 const WALLS: usize = 96;
 
+/// Corners of the prism that stands for a chuck where the highest point is looked for.
+const CORNERS: usize = 24;
+
 /// A part is touched where the ball's distance from it is below this, mm.
 const TOUCHED_MM: f64 = 1e-3;
 
@@ -339,8 +373,15 @@ impl Obstacle {
         let end = way.stem * stylus.length;
         let ball = Ball::new(stylus.ball_radius);
         let stem = Capsule::new(DVec3::ZERO, to_parry(&end), stylus.stem_radius);
-        let shapes: [&dyn Shape; 2] = [&ball, &stem];
-        let pose = DPose3::from_translation(to_parry(&way.from));
+        let from = DPose3::from_translation(to_parry(&way.from));
+        let [radius, length] = stylus.body;
+        let body = Cylinder::new(0.5 * length, radius);
+        let middle = way.from + way.stem * (stylus.length + 0.5 * length);
+        // parry's cylinder lies along Y.
+        let along = DQuat::from_rotation_arc(DVec3::Y, to_parry(&way.stem));
+        let behind = DPose3::from_parts(to_parry(&middle), along);
+        let shapes: [(&DPose3, &dyn Shape); 3] = [(&from, &ball), (&from, &stem), (&behind, &body)];
+        let shapes = &shapes[..if radius > 0.0 && length > 0.0 { 3 } else { 2 }];
         let velocity = to_parry(&(way.to - way.from));
         let options = ShapeCastOptions {
             max_time_of_impact: 1.0,
@@ -348,10 +389,10 @@ impl Obstacle {
             compute_impact_geometry_on_penetration: false,
             ..ShapeCastOptions::default()
         };
-        shapes.iter().any(|shape| {
+        shapes.iter().any(|(pose, shape)| {
             let place = &self.pose;
             let hit = cast_shapes(
-                &pose,
+                pose,
                 velocity,
                 *shape,
                 place,
@@ -359,7 +400,7 @@ impl Obstacle {
                 self.shape.as_ref(),
                 options,
             );
-            let gap = distance(&pose, *shape, place, self.shape.as_ref());
+            let gap = distance(pose, *shape, place, self.shape.as_ref());
             !matches!(hit, Ok(None)) || gap.is_ok_and(|gap| gap.distance <= growth)
         })
     }
@@ -369,7 +410,8 @@ impl Obstacle {
 mod tests {
     use super::*;
 
-    const STYLUS: Stylus = Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 };
+    const STYLUS: Stylus =
+        Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0, body: [0.0; 2] };
 
     fn is_free(around: &Surroundings, from: [f64; 3], to: [f64; 3], stem: [f64; 3]) -> bool {
         let way = Way { from: from.into(), to: to.into(), stem: stem.into() };
@@ -415,6 +457,30 @@ mod tests {
             let around = Surroundings::new(&sphere, &fixture, 150.0, 30.0).unwrap();
             assert_eq!(is_free(&around, below.0, below.1, below.2), expected);
         }
+    }
+
+    #[test]
+    fn clamps_a_chuck_and_the_probe_s_body_are_in_the_way() {
+        let cuboid = Artefact::of("cuboid", &[60.0, 60.0, 40.0]).unwrap();
+        let up = [0.0, 0.0, 1.0];
+        let free = |fixture: &Fixture, stylus: &Stylus, z: f64| {
+            let around = Surroundings::new(&cuboid, fixture, 150.0, 30.0).unwrap();
+            let way =
+                Way { from: [45.0, 0.0, z].into(), to: [32.0, 0.0, z].into(), stem: up.into() };
+            around.is_free(&way, stylus)
+        };
+        let bare = Fixture::default();
+        assert!(free(&bare, &STYLUS, 12.0));
+        let clamped = Fixture { clamps: vec![[40.0, 0.0, 10.0, 30.0, 15.0]], ..bare.clone() };
+        assert!(!free(&clamped, &STYLUS, 12.0) && free(&clamped, &STYLUS, 20.0));
+        let held = Fixture { chuck: [45.0, 25.0], ..bare.clone() };
+        assert!(!free(&held, &STYLUS, 20.0) && free(&held, &STYLUS, 30.0));
+        let short = Stylus { length: 20.0, body: [20.0, 60.0], ..STYLUS };
+        assert!(!free(&bare, &short, 12.0) && free(&bare, &short, 22.0));
+        let around = Surroundings::new(&cuboid, &held, 150.0, 30.0).unwrap();
+        assert!((around.highest(&Pose::identity(), &Vector3::z()) - 40.0 - SLACK_MM).abs() < 1e-9);
+        let thin = Fixture { clamps: vec![[40.0, 0.0, 0.0, 30.0, 15.0]], ..bare };
+        assert!(Surroundings::new(&cuboid, &thin, 150.0, 30.0).is_err());
     }
 
     #[test]

@@ -419,7 +419,7 @@ mod tests {
             overtravel: 5.0,
             linear_resolution: 1e-4,
             rotary_resolution: 0.36 * crate::units::ARCSEC,
-            stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
+            stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0, body: [0.0; 2] },
             layout: Layout::Side,
             all_faces: false,
         }

@@ -261,7 +261,12 @@ mod tests {
                 overtravel: 5.0,
                 linear_resolution: 0.0,
                 rotary_resolution: 0.0,
-                stylus: Stylus { ball_radius: 1.0, stem_radius: 0.5, length: 100.0 },
+                stylus: Stylus {
+                    ball_radius: 1.0,
+                    stem_radius: 0.5,
+                    length: 100.0,
+                    body: [0.0; 2],
+                },
                 layout: Layout::Side,
                 all_faces: false,
             };

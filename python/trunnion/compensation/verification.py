@@ -1,0 +1,308 @@
+"""A ball held at one point of the table: where the control finds it at every posture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.arguments import checked
+from trunnion.base.checks import whole
+from trunnion.base.errors import DataError, InputError
+from trunnion.base.report import Cell, Result, Table
+from trunnion.base.units import Floats, Integers
+from trunnion.compensation.control import ModelCompensation
+from trunnion.compensation.machine import MachineErrors
+from trunnion.compensation.uncertainty import draw_changes, freedom_of, taking_part
+from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain
+from trunnion.machine.estimate import Estimate
+from trunnion.probing.model import known_sigma_um, stops_of
+from trunnion.probing.on_table import on_table
+from trunnion.setup import Setup
+
+LEVEL = 0.95
+ROUNDS = 20
+SETTLED_MM = 1e-10
+MAX_DRAWS = 100_000
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BallVerification(Result):
+    """Where a ball on the table was found at postures of the rotary axes, before and after.
+
+    Attributes
+    ----------
+    rotary_deg
+        Letter → position at each posture, control's sign, (n,).
+    after_um
+        Place of the ball's centre at each posture less the mean of all, table's frame, (n, 3).
+    before_um
+        The same of the measurement before the corrections; None without one.
+    sigma_um
+        Standard deviation of one reading after the corrections.
+    touches_um
+        Interval (95 %) of the largest distance that touches alone would leave.
+    forecast_um
+        The same for touches and the uncertainty of the estimate; None without an estimate.
+    """
+
+    rotary_deg: Mapping[str, Floats]
+    after_um: Floats
+    before_um: Floats | None
+    sigma_um: float
+    touches_um: tuple[float, float]
+    forecast_um: tuple[float, float] | None = None
+
+    @property
+    def max_after_um(self) -> float:
+        """Largest distance from the mean place, after."""
+        return _largest(self.after_um)
+
+    @property
+    def max_before_um(self) -> float | None:
+        """Largest distance from the mean place, before."""
+        return None if self.before_um is None else _largest(self.before_um)
+
+    @property
+    def as_forecast(self) -> bool | None:
+        """Whether the largest distance lies in the forecast; None without one."""
+        if self.forecast_um is None:
+            return None
+        return self.forecast_um[0] <= self.max_after_um <= self.forecast_um[1]
+
+    def sentences(self) -> Sequence[str]:
+        """Before, after, forecast."""
+        after, before = self.max_after_um, self.max_before_um
+        lines = [
+            f"The ball's centre lies within {after:.2f} µm of its mean place at "
+            f"{len(self.after_um)} postures (rms {_rms(self.after_um):.2f} µm)."
+        ]
+        if before is not None and self.before_um is not None:
+            lines.append(
+                f"Before the corrections: {before:.2f} µm (rms {_rms(self.before_um):.2f} µm), "
+                f"{before / max(after, 1e-9):.0f} times as much."
+            )
+        low, high = self.touches_um
+        lines.append(f"The touches alone leave {low:.2f} to {high:.2f} µm (95 %).")
+        if self.forecast_um is not None:
+            low, high = self.forecast_um
+            found = "as found" if self.as_forecast else "which does not hold"
+            lines.append(
+                f"Forecast with the uncertainty of the estimate: {low:.2f} to {high:.2f} µm "
+                f"(95 %), {found}."
+            )
+            if after > high:
+                lines.append(
+                    "More is left than the estimate leaves: are the corrections loaded and on, is "
+                    "the place of the table that of the set-up, are there effects that the "
+                    "estimate does not have (trunnion diagnose)?"
+                )
+        return lines
+
+    def tables(self) -> tuple[Table, ...]:
+        """Every posture."""
+        names = [*self.rotary_deg, *(("before",) if self.before_um is not None else ())]
+        rows: list[tuple[Cell, ...]] = []
+        for i, place in enumerate(self.after_um):
+            row: list[Cell] = [float(values[i]) for values in self.rotary_deg.values()]
+            if self.before_um is not None:
+                row.append(float(np.linalg.norm(self.before_um[i])))
+            rows.append((*row, float(np.linalg.norm(place)), *map(float, place)))
+        head = (*names, "after", "X", "Y", "Z")
+        return (Table.of("Distance from the mean place, µm; after: in X, Y, Z", head, rows),)
+
+    def derived(self) -> Mapping[str, Any]:
+        """Largest distances, and whether the forecast holds."""
+        return {
+            "max_after_um": self.max_after_um,
+            "max_before_um": self.max_before_um,
+            "as_forecast": self.as_forecast,
+        }
+
+
+@checked
+def verify_ball(
+    after: Touches,
+    setup: Setup,
+    *,
+    before: Touches | None = None,
+    estimate: Estimate | None = None,
+    draws: int = 4000,
+    seed: int = 0,
+) -> BallVerification:
+    """Judge corrections by a ball on the table: it must not move when the rotary axes do.
+
+    Parameters
+    ----------
+    after
+        Touches of a sphere with the corrections on: of a program with ``tcp=True``
+        (:func:`read_table_log`) or with ``corrected=True``.
+    setup
+        Machine, sphere and probe.
+    before
+        The same plan measured without the corrections.
+    estimate
+        What the corrections were made from: gives the forecast.
+    draws, seed
+        Of the intervals.
+
+    Notes
+    -----
+    Each posture gives a place of the ball's centre in the table's frame, all together one radius
+    (pre-travel that is equal in all directions is in it). The mean place takes off where the ball
+    stands. Pre-travel that differs between the spindle's direction and the others turns with the
+    table, and stays.
+
+    Raises
+    ------
+    InputError
+        An artefact that is no sphere; an estimate without covariance.
+    DataError
+        One posture only; a posture whose touches do not give the centre; `before` at other
+        postures than `after`.
+
+    Examples
+    --------
+    >>> import trunnion as tn
+    >>> ball = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 20.0, 60.0))
+    >>> setup = tn.Setup(ball)
+    >>> plan = tn.plan(setup, c_deg=(0, 120, 240), a_deg=(40, -40))
+    >>> free, wrong = tn.simulate(plan, setup), tn.simulate(plan, setup, errors={"EX0C": 20.0})
+    >>> found = tn.verify_ball(free, setup, before=wrong)
+    >>> round(found.max_before_um or 0.0), found.max_after_um < 0.001
+    (25, True)
+    """
+    if setup.artefact.kind != "sphere":
+        raise InputError(f"artefact: got a {setup.artefact.kind}, expected a sphere on the table")
+    whole("draws", draws, 100, MAX_DRAWS)
+    whole("seed", seed, 0)
+    stops = stops_of(after)
+    first = np.unique(stops, return_index=True)[1]
+    found = _places(after, stops, setup, "after")
+    earlier = None
+    if before is not None:
+        there = stops_of(before)
+        theirs = _postures(before, np.unique(there, return_index=True)[1])
+        if not np.array_equal(theirs, _postures(after, first)):
+            raise DataError(
+                f"before: got {len(theirs)} postures, expected the {len(first)} of after: both are "
+                "logs of one plan"
+            )
+        earlier = _deviations(_places(before, there, setup, "before").centres)
+    random = np.random.default_rng(seed)
+    noise = _noise(found, random, draws)
+    forecast = None
+    if estimate is not None:
+        mean = found.centres.mean(axis=0)
+        rotary = _postures(after, first)
+        moved = _left(setup, estimate, mean, rotary, random, draws)
+        forecast = _interval(noise + moved)
+    return BallVerification(
+        rotary_deg={k.upper(): v[first] for k, v in after.rotary_deg.items()},
+        after_um=_deviations(found.centres),
+        before_um=earlier,
+        sigma_um=found.sigma_um,
+        touches_um=_interval(noise),
+        forecast_um=forecast,
+    )
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Centres at postures, mm (n, 3); their covariance, µm² (3 n, 3 n), and what it rests on."""
+
+    centres: Floats
+    covariance: Floats
+    sigma_um: float
+    freedom: float
+
+
+def _places(touches: Touches, stops: Integers, setup: Setup, what: str) -> _Places:
+    """Centres in the table's frame and one radius by least squares."""
+    count = int(stops.max()) + 1
+    seen = on_table(touches, setup)
+    assert setup.artefact.diameter_mm is not None
+    radius = setup.artefact.diameter_mm / 2 + setup.probe.ball_radius_mm
+    contact = seen.position_mm + radius * seen.direction
+    centres = np.array([contact[stops == i].mean(axis=0) for i in range(count)])
+    jacobian = np.zeros((len(touches), 3 * count + 1))
+    jacobian[:, -1] = -1.0
+    for _ in range(ROUNDS):
+        away = seen.position_mm - centres[stops]
+        far = np.linalg.norm(away, axis=1)
+        for axis in range(3):
+            jacobian[np.arange(len(touches)), 3 * stops + axis] = -away[:, axis] / far
+        step, _, rank, _ = np.linalg.lstsq(jacobian, radius - far, rcond=1e-9)
+        if rank < jacobian.shape[1] or count < 2:
+            raise DataError(
+                f"{what}: got {len(touches)} touches at {count} postures, expected two postures or "
+                "more and, at each, touches from sides enough to give the centre of the ball"
+            )
+        centres += step[:-1].reshape(count, 3)
+        radius += float(step[-1])
+        if np.abs(step).max() < SETTLED_MM:
+            break
+    left = 1e3 * (np.linalg.norm(seen.position_mm - centres[stops], axis=1) - radius)
+    freedom, sigma = float(len(left) - jacobian.shape[1]), known_sigma_um(setup, touches)
+    if sigma > 0:
+        freedom = np.inf
+    elif freedom > 0:
+        sigma = float(np.sqrt(left @ left / freedom))
+    else:
+        raise DataError(
+            f"{what}: got as many touches as unknowns, expected more, or a repeatability"
+        )
+    covariance = np.asarray(sigma**2 * np.linalg.inv(jacobian.T @ jacobian)[:-1, :-1], np.float64)
+    return _Places(centres, covariance, sigma, freedom)
+
+
+def _noise(found: _Places, random: np.random.Generator, draws: int) -> Floats:
+    """Deviations of the centres by the noise of touches alone, µm, (draws, n, 3)."""
+    blocks = draw_changes(random, found.covariance, found.freedom, draws)
+    return np.concatenate(list(blocks)).reshape(draws, -1, 3)
+
+
+def _left(
+    setup: Setup,
+    estimate: Estimate,
+    point: Floats,
+    rotary: Floats,
+    random: np.random.Generator,
+    draws: int,
+) -> Floats:
+    """Deviations by errors of the estimate alone, µm, (draws, n, 3)."""
+    if not estimate.names:
+        raise InputError("estimate: got one without covariance, expected it for the forecast")
+    known = MachineErrors.of(setup, estimate)
+    covariance, numbers = taking_part(setup, known, estimate)
+    assumed, zeros = ModelCompensation(known).control_model(setup)
+    rows = np.ascontiguousarray(rotary * Chain(setup).senses)
+    rates = known.core(setup).truth_rates(assumed, zeros, rows).reshape(len(rows), -1, 3, 4)
+    by = rates[:, numbers] @ np.append(point, 1.0)
+    blocks = draw_changes(random, covariance, freedom_of(setup, estimate), draws)
+    return np.concatenate([np.einsum("dp,kpi->dki", block, by) for block in blocks])
+
+
+def _postures(touches: Touches, rows: Integers) -> Floats:
+    return np.column_stack([np.round(v[rows], 3) for v in touches.rotary_deg.values()])
+
+
+def _deviations(centres: Floats) -> Floats:
+    return np.asarray(1e3 * (centres - centres.mean(axis=0)))
+
+
+def _interval(drawn: Floats) -> tuple[float, float]:
+    sizes = np.linalg.norm(drawn - drawn.mean(axis=1, keepdims=True), axis=2).max(axis=1)
+    low, high = np.quantile(sizes, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])
+    return float(low), float(high)
+
+
+def _largest(places: Floats) -> float:
+    return float(np.linalg.norm(places, axis=1).max())
+
+
+def _rms(places: Floats) -> float:
+    return float(np.sqrt(np.mean(np.sum(places**2, axis=1))))

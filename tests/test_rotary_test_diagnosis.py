@@ -1,0 +1,236 @@
+"""R-tests and ball-bar tests of rotary axes as a kind of data: effects as the twin has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from promise import kept, needed_runs
+from trunnion.base.units import Floats
+from trunnion.models.kinds import kind_name, model_of
+from twin import forward
+
+SETUP = tn.Setup(artefact=tn.Artefact("none"))
+ERRORS = {"EA0A": 12.0, "EB0A": -9.0, "EC0A": 7.0, "EY0A": 21.0, "EZ0A": -14.0}
+ERRORS |= {"EB0C": 8.0, "EX0C": 15.0, "EY0C": -11.0}
+BALL = (90.0, 20.0, 60.0)
+THERE = np.arange(0.0, 360.0, 20.0)
+TURNS = {"A": np.repeat([0.0, 55.0, -40.0, 80.0], 36), "C": np.tile([*THERE, *THERE[::-1]], 4)}
+
+
+def sense(values: Floats) -> Floats:
+    """Sense of the last move before each row, 0 before the first."""
+    found, last = np.zeros(len(values)), 0.0
+    for row in range(1, len(values)):
+        last = np.sign(values[row] - values[row - 1]) or last
+        found[row] = last
+    return found
+
+
+def twin_displacement(
+    plan: tn.RotaryTest, effects: Mapping[str, Mapping[str, float]], errors: Mapping[str, float]
+) -> Floats:
+    """Ball on the twin's table minus the tool's point, (n, 3), µm."""
+    zero = np.zeros(len(plan))
+    at = forward.Conditions(
+        np.asarray(plan.a_deg),
+        np.asarray(plan.c_deg),
+        np.column_stack([sense(x) for x in plan.position_mm.round(4).T]),
+        zero,
+        zero if plan.time_s is None else np.asarray(plan.time_s),
+        sense(np.asarray(plan.a_deg)),
+        sense(np.asarray(plan.c_deg)),
+    )
+    truth = forward.Truth(errors, effects=effects)
+    table = forward._table_pose(at, forward.Setup(), truth)
+    lam, delta = forward.recorded_to_actual(at, effects)
+    tool = plan.position_mm @ (np.eye(3) + lam).T + delta
+    ball = np.einsum("nij,j->ni", table[:, :3, :3], BALL) + table[:, :3, 3]
+    return np.asarray(1e3 * (ball - tool))
+
+
+@cache
+def r_test() -> tn.RotaryTest:
+    plan = tn.plan_rotary_test(SETUP, BALL, TURNS)
+    return plan.with_columns(time_s=3.0 * np.arange(len(plan)))
+
+
+def readings(made: Floats, plan: tn.RotaryTest, noise_um: float, seed: int) -> tn.RotaryTest:
+    noisy = made + np.random.default_rng(seed).normal(0.0, noise_um, made.shape)
+    return plan.with_columns(**dict(zip(("dx_um", "dy_um", "dz_um"), noisy.T, strict=True)))
+
+
+def model_effects() -> list[str]:
+    made = readings(twin_displacement(r_test(), {}, {}), r_test(), 0.0, 1)
+    named = [e.id for e in tn.catalogue(made, SETUP)]
+    return [name for name in named if name in forward.EFFECTS]
+
+
+@pytest.mark.parametrize("name", model_effects())
+def test_an_effect_changes_the_readings_as_the_twin_has_it(name: str) -> None:
+    """To 1e-3 of a change of 10 units: what location errors of 100 arcsec change of it."""
+    plan = r_test()
+    plain = twin_displacement(plan, {}, ERRORS)
+    model = model_of(readings(plain, plan, 0.0, 1), SETUP)
+    effect = model.effect(name)
+    for parameter in effect.parameters:
+        values = {p.name: 10.0 * (p is parameter) for p in effect.parameters}
+        change = (twin_displacement(plan, {name: values}, ERRORS) - plain).ravel()
+        ours = np.asarray(effect.change(effect.values(values.values())))
+        assert np.abs(change).max() > 1e-2
+        assert np.abs(ours - change).max() < 1e-3 * np.abs(change).max()
+
+
+def test_every_effect_of_the_machine_is_in_the_catalogue() -> None:
+    on_touches = tn.catalogue(tn.Setup(tn.Artefact("cross")))
+    machine = {e.id for e in on_touches if str(e.owner) == "machine"}
+    assert machine <= set(model_effects())
+    assert {"drift_x", "drift_y", "drift_z"} <= set(model_effects())
+
+
+CAUSES = {
+    "c_positioning_2": {"a2_arcsec": 4.0, "b2_arcsec": -3.0},
+    "c_backlash": {"b_arcsec": 5.0},
+    "backlash_y": {"b_um": 3.0},
+    "squareness_xy": {"arcsec": 6.0},
+    "a_positioning": {"k_arcsec": 8.0},
+    "drift_x": {"rate_um_h": 20.0},
+}
+
+
+def test_hidden_causes_are_named_as_often_as_promised() -> None:
+    """Nine of ten, over the causes together, and none in nine of ten without one."""
+    runs = needed_runs(0.9)
+    right = quiet = 0
+    for seed in range(runs):
+        name = list(CAUSES)[seed % len(CAUSES)]
+        for effects in ({name: CAUSES[name]}, {}):
+            made = twin_displacement(r_test(), effects, ERRORS)
+            d = tn.diagnose(readings(made, r_test(), 0.5, 2 * seed + len(effects)), SETUP)
+            as_made = [c.id for c in d.causes] == list(effects) and d.verdict != "unexplained"
+            right += as_made and bool(effects)
+            quiet += as_made and not effects
+    assert kept(right, runs, 0.9), right
+    assert kept(quiet, runs, 0.9), quiet
+
+
+def test_a_cyclic_error_of_c_is_found_with_its_period() -> None:
+    c = np.arange(0.0, 360.0, 5.0)
+    plan = tn.plan_rotary_test(SETUP, BALL, {"A": np.repeat([0.0, 60.0], 72), "C": np.tile(c, 2)})
+    wave = 6.0 * np.sin(2 * np.pi * np.asarray(plan.c_deg) / 24.0)
+    moved = replace_c(plan, wave / 3600.0)
+    made = 1e3 * (moved - plan.position_mm)
+    d = tn.diagnose(readings(made, plan, 0.4, 3), SETUP)
+    assert [cause.id for cause in d.causes] == ["c_cyclic"]
+    found = d.causes[0].parameters
+    assert found["period_deg"] == pytest.approx(24.0, rel=0.01)
+    assert np.hypot(found["a_arcsec"], found["b_arcsec"]) == pytest.approx(6.0, abs=0.7)
+
+
+def replace_c(plan: tn.RotaryTest, more_deg: Floats) -> Floats:
+    """Where the ball is with C turned by more than commanded, (n, 3), mm."""
+    table = forward.table_pose(
+        np.asarray(plan.a_deg), np.asarray(plan.c_deg) + more_deg, forward.Setup(), forward.Truth()
+    )
+    return np.asarray(np.einsum("nij,j->ni", table[:, :3, :3], BALL) + table[:, :3, 3])
+
+
+BARS = (100.0 * np.eye(3)).tolist()
+BARS += [[-100.0, 0.0, 0.0], [0.0, -100.0, 0.0]]
+
+
+def bar_lengths(effects: Mapping[str, Mapping[str, float]], seed: int) -> tn.RotaryTest:
+    parts = []
+    rng = np.random.default_rng(seed)
+    for bar in BARS:
+        plan = tn.plan_rotary_test(SETUP, BALL, TURNS, bar_mm=bar)
+        length = 1e-3 * np.linalg.norm(twin_displacement(plan, effects, ERRORS), axis=1)
+        noise = 5e-4 * rng.standard_normal(len(plan))
+        parts.append(plan.with_columns(length_mm=length + noise))
+    return tn.RotaryTest.concatenate(parts)
+
+
+def with_ball(**more: Any) -> tn.Setup:
+    return replace(SETUP, rotary_test={"balls_mm": [BALL], **more})
+
+
+def test_lengths_tell_the_bar_from_the_machine() -> None:
+    """Bars from both sides see the length; a bar that is 8 µm shorter than stated is named."""
+    made = bar_lengths({}, 5)
+    assert tn.diagnose(made, with_ball()).verdict == "consistent"
+    longer = made.with_columns(length_mm=made["length_mm"] + 0.008)
+    d = tn.diagnose(longer, with_ball())
+    assert [cause.id for cause in d.causes] == ["ballbar_length"]
+    assert d.causes[0].parameters["dl_um"] == pytest.approx(8.0, abs=0.3)
+    unknown = with_ball(calibrated=False)
+    fit = tn.identify_rotary_test(longer, unknown)
+    assert fit.bar_length_um is not None
+    assert fit.bar_length_um[0] == pytest.approx(8.0, abs=4 * fit.bar_length_um[1])
+    for name, value in ERRORS.items():
+        assert fit[name] == pytest.approx(value, abs=4 * fit.std_errors[name] + 1e-3), name
+    assert tn.diagnose(longer, unknown).verdict == "consistent"
+    with pytest.raises(tn.InputError, match=r"rotary_test\.balls_mm: got none, expected about"):
+        tn.diagnose(longer, SETUP)
+
+
+def test_an_r_test_needs_no_place_of_the_ball_and_takes_the_set_up_s() -> None:
+    made = readings(twin_displacement(r_test(), {}, ERRORS), r_test(), 0.0, 1)
+    for setup in (SETUP, with_ball(), with_ball(tool_is_known=False)):
+        fit = tn.identify_rotary_test(made, setup)
+        for name in fit.errors:
+            if np.isfinite(fit.std_errors[name]):
+                assert fit[name] == pytest.approx(ERRORS[name], abs=1e-4), name
+    assert set(fit.offsets_um) == {"ball", "tool_offset"}
+    with pytest.raises(tn.InputError, match=r"rotary_test\.balls: got a key, expected one of|ball"):
+        tn.diagnose(made, replace(SETUP, rotary_test={"balls": [BALL]}))
+
+
+def test_touches_and_an_r_test_share_the_errors_of_the_machine() -> None:
+    """The joint estimate is the mean of both by their covariances, what they share named once."""
+    folder = tn.sample_path("rotary")
+    touches = tn.read(tn.sample_path("cross/touches.csv"))
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    hidden = tn.read_setup(folder / "setup.toml")
+    assert kind_name(tn.read(folder / "rtest.csv")) == "rotarytest"
+    plan = tn.plan_rotary_test(setup, BALL, TURNS)
+    truth = {"EA0A": 21.6, "EB0A": 18.0, "EC0A": 10.8, "EY0A": 17.0, "EZ0A": 12.0}
+    truth |= {"EB0C": 25.2, "EX0C": 15.0, "EY0C": 21.0}  # what the sample's touches were made with
+    test = readings(twin_displacement(plan, {}, truth), plan, 0.5, 8)
+    joint = tn.diagnose([touches, test], setup)
+    assert joint.verdict == "consistent"
+    alone = [tn.diagnose(one, setup).model for one in (touches, test)]
+    names = [name for name in truth if np.isfinite(alone[0].std_errors[name])]
+    for name in names:
+        together = joint.model.std_errors[name]
+        assert together < min(one.std_errors[name] for one in alone), name
+        assert joint.model.errors[name] == pytest.approx(truth[name], abs=4.5 * together), name
+    sampled = [tn.read(folder / "rtest.csv"), tn.read(tn.sample_path("hidden/touches.csv"))]
+    both = tn.diagnose(sampled, hidden)
+    assert "c_positioning_2" in {c.id for c in both.causes}
+
+
+def test_a_test_on_a_machine_with_a_head(tmp_path: Path) -> None:
+    setup = replace(SETUP, machine=tn.Machine("head-ac"))
+    tilts, turns = (x.ravel() for x in np.meshgrid([-60.0, 0.0, 45.0], THERE))
+    plan = tn.plan_rotary_test(setup, BALL, {"A": tilts, "C": turns})
+    effects = {"c_positioning_2": {"a2_arcsec": 8.0, "b2_arcsec": 5.0}}
+    hidden = {"EY0A": 9.0}
+    made = tn.simulate_rotary_test(plan, setup, BALL, hidden, effects=effects, noise_um=0.3, seed=2)
+    made.to_csv(tmp_path / "rotary_test.csv")
+    d = tn.diagnose(tn.read(tmp_path / "rotary_test.csv"), setup)
+    assert [c.id for c in d.causes] == ["c_positioning_2"]
+
+
+def test_an_effect_that_a_simulation_cannot_make_is_refused() -> None:
+    for name in ("c_backlash", "drift_z", "probe_radius"):
+        with pytest.raises(tn.UnknownNameError, match=f"effect: got '{name}'"):
+            tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={name: {}})
+    with pytest.raises(tn.UnknownNameError, match="parameter of effect 'scale_x': got 'um'"):
+        tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"scale_x": {"um": 1.0}})

@@ -1,0 +1,122 @@
+"""A ball on the table before and after corrections: machine and touches of the test's own."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from promise import kept
+from reference_trt_ca import TABLE_2, Floats, table_pose
+from trunnion.cli import app
+from trunnion.compensation import BallVerification
+
+BALL = tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(60.0, 40.0, 65.0))
+SETUP = tn.Setup(BALL, probe=tn.Probe(ball_radius_mm=2.0))
+PLACE = np.array([60.1, 39.8, 65.2])
+RADIUS = 14.5
+"""Of ball and probe together, less the pre-travel."""
+PLAN = tn.plan(
+    SETUP,
+    c_deg=(0, 120, 240),
+    a_deg=(30, -40),
+    positions_deg=[(a, c) for a in (30, -40) for c in (120, 240)],
+)
+
+
+def shown_by_control(
+    real: dict[str, float], known: dict[str, float], sigma_mm: float = 0.0, seed: int = 0
+) -> tn.Touches:
+    """What the control says, in its own idea of the machine frame, where the ball is touched.
+
+    real, known: Location errors of the machine and those that the kinematics in force have.
+    """
+    random = np.random.default_rng(seed)
+    rows = []
+    for a, c, ray in zip(PLAN["a_deg"], PLAN["c_deg"], PLAN.direction, strict=True):
+        ball = (table_pose(real, a, c) @ np.append(PLACE, 1.0))[:3]
+        # The control moves along the ray of a machine without errors through the planned centre.
+        start = (table_pose({}, a, c) @ [*(BALL.centre_mm or ()), 1.0])[:3]
+        across = (start - ball) - ((start - ball) @ ray) * ray
+        along = np.sqrt(RADIUS**2 - across @ across)
+        joints = ball + across - along * ray
+        table = np.linalg.solve(table_pose(known, a, c), np.append(joints, 1.0))
+        rows.append((table_pose({}, a, c) @ table)[:3] + sigma_mm * random.normal() * ray)
+    x, y, z = np.array(rows).T
+    return PLAN.with_columns(x_mm=x, y_mm=y, z_mm=z)
+
+
+def moved(real: dict[str, float], known: dict[str, float]) -> Floats:
+    """Where the ball's centre is found, less the mean, µm."""
+    poses = sorted(
+        {(a, c) for a, c in zip(PLAN["a_deg"].round(6), PLAN["c_deg"].round(6), strict=True)}
+    )
+    seen = [
+        np.linalg.solve(table_pose(known, a, c), table_pose(real, a, c) @ np.append(PLACE, 1.0))
+        for a, c in poses
+    ]
+    return np.asarray(1e3 * (np.array(seen) - np.mean(seen, axis=0))[:, :3])
+
+
+def test_the_places_are_those_of_the_machine() -> None:
+    half = {name: 0.5 * value for name, value in TABLE_2.items()}
+    before, after = shown_by_control(TABLE_2, {}), shown_by_control(TABLE_2, half)
+    found = tn.verify_ball(after, SETUP, before=before)
+    np.testing.assert_allclose(found.after_um, moved(TABLE_2, half), rtol=0, atol=0.01)
+    assert found.before_um is not None
+    np.testing.assert_allclose(found.before_um, moved(TABLE_2, {}), rtol=0, atol=0.01)
+    exact = tn.verify_ball(shown_by_control(TABLE_2, TABLE_2), SETUP)
+    assert exact.max_after_um < 0.01
+    assert exact.max_before_um is exact.as_forecast is None
+
+
+def a_case(seed: int, *, slip: bool = False) -> BallVerification:
+    """An estimate with errors as its covariance says, loaded (or with a sign turned)."""
+    random = np.random.default_rng(seed)
+    names = tuple(TABLE_2)
+    root = random.normal(size=(len(names), len(names))) * 0.2 + 0.3 * np.eye(len(names))
+    wrong = dict(zip(names, root @ random.normal(size=len(names)), strict=True))
+    known = {name: TABLE_2[name] + wrong[name] for name in names}
+    estimate = tn.Estimate(
+        errors=known, std_errors=dict.fromkeys(names, 0.5), names=names, covariance=root @ root.T
+    )
+    loaded = known | ({"EX0C": -known["EX0C"]} if slip else {})
+    after = shown_by_control(TABLE_2, loaded, sigma_mm=3e-4, seed=seed)
+    return tn.verify_ball(after, SETUP, estimate=estimate, draws=1000)
+
+
+def test_the_forecast_holds_as_often_as_it_says_and_a_slip_is_seen() -> None:
+    assert kept(sum(bool(a_case(seed).as_forecast) for seed in range(120)), 120, 0.95)
+    slip = a_case(1, slip=True)
+    assert slip.as_forecast is False
+    assert "are the corrections loaded and on" in slip.summary()
+
+
+def test_the_command_prints_it_and_refuses_what_is_no_pair(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SETUP.to_toml())
+    shown_by_control(TABLE_2, {}).save(tmp_path / "before.csv")
+    shown_by_control(TABLE_2, TABLE_2).save(tmp_path / "after.csv")
+    files = [str(tmp_path / name) for name in ("before.csv", "after.csv", "s.toml")]
+    done = CliRunner().invoke(app, ["verify", *files, "--json"], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.output)["max_after_um"] < 0.01
+    half = shown_by_control(TABLE_2, {})[:10]
+    with pytest.raises(tn.DataError, match=r"before: got .* postures, expected the 9 of after"):
+        tn.verify_ball(shown_by_control(TABLE_2, {}), SETUP, before=half)
+    with pytest.raises(tn.InputError, match="got a cross, expected a sphere"):
+        tn.verify_ball(half, tn.Setup(tn.Artefact("cross")))
+    with pytest.raises(tn.DataError, match="at 1 postures, expected two"):
+        tn.verify_ball(half[:5], SETUP)
+
+
+def test_a_program_with_tcp_needs_its_lines() -> None:
+    with pytest.raises(tn.InputError, match=r"control.tcp_off: not given"):
+        tn.probing_program(PLAN, SETUP, tcp=True)
+    control = tn.ControlSetup(tcp_off="M429")
+    ready = tn.Setup(BALL, probe=SETUP.probe, control=control)
+    with pytest.raises(tn.InputError, match="tcp: got it with corrected"):
+        tn.probing_program(PLAN, ready, tcp=True, corrected=True)
+    text = tn.probing_program(PLAN, ready, tcp=True).text()
+    assert text.index("M428") < text.index("G38.3 X") < text.rindex("M429")
