@@ -97,20 +97,10 @@ def plan(
     made = tn.read_setup(setup)
     chain = Chain(made)
     angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
-    of_for = {
-        "--criterion": criterion != "A",
-        "--max-minutes": max_minutes is not None,
-        "--max-touches": max_touches is not None,
-    }
-    chosen = {
-        "--c": c != C_DEG,
-        "--tilt": tilt != TILT_DEG,
-        "--both-senses": both_senses,
-        "--repeats": repeats != 1,
-        "--every-pose": every_pose,
-        "several --feeds": len(numbers("--feeds", feeds)) > 1,
-    }
-    _check_options(bool(for_), chosen if for_ else of_for)
+    bounds = (criterion != "A", max_minutes is not None, max_touches is not None)
+    several = len(numbers("--feeds", feeds)) > 1
+    chosen = (c != C_DEG, tilt != TILT_DEG, both_senses, repeats != 1, every_pose, several)
+    _check_options(bool(for_), chosen if for_ else bounds)
     if for_:
         (feed,) = numbers("--feeds", feeds)
         planned = tn.plan_for(
@@ -134,9 +124,14 @@ def plan(
     return _planned(planned, made, output, program, log, (output or setup).name)
 
 
-def _check_options(for_: bool, given: dict[str, bool]) -> None:
+BY_ANGLES = ("--c", "--tilt", "--both-senses", "--repeats", "--every-pose", "several --feeds")
+BY_ERRORS = ("--criterion", "--max-minutes", "--max-touches")
+
+
+def _check_options(for_: bool, given: tuple[bool, ...]) -> None:
     """Refuse options of the other way to plan: by angles, or by the errors to identify."""
-    wrong = [name for name, is_given in given.items() if is_given]
+    options = BY_ANGLES if for_ else BY_ERRORS
+    wrong = [name for name, is_given in zip(options, given, strict=True) if is_given]
     if wrong:
         got = ", ".join(wrong)
         raise tn.InputError(
