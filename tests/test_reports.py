@@ -93,7 +93,7 @@ def test_the_first_sentence_says_how_large_and_how_sure(tmp_path: Path) -> None:
     size = re.search(r"twice a turn, amplitude ([\d.]+) ± ([\d.]+) arcsec \(> 99 %\)", said)
     assert size is not None, said
     assert float(size[1]) == pytest.approx(5.0, abs=3 * float(size[2]))
-    assert re.search(r"8 errors of the machine, largest: .* ± [\d.]+ µm;.* \(k = 2\)", said)
+    assert re.search(r"8 errors of the machine, largest: .* ± [\d.]+ arcsec; .* ± [\d.]+ µm", said)
     # U of the amplitude by the law of propagation, from the covariance of the model
     a, b = d.causes[0].parameters.values()
     at = [d.model.names.index(f"c_positioning_2.{n}") for n in d.causes[0].parameters]

@@ -46,7 +46,7 @@ def verdict_of_diagnosis(d: Diagnosis) -> str:
         parts.append(f"Its size: {_of_structure(d.structure)}.")
     parts += _located(d)
     text = " ".join(parts)
-    return text + EXPANDED if "±" in text else text
+    return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
 
 
 def _located(d: Diagnosis) -> list[str]:
