@@ -338,6 +338,28 @@ def etalon(text: str) -> dict[str, float]:
     return {name: float(value) for name, value in found}
 
 
+def chained(
+    letters: str, points: Mapping[str, Floats], errors: Mapping[str, float], angles: Floats
+) -> Floats:
+    """Place of the end of axes that carry each other, errors in mm and rad by name ("X0C"), (4, 4).
+
+    An axis of the chain is where its own errors put it, less those of the axes that carry it.
+    """
+    place, before = np.eye(4), np.zeros(3)
+    carried: dict[str, float] = {}
+    for letter, angle in zip(letters, angles, strict=True):
+        i = "ABC".index(letter)
+        origin = points[letter] * (np.arange(3) != i)
+        own = {k: errors[f"{k}0{letter}"] for k in "XYZABC" if f"{k}0{letter}" in errors}
+        e = dict.fromkeys("XYZABC", 0.0) | {k: v - carried.get(k, 0.0) for k, v in own.items()}
+        carried |= own
+        place = place @ shift(*(origin - before + [e[k] for k in "XYZ"]))
+        for axis, key in zip("xyz", "ABC", strict=True):
+            place = place @ turn(axis, e[key])
+        place, before = place @ turn("xyz"[i], np.radians(angle)), origin
+    return np.asarray(place @ shift(*-before))
+
+
 @dataclass
 class Isg:
     """Takes off the position error of the machine that it read, then the tables of its axes."""
