@@ -139,9 +139,10 @@ class TwinCat:
 
 @dataclass
 class Siemens:
-    """$TC_CARR of type P, frame, $AA_ENC_COMP, $AN_CEC, $MA_BACKLASH."""
+    """$TC_CARR, frame, $AA_ENC_COMP, $AN_CEC, $MA_BACKLASH."""
 
     carrier: dict[int, float]
+    kind: str
     frame: Floats
     encoder: dict[str, tuple[Floats, Floats]]
     backlash: dict[str, float]
@@ -156,6 +157,7 @@ class Siemens:
             for n, v in re.findall(r"^\$TC_CARR(\d+)\[1\]=(\S+)$", files["tc_carr.spf"], re.M)
             if not v.startswith('"')
         }
+        (kind,) = re.findall(r'^\$TC_CARR23\[1\]="(\w)"$', files["tc_carr.spf"], re.M)
         words = re.findall(r"([XYZ]),(-?[\d.]+)", files["frame.spf"])
         numbers = [float(v) for _, v in words]
         frame = shift(*numbers[:3])  # RPY: about Z, then the new Y, then the new X
@@ -163,18 +165,37 @@ class Siemens:
             frame = frame @ turn(axis, np.radians(angle))
         encoder, backlash = _encoder(files.get("enc_comp.ini", ""))
         sag = _sag(files.get("cec.ini", ""))
-        return cls(carrier, frame, encoder, backlash, sag, vector_sign, cec_sign)
+        return cls(carrier, kind, frame, encoder, backlash, sag, vector_sign, cec_sign)
+
+    def linear(self, point: Floats, turned: tuple[float, float], tool_mm: float) -> Floats:
+        """X, Y, Z of the reference point of the toolholder, less the tool length along Z.
+
+        A vector that the manual ignores for a kind may have any value.
+        """
+        i1, i2, i3, i4, v1, v2 = (
+            np.array([self.carrier.get(n, np.nan) for n in numbers])
+            for numbers in (
+                (1, 2, 3), (4, 5, 6), (15, 16, 17), (18, 19, 20), (7, 8, 9), (10, 11, 12)
+            )
+        )  # fmt: skip
+        q1, q2 = turned
+        zero, tool = np.zeros(3), np.array([0.0, 0.0, tool_mm])
+        at = (self.frame @ np.append(point + CENTRE, 1.0))[:3]
+        if self.kind == "P":
+            np.testing.assert_allclose(i4, -(i2 + i3), atol=1e-6)
+            at = _about(i2 + i3, self.vector_sign * v2, q2, at)
+            return _about(i2, self.vector_sign * v1, q1, at)
+        if self.kind == "T":
+            np.testing.assert_allclose(i1, -(i2 + i3), atol=1e-6)
+            inner = i2 + _about(zero, v2, q2, i3 + tool)
+        else:
+            np.testing.assert_allclose(np.r_[i1, i4], -np.r_[i2, i3], atol=1e-6)
+            at = _about(i3, self.vector_sign * v2, q2, at)
+            inner = i2 + tool
+        return np.asarray(at + i1 + _about(zero, v1, q1, inner) - tool)
 
     def motors(self, point: Floats, a: float, c: float, travel: int) -> dict[str, float]:
-        tc = self.carrier
-        i2, i3, i4, v1, v2 = (
-            np.array([tc[n] for n in numbers])
-            for numbers in ((4, 5, 6), (15, 16, 17), (18, 19, 20), (7, 8, 9), (10, 11, 12))
-        )
-        np.testing.assert_allclose(i4, -(i2 + i3), atol=1e-6)
-        at = (self.frame @ np.append(point + CENTRE, 1.0))[:3]
-        at = _about(i2 + i3, self.vector_sign * v2, c, at)
-        x, y, z = _about(i2, self.vector_sign * v1, a, at)
+        x, y, z = self.linear(point, (a, c), 0.0)
         meant = {"X": x, "Y": y, "Z": z, "A": a, "C": c}
         out = dict(meant)
         for axis, (nodes, values) in self.encoder.items():
@@ -188,7 +209,9 @@ class Siemens:
 
 
 def _about(point: Floats, direction: Floats, angle: float, at: Floats) -> Floats:
-    """Turn right-handed about a line (Rodrigues)."""
+    """Turn right-handed about a line (Rodrigues); a direction of zero does not turn."""
+    if not direction.any():
+        return at
     q, r = np.radians(angle), at - point
     k = direction / np.linalg.norm(direction)
     turned = r * np.cos(q) + np.cross(k, r) * np.sin(q) + k * (k @ r) * (1 - np.cos(q))
@@ -313,6 +336,28 @@ def etalon(text: str) -> dict[str, float]:
     plain = "\n".join(line.partition("//")[0] for line in text.splitlines())
     found = re.findall(r"\[(\w+)\]\s*VALUE\s*=\s*(\S+)", plain)
     return {name: float(value) for name, value in found}
+
+
+def chained(
+    letters: str, points: Mapping[str, Floats], errors: Mapping[str, float], angles: Floats
+) -> Floats:
+    """Place of the end of axes that carry each other, errors in mm and rad by name ("X0C"), (4, 4).
+
+    An axis of the chain is where its own errors put it, less those of the axes that carry it.
+    """
+    place, before = np.eye(4), np.zeros(3)
+    carried: dict[str, float] = {}
+    for letter, angle in zip(letters, angles, strict=True):
+        i = "ABC".index(letter)
+        origin = points[letter] * (np.arange(3) != i)
+        own = {k: errors[f"{k}0{letter}"] for k in "XYZABC" if f"{k}0{letter}" in errors}
+        e = dict.fromkeys("XYZABC", 0.0) | {k: v - carried.get(k, 0.0) for k, v in own.items()}
+        carried |= own
+        place = place @ shift(*(origin - before + [e[k] for k in "XYZ"]))
+        for axis, key in zip("xyz", "ABC", strict=True):
+            place = place @ turn(axis, e[key])
+        place, before = place @ turn("xyz"[i], np.radians(angle)), origin
+    return np.asarray(place @ shift(*-before))
 
 
 @dataclass

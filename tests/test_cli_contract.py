@@ -91,6 +91,45 @@ def test_several_files_make_pages_and_a_table_and_name_what_failed(tmp_path: Pat
     assert "give --force" in run("diagnose", TOUCHES, SETUP, "--out", out, code=2)
 
 
+@pytest.mark.parametrize("how", ["--quiet", "--json"])
+def test_a_batch_of_bad_files_says_each_on_the_error_stream(how: str, tmp_path: Path) -> None:
+    bad = [tmp_path / "empty.csv", tmp_path / "text.csv"]
+    bad[0].write_text("")
+    bad[1].write_text("hello world\n")
+    found = RUN(app, ["diagnose", *map(str, bad), how])
+    assert found.exit_code == 2
+    lines = found.stderr.splitlines()
+    assert len(lines) == len(bad)
+    for line, path in zip(lines, bad, strict=True):
+        assert line.startswith(f"error: {path}:1:1: got ")
+
+
+AXIS = str(tn.sample_path("positioning/axis.csv"))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["program", TOUCHES, SETUP, "--feed", "-1"], "feed_mm_min: got -1, and a plan with"),
+        (["plan", SETUP, "--for", "EB0C", "--feeds", "600,300"], "got several --feeds with --for"),
+        (["plan", SETUP, "--for", "EB0C", "--c", "0,90"], "got --c with --for"),
+        (["plan", SETUP, "--max-touches", "10"], "got --max-touches without --for"),
+        (["compare", TOUCHES, SETUP, "--level", "0.1"], "--level: got it with one measurement"),
+        (["diagnose", AXIS, "--sheet", "Foo"], "axis.csv: got no workbook (xlsx), and the sheet"),
+        (["diagnose", AXIS, "--effects", "nonsense"], "effects: got 'nonsense', expected the name"),
+    ],
+)
+def test_what_is_given_and_has_no_use_is_refused(words: list[object], said: str) -> None:
+    assert said in run(*words, code=2)
+
+
+def test_a_message_names_the_file_that_was_given(tmp_path: Path) -> None:
+    path = tmp_path / "out.pdf"
+    said = run("diagnose", AXIS, "-o", path, code=2)
+    assert said.startswith(f"error: {path}: got the ending '.pdf'")
+    assert not [*tmp_path.iterdir()]
+
+
 def test_inches_are_an_option_of_every_command_that_reads(tmp_path: Path) -> None:
     touches = tn.read_touches(TOUCHES)
     inches = tmp_path / "inches.csv"

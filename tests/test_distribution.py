@@ -1,6 +1,8 @@
 """What is handed out: extras, recipe, lock file, licences, release; wheels are `make wheels`."""
 
+import hashlib
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -120,6 +122,10 @@ def test_a_release_is_not_made_of_what_is_not_ready(
     (tmp_path / "Cargo.toml").write_text('[workspace.package]\nversion = "1.2.3"\n')
     (tmp_path / "Cargo.lock").write_text('name = "trunnion-py"\nversion = "1.2.3"\n')
     (tmp_path / "CHANGELOG.md").write_text("# Changelog\n\n## 1.2.3 (unreleased)\n")
+    (tmp_path / "conda").mkdir()
+    (tmp_path / "conda" / "recipe.yaml").write_text(
+        f'context:\n  version: "1.2.3"\nsource:\n  sha256: "{"0" * 64}" # of the release\n'
+    )
     (tmp_path / ".gitignore").write_text("dist\ntarget\n")
     git("init", "-q", "-b", "main")
     git("config", "user.name", "a")
@@ -129,14 +135,22 @@ def test_a_release_is_not_made_of_what_is_not_ready(
     with pytest.raises(SystemExit) as ended:
         release.main()
     assert ended.value.code == 1
-    assert "no file that ends in" in capsys.readouterr().out
+    assert "dist/trunnion-1.2.3*.whl is not there" in capsys.readouterr().out
     assert git("tag").strip() == ""
     (tmp_path / "dist").mkdir()
     for name in ("trunnion-1.2.3-cp311-abi3-linux.whl", "trunnion-1.2.3.tar.gz", "sbom.json"):
         (tmp_path / "dist" / name).touch()
     (tmp_path / "target" / "site").mkdir(parents=True)
-    (tmp_path / "target" / "site" / "index.html").touch()
+    page = tmp_path / "target" / "site" / "index.html"
+    page.touch()
+    os.utime(page, (0, 0))
+    with pytest.raises(SystemExit):
+        release.main()
+    assert "target/site/index.html is older than the last commit" in capsys.readouterr().out
+    page.touch()
     release.main()
+    digest = hashlib.sha256((tmp_path / "dist" / "trunnion-1.2.3.tar.gz").read_bytes()).hexdigest()
+    assert f'sha256: "{digest}"' in (tmp_path / "conda" / "recipe.yaml").read_text()
     assert git("tag").strip() == "v1.2.3"
     assert re.search(r"## 1\.2\.3 \(\d{4}-\d\d-\d\d\)", (tmp_path / "CHANGELOG.md").read_text())
     assert git("status", "--porcelain") == ""

@@ -218,7 +218,7 @@ def test_a_package_brings_its_own_catalogue(
     assert "rail_wave" in tn.diagnose(data, setup, effects=brought).named
     with pytest.raises(tn.InputError, match=r"entry point 'broken' of trunnion\.effects"):
         tn.installed_effects()
-    with pytest.raises(tn.UnknownNameError, match="entry point"):
+    with pytest.raises(tn.UnknownNameError, match="catalogue of effects"):
         tn.installed_effects("their_lab")
     data.to_csv(tmp_path / "touches.csv")
     (tmp_path / "setup.toml").write_text(setup.to_toml())

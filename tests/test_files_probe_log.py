@@ -70,7 +70,7 @@ TWO = "2 60.000000 50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100\n
 def run(plan: tn.Touches, first: int = 1) -> str:
     """First lines of a run, as its program writes them."""
     setup = tn.Setup(artefact=tn.Artefact("cross"))
-    text = tn.probing_program(plan, setup, feed_mm_min=600, start_at=first).text()
+    text = tn.probing_program(plan, setup, start_at=first).text()
     line = next(line for line in text.splitlines() if "trunnion-touches" in line)
     line = line.split("LOG,%d")[1].rstrip(")").replace("#<_from>", str(first))
     return f"{line}\n; G54 0 0 0 tool length 100\n"

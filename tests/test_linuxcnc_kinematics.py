@@ -284,7 +284,7 @@ def test_lines_and_steps_of_other_controls_are_those_of_the_component(
     errors = {name: round(float(random.uniform(-300, 300)), 3) for name in names}
     known = MachineErrors.of(setup, errors)
     kins = Kinematics(component(setup, known), tmp_path)
-    lines, chain = screws(setup, known, "test"), list(steps(setup, known))
+    lines, chain = screws(setup, known), list(steps(setup, known))
     for _ in range(20):
         joints = np.r_[random.uniform(-300, 300, 3), random.uniform(-170, 170, 2)]
         found = kins.forward(joints)[:3] - CENTRE

@@ -241,6 +241,30 @@ def test_one_cycle_shows_the_curve_of_five() -> None:
         assert causes["reversal"]["b_um"] == pytest.approx(-25.4, abs=5.0)
 
 
+def test_a_thousand_targets_are_no_thousand_parameters() -> None:
+    """An encoder beside the axis, read every half millimetre."""
+    rng = np.random.default_rng(12)
+    up = np.linspace(0.0, 500.0, 1001)
+    target, sense = np.concatenate([up, up[::-1]]), np.repeat([1, -1], 1001)
+    error = 20.0 * target / 1e3 + 3.0 * np.sin(target / 60.0) + 1.5 * sense
+    error += 0.7 * rng.standard_normal(len(target))
+    data = tn.Positioning(
+        target_mm=target,
+        measured_mm=target + 1e-3 * error,
+        direction=sense,
+        cycle=np.ones(len(target), dtype=int),
+    )
+    found = tn.diagnose(data)
+    assert found.named == {"scale", "reversal", "curve"}
+    assert found.sigma == pytest.approx(0.7, rel=0.1)
+    curve = next(c for c in found.causes if c.id == "curve")
+    assert len(curve.parameters) == 48
+    # deviations from the line through the first and the last target
+    at = {float(k.split("_")[1]): v for k, v in curve.parameters.items()}
+    bow = 3.0 * (np.sin(up / 60.0) - up / 500.0 * np.sin(500.0 / 60.0))
+    assert list(at.values()) == pytest.approx(np.interp(list(at), up, bow), abs=1.0)
+
+
 def test_targets_that_are_measured_once_are_said_to_be() -> None:
     data = axis(np.random.default_rng(4), cycles=1)
     forward = tn.diagnose(data[data.direction == 1])

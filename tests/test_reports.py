@@ -93,6 +93,7 @@ def test_the_first_sentence_says_how_large_and_how_sure(tmp_path: Path) -> None:
     size = re.search(r"twice a turn, amplitude ([\d.]+) ± ([\d.]+) arcsec \(> 99 %\)", said)
     assert size is not None, said
     assert float(size[1]) == pytest.approx(5.0, abs=3 * float(size[2]))
+    assert re.search(r"8 errors of the machine, largest: .* ± [\d.]+ arcsec; .* ± [\d.]+ µm", said)
     # U of the amplitude by the law of propagation, from the covariance of the model
     a, b = d.causes[0].parameters.values()
     at = [d.model.names.index(f"c_positioning_2.{n}") for n in d.causes[0].parameters]
@@ -123,6 +124,8 @@ def test_the_record_has_files_with_checksums_and_the_command(tmp_path: Path) -> 
         assert f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path}" in text
     for told in ("Mill 7", "no. 0815", "M. Muster", "2026-11-22", tn.__version__):
         assert told in text
+    missing = "instrument, with number and last calibration"
+    assert f"Not stated, in table [report] of the set-up: {missing}." in text
     assert f"diagnose &#x27;{data}&#x27; {setup} --output {page}" in text
     other = tn.identify(tn.read_touches(data), known)
     again = other.to_html(page, data=tn.read_touches(data), made_by="mine()").read_text("utf-8")

@@ -1,13 +1,15 @@
 """Walk through a release: what is done, what is left, in order. It changes nothing without --do.
 
-`make release` checks; `python tools/release.py --do` dates the changelog, commits and tags
-if every check before it holds. Uploading is left to a person, with the command to type.
+`make release` checks; `python tools/release.py --do` dates the changelog, writes the digest of the
+source distribution into the conda recipe, commits and tags if every check before it holds.
+Uploading is left to a person, with the command to type.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import hashlib
 import re
 import subprocess
 import sys
@@ -17,6 +19,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 CHANGELOG = ROOT / "CHANGELOG.md"
+SOURCE = "dist/trunnion-{}.tar.gz"
+DIGEST = "the conda recipe has the digest of the source distribution"
 
 
 def git(*words: str) -> str:
@@ -79,25 +83,50 @@ def _tag() -> str:
     return f"v{version()} is there already" if git("tag", "--list", f"v{version()}") else ""
 
 
-def _files() -> str:
-    """Whether wheel and source are there, of this version and newer than the last commit."""
+def _made(*patterns: str) -> str:
+    """Whether each of the files is there, and newer than the last commit."""
     last = int(git("log", "-1", "--format=%ct"))
-    for ending in ("*.whl", "tar.gz"):
-        found = [*(ROOT / "dist").glob(f"trunnion-{version()}*{ending.lstrip('*')}")]
+    for pattern in patterns:
+        found = [*ROOT.glob(pattern)]
         if not found:
-            return f"dist: no file that ends in {ending.lstrip('*')}"
+            return f"{pattern} is not there"
         if max(path.stat().st_mtime for path in found) < last:
-            return f"dist: {found[0].name} is older than the last commit"
+            return f"{found[0].relative_to(ROOT)} is older than the last commit"
     return ""
 
 
+def _files() -> str:
+    return _made(f"dist/trunnion-{version()}*.whl", SOURCE.format(version()))
+
+
 def _bom() -> str:
-    return "" if (ROOT / "dist" / "sbom.json").exists() else "dist/sbom.json is not there"
+    return _made("dist/sbom.json")
 
 
 def _site() -> str:
-    found = [ROOT / name / "index.html" for name in ("target/site",)]
-    return "" if any(path.exists() for path in found) else "no site was built"
+    return _made("target/site/index.html")
+
+
+def recipe() -> Path:
+    """Return the conda recipe."""
+    return ROOT / "conda" / "recipe.yaml"
+
+
+def _recipe() -> str:
+    found = re.search(r'^  version: "([^"]+)"', recipe().read_text(), re.MULTILINE)
+    return "" if found and found[1] == version() else f"it has {found[1] if found else 'none'}"
+
+
+def with_digest() -> str:
+    """Return the recipe with the digest of the source distribution, which does not hold it."""
+    digest = hashlib.sha256((ROOT / SOURCE.format(version())).read_bytes()).hexdigest()
+    return re.sub(r'(?<=sha256: ")[0-9a-f]{64}(?=")', digest, recipe().read_text())
+
+
+def _digest() -> str:
+    if not (ROOT / SOURCE.format(version())).exists():
+        return "there is no source distribution"
+    return "" if with_digest() == recipe().read_text() else "it has another"
 
 
 CHECKS = (
@@ -109,9 +138,11 @@ CHECKS = (
     Check("list of what it is made of, licences checked", _bom, "make sbom"),
     Check("documentation builds without a warning", _site, "make site"),
     Check("no tag of this version yet", _tag, "raise the version in Cargo.toml"),
+    Check("the conda recipe has this version", _recipe, "write it"),
+    Check(DIGEST, _digest, "tools/release.py --do sets it"),
     Check("the changelog has the date", _dated, "tools/release.py --do sets it"),
 )
-BY_DO = ("the changelog has the date",)
+BY_DO = ("the changelog has the date", DIGEST)
 """What --do does itself."""
 
 
@@ -143,6 +174,7 @@ def main() -> None:
     CHANGELOG.write_text(
         text.replace(f"## {version()} ({head()[1]})", f"## {version()} ({today})", 1)
     )
+    recipe().write_text(with_digest())
     if git("status", "--porcelain"):
         git("commit", "--all", "--message", f"Version {version()}")
     git("tag", "--annotate", f"v{version()}", "--message", f"Version {version()}")

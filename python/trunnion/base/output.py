@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from trunnion.base.errors import InputError
+from trunnion.base.errors import InputError, TrunnionError
 
 LOG = logging.getLogger("trunnion.files")
 
@@ -50,9 +50,13 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         return
     if not target.parent.is_dir():
         raise InputError(f"{path}: there is no folder {target.parent} to write it to")
-    handle, name = tempfile.mkstemp(
-        prefix=f".{target.stem[:40]}-", suffix=target.suffix[:20], dir=target.parent
-    )
+    try:
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem[:40]}-", suffix=target.suffix[:20], dir=target.parent
+        )
+    except OSError as error:
+        error.filename = os.fspath(path)
+        raise
     os.close(handle)
     draft = Path(name)
     try:
@@ -63,6 +67,9 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
             os.fsync(written.fileno())
         draft.replace(target)
         LOG.info("wrote %s, %d bytes", target, target.stat().st_size)
+    except TrunnionError as error:  # the draft's name says nothing to who gave `path`
+        error.args = (str(error).replace(name, os.fspath(path)),)
+        raise
     finally:
         draft.unlink(missing_ok=True)
 

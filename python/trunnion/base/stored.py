@@ -52,7 +52,7 @@ def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
         return json.loads(text, parse_constant=_no_constant), where
     except json.JSONDecodeError as error:
         raise FileFormatError(
-            f"{where}:{error.lineno}:{error.colno}: got {error.msg}, expected JSON"
+            f"{where}:{error.lineno}:{error.colno}: got text ({error.msg}), expected JSON"
         ) from error
     except (ValueError, RecursionError) as error:  # nan, thousands of digits, of brackets
         raise FileFormatError(f"{where}:1:1: {error}") from None

@@ -53,6 +53,10 @@ Estimates = TypedDict(
 )
 
 
+C_DEG, TILT_DEG = "0,90,180,270", "90,-90"
+"""Positions of the paper's plan."""
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands to the application."""
     command(app, values=Printed(keys=Planned))(plan)
@@ -69,8 +73,8 @@ def plan(
         Path | None, typer.Option(help="write the probing cycle as a LinuxCNC program")
     ] = None,
     log: LogFile = "touches.log",
-    c: Angles = "0,90,180,270",
-    tilt: Annotated[str, typer.Option(help="positions of A or B, degrees")] = "90,-90",
+    c: Angles = C_DEG,
+    tilt: Annotated[str, typer.Option(help="positions of A or B, degrees")] = TILT_DEG,
     feeds: Annotated[str, typer.Option(help="feeds of the approaches, mm/min")] = "600",
     both_senses: Annotated[bool, typer.Option(help="approach positions from both senses")] = False,
     repeats: Annotated[int, typer.Option(help="how often all of it is done")] = 1,
@@ -93,8 +97,12 @@ def plan(
     made = tn.read_setup(setup)
     chain = Chain(made)
     angles = {chain.turning: numbers("--c", c), chain.tilting: numbers("--tilt", tilt)}
+    bounds = (criterion != "A", max_minutes is not None, max_touches is not None)
+    several = len(numbers("--feeds", feeds)) > 1
+    chosen = (c != C_DEG, tilt != TILT_DEG, both_senses, repeats != 1, every_pose, several)
+    _check_options(bool(for_), chosen if for_ else bounds)
     if for_:
-        feed = numbers("--feeds", feeds)[0]
+        (feed,) = numbers("--feeds", feeds)
         planned = tn.plan_for(
             made,
             names(for_),
@@ -114,6 +122,23 @@ def plan(
             **{f"{x.lower()}_deg": values for x, values in angles.items() if x},  # type: ignore[arg-type]
         )
     return _planned(planned, made, output, program, log, (output or setup).name)
+
+
+BY_ANGLES = ("--c", "--tilt", "--both-senses", "--repeats", "--every-pose", "several --feeds")
+BY_ERRORS = ("--criterion", "--max-minutes", "--max-touches")
+
+
+def _check_options(for_: bool, given: tuple[bool, ...]) -> None:
+    """Refuse options of the other way to plan: by angles, or by the errors to identify."""
+    options = BY_ANGLES if for_ else BY_ERRORS
+    wrong = [name for name, is_given in zip(options, given, strict=True) if is_given]
+    if wrong:
+        got = ", ".join(wrong)
+        raise tn.InputError(
+            f"plan: got {got} with --for, expected --for alone: it chooses the angles"
+            if for_
+            else f"plan: got {got} without --for, expected --for with the errors to identify"
+        )
 
 
 def _planned(

@@ -93,12 +93,12 @@ class Answer:
 
     values: Printed with --json: a result, or plain values by name.
     shown: Printed otherwise, one after the other: results (their summaries), tables, or text.
-    failed: Whether to end with `REFUSED` after printing: one of several files was not usable.
+    failed: What was not usable, of several files; the command then ends with `REFUSED`.
     """
 
     values: Any
     shown: tuple[Any, ...] = ()
-    failed: bool = False
+    failed: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, result: Any, *more: Any) -> Answer:
@@ -198,6 +198,7 @@ def command(
                 if not quiet:
                     typer.echo(answer.json(known.name) if json_ else answer.text())
                 if answer.failed:
+                    _say_failed(answer.failed if quiet or json_ else ())
                     raise typer.Exit(REFUSED)
             except (Exception, KeyboardInterrupt) as error:
                 _end(error)
@@ -212,6 +213,12 @@ def command(
         return function
 
     return decorate
+
+
+def _say_failed(messages: tuple[str, ...]) -> None:
+    """Say on the error stream what was not usable, where the output has no text that says it."""
+    for message in messages:
+        say("error:", message)
 
 
 def _end(error: BaseException) -> NoReturn:

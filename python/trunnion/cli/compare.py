@@ -12,6 +12,9 @@ import trunnion as tn
 from trunnion.cli.command import Answer, Html, command, save, sort_files
 from trunnion.cli.schema import Printed
 
+LEVEL = 0.05
+"""Chance that anything is said to have changed wrongly, unless --level is given."""
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
@@ -39,7 +42,7 @@ def compare(
     ] = "",
     level: Annotated[
         float, typer.Option(help="chance that anything is said to have changed wrongly")
-    ] = 0.05,
+    ] = LEVEL,
     html: Html = None,
 ) -> Answer:
     """Say what changed between measurements of one machine, and what did not.
@@ -49,6 +52,7 @@ def compare(
     data, set_ups = sort_files(files, (1, 1000), (0, 1), "measurements")
     setup = tn.read_setup(set_ups[0]) if set_ups else None
     if len(data) == 1:
+        _only_of_several(dates, level, html)
         return Answer.of(_methods(data[0], setup))
     when = [part.strip() for part in dates.split(",")] if dates else None
     names = None if when else [path.stem for path in data]
@@ -60,6 +64,15 @@ def compare(
     if html is not None:
         shown.append(save(html, partial(found.to_html, data=read, setup=setup)))
     return Answer(found, tuple(shown))
+
+
+def _only_of_several(dates: str, level: float, html: Path | None) -> None:
+    """Refuse options that one measurement has no use for."""
+    for name, given in (("dates", dates), ("level", level != LEVEL), ("html", html)):
+        if given:
+            raise tn.InputError(
+                f"--{name}: got it with one measurement, expected it with two or more to compare"
+            )
 
 
 def _methods(path: Path, setup: tn.Setup | None) -> Any:

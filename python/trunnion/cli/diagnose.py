@@ -158,13 +158,17 @@ def _batch(files: list[Path], kind: str, out: Path | None, output: Path | None) 
         for name in NOT_PRINTED:
             one.pop(name, None)
     reports = {} if out is None else _reports(out, found)
-    answer = Answer({**values, "reports": reports}, (found,), failed=bool(found.failed))
+    answer = Answer({**values, "reports": reports}, (found,), failed=tuple(found.failed.values()))
     said = []
     if out is not None:
-        said = [save(out / "diagnoses.csv", found.save), f"wrote {len(reports)} pages to {out}"]
+        said = [save(out / "diagnoses.csv", found.save), _wrote(len(reports), out)]
     if output is not None:
         said.append(answer.save(output))
     return replace(answer, shown=(found, *said))
+
+
+def _wrote(pages: int, folder: Path) -> str:
+    return f"wrote {pages or 'no'} page{'' if pages == 1 else 's'} to {folder}"
 
 
 def _reports(folder: Path, found: DiagnosisBatch) -> dict[str, str]:

@@ -60,7 +60,7 @@ def program(
     ] = 1,
     dry_run: Annotated[bool, typer.Option(help="all moves but the approaches")] = False,
     feed: Annotated[
-        float | None, typer.Option(help="of the approaches where the plan has none, mm/min")
+        float | None, typer.Option(help="of the approaches, mm/min, of a plan without feed_mm_min")
     ] = None,
     corrected: Annotated[
         bool, typer.Option(help="measure with the corrections on (M430): what they leave")

@@ -1,4 +1,4 @@
-"""Rotary axes as lines in space (of a table) and as elementary steps, in machine coordinates."""
+"""Rotary axes of a table or a head as lines in space and as elementary steps."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ def table_letters(setup: Setup, control: str) -> str:
 
 @dataclass(frozen=True)
 class Screw:
-    """Two axes of a table, the first carrying the second, and the table at zero of both.
+    """Axes of a side, each carrying the next, and what they carry at zero of all.
 
-    A point p of the work, in machine coordinates at zero of a machine without errors, is at
+    A point p of the work (of the tool) at zero of a machine without errors is at
     turn(first) turn(second) zero p, each turn right-handed about its line for a positive position.
 
     Attributes
     ----------
     points
-        Points of the lines nearest to those of the nominal axes, mm, (2, 3).
+        Points of the lines nearest to those of the nominal axes, mm, (axes, 3).
     directions
-        Unit vectors, (2, 3).
+        Unit vectors, (axes, 3).
     zero
-        Displacement of the table at zero, (4, 4).
+        Displacement of the table (of the tool) at zero, (4, 4).
     """
 
     points: Floats
@@ -56,36 +56,36 @@ class Screw:
     zero: Floats
 
 
-def screws(setup: Setup, known: MachineErrors, control: str) -> Screw:
-    """Lines of the axes of a machine with errors, in machine coordinates of the control."""
-    letters = table_letters(setup, control)
-    chain = Chain(setup)
-    machine = chain.machine(known.errors)
-    mirror = np.diag(chain.linear_senses())
-    centre = table_centre(setup)
-    into = np.eye(4)
-    into[:3, :3], into[:3, 3] = mirror, centre
+def screws(setup: Setup, known: MachineErrors, side: Side = "table") -> Screw:
+    """Lines of the axes of a side of a machine with errors.
 
-    def pose(rotary: Floats) -> Floats:
-        rows = machine.table_pose(np.ascontiguousarray(rotary[None])).reshape(3, 4)
-        whole = np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])
-        return np.asarray(into @ whole @ np.linalg.inv(into))
-
-    zero = pose(np.zeros(2))
-    nominal = setup.axis_points()
+    "table": in machine coordinates of the control. "head": along them, from where the tool length
+    is 0 at zero of the head of a machine without errors.
+    """
+    mirror = np.diag(Chain(setup).linear_senses())
+    ways = {link.letter: link.direction for link in (*links(setup).head, *links(setup).table)}
+    given = setup.description().points_mm
+    origin, base, usual = np.zeros(3), np.zeros(3), np.zeros(3)
+    if side == "head":
+        usual = np.array([0.0, 0.0, pivot_mm(setup) or 0.0])
+        base = usual - [0.0, 0.0, setup.probe.length_mm]
+    else:
+        origin = table_centre(setup)
+    place = np.eye(4)
     points, directions = [], []
-    for i, letter in enumerate(letters):
-        turned = np.zeros(2)
-        turned[i] = 90.0 * chain.senses[i]
-        move = pose(turned) @ np.linalg.inv(zero)
-        turn, shift = move[:3, :3], move[:3, 3]
-        near = centre + mirror @ np.array(nominal.get(letter, (0.0, 0.0, 0.0)))
-        fixed = np.eye(3) - turn
-        points.append(near + np.linalg.pinv(fixed, rcond=1e-6) @ (shift - fixed @ near))
-        skew = 0.5 * (turn - turn.T)
-        axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-        directions.append(axis / np.linalg.norm(axis))
-    return Screw(np.array(points), np.array(directions), zero)
+    for step in steps(setup, known, side):
+        if not step.is_axis:
+            place = place @ _displacement(step)
+            continue
+        way = step.value * np.linalg.det(mirror) * mirror @ place[:3, :3] @ ways[step.key]
+        nominal = base + given[step.key] if step.key in given else usual
+        at = mirror @ place[:3, 3]
+        points.append(origin + at + way * (way @ (mirror @ nominal - at)))
+        directions.append(way)
+    into = np.eye(4)
+    into[:3, :3], into[:3, 3] = mirror, origin
+    zero = into @ place @ np.linalg.inv(into)
+    return Screw(np.array(points).reshape(-1, 3), np.array(directions).reshape(-1, 3), zero)
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,19 @@ def steps(setup: Setup, known: MachineErrors, side: Side = "table") -> Iterator[
     for key, shift in zip("XYZ", last, strict=True):
         if shift:
             yield Step(key, float(shift))
+
+
+def _displacement(step: Step) -> Floats:
+    """Shift or turn of a step that is no axis of the machine, (4, 4)."""
+    out, i = np.eye(4), "XYZABC".index(step.key) % 3
+    if step.key in "XYZ":
+        out[i, 3] = step.value
+        return out
+    j, k, angle = (i + 1) % 3, (i + 2) % 3, np.radians(step.value)
+    out[j, j] = out[k, k] = np.cos(angle)
+    out[k, j] = np.sin(angle)
+    out[j, k] = -out[k, j]
+    return out
 
 
 def check_directions(setup: Setup, control: str) -> None:

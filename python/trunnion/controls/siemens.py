@@ -1,6 +1,6 @@
 """Siemens 840D: axis vectors and centres, encoder and sag compensation, reversal.
 
-$TC_CARR: 6FC5397-1DP40-6BA1, swivelling (I4 = -(I2 + I3); rotary axis 2 is based on rotary axis 1).
+$TC_CARR: `trunnion.controls.toolholder`.
 $AA_ENC_COMP, $AN_CEC: 6FC5397-1BP40-3BA1, K3; 808D function manual, LEC: a positive value moves the
 axis in the negative direction.
 """
@@ -9,26 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from trunnion.base.arguments import checked
-from trunnion.base.units import Floats
 from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.controls.axis_tables import AxisTable, AxisTables, axis_tables
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.forecast import control_files, known_errors, left_between, table_settings
-from trunnion.controls.screws import Screw, screws
-from trunnion.controls.stated import Need, lines, take
+from trunnion.controls.stated import Need, take
+from trunnion.controls.toolholder import CARRIER, PLACES, Toolholder
 from trunnion.setup import Setup
 
 MAX_POINTS = 200
 """Interpolation points that every control of the family has; MD 38000 allows more."""
-PLACES = 9
-CARRIER = Need(
-    "vector_sign", ("1", "-1"),
-    "1: V1 and V2 are the directions about which the table turns right-handed for a positive "
-    "position, -1: the opposite",
-)  # fmt: skip
 SAG = Need(
     "cec_sign", ("1", "-1"),
     "1: $AN_CEC takes the error of the output axis, as $AA_ENC_COMP does, -1: its correction",
@@ -49,10 +40,11 @@ def siemens_files(
     Parameters
     ----------
     setup, estimate
-        The machine (rotary axes under the table) with `[control] centre_mm`, and what a measurement
-        says of it.
+        The machine with `[control] centre_mm`, for a head `pivot_mm`, and what a measurement says
+        of it. Without rotary axes there is no $TC_CARR: only the tables of the axes are written.
     stated
-        `vector_sign`; with squareness also `cec_sign`: the public documentation does not say them.
+        With axes of the table `vector_sign`, with squareness `cec_sign`: the public documentation
+        does not say them.
     any_size
         Write location errors beyond 2 mm or 1°, too.
     seed
@@ -60,29 +52,27 @@ def siemens_files(
 
     Notes
     -----
-    Both axes have any direction and place here, so that with the frame of `frame.spf` nothing of
-    the location errors is left. Without the frame a tilt of the work as it is clamped stays.
+    Axes have any direction and place here, so that with the frame of `frame.spf` nothing of the
+    location errors is left; of a head's, for a tool as long as the probe: a tilt of the tool itself
+    at zero has no place, and the notes say what it leaves on other tools.
 
     Raises
     ------
     InputError
-        Something that must be stated is not; a rotary axis in the head; no `centre_mm`.
+        Something that must be stated is not; no `centre_mm`, no `pivot_mm`.
     DataError
         An error that the measurement does not identify.
     """
     known = known_errors(setup, estimate, any_size=any_size)
     squareness = any(name.startswith("squareness") for name in known.effects)
-    said = take("Siemens 840D", stated, (CARRIER, SAG) if squareness else (CARRIER,))
-    real, nominal = screws(setup, known, "Siemens 840D"), screws(setup, MachineErrors(), "")
+    holder = Toolholder.of(setup, known)
+    needs = ((CARRIER,) if holder.table.points.size else ()) + ((SAG,) if squareness else ())
+    said = take("Siemens 840D", stated, needs)
     found = axis_tables(setup, known.effects, max_rows=MAX_POINTS, scales=True, squareness=True)
-    sign = int(said["vector_sign"])
-    carrier = _carrier(real, nominal, sign)
-    head = [*lines(said, ";"), "; mm; vectors without unit"]
+    sign = int(said.get("vector_sign", "1"))
+    carrier = holder.settings(Toolholder.of(setup, MachineErrors()), sign)
     files = {
-        "tc_carr.spf": "\n".join([*head, *(f"{s.name}={s.new:.{PLACES}f}" for s in carrier)])
-        + '\n$TC_CARR23[1]="P"\nM17\n',
-        "kinematic_chain.csv": _chain(carrier),
-        "frame.spf": _frame(real),
+        **holder.files(carrier, said),
         **_tables(found, int(said.get("cec_sign", "1"))),
     }
     ids = set(found.held)
@@ -90,10 +80,8 @@ def siemens_files(
         errors=known.errors, effects={k: v for k, v in known.effects.items() if k in ids}
     )
     notes = (
-        "The frame of frame.spf is the place of the table itself at zero of its axes: chain it "
-        "in front of the work offset. With the vectors alone that tilt of the work stays.",
+        *holder.notes(),
         "Tables load with $MA_ENC_COMP_ENABLE and $MA_CEC_ENABLE 0 only; set them 1 afterwards.",
-        "The tool direction is not corrected.",
     )
     where = {t.name: "enc_comp.ini" if t.over == t.of else "cec.ini" for t in found.tables}
     return control_files(
@@ -102,67 +90,6 @@ def siemens_files(
         held, reasons=found.left, between=left_between(found.tables, 0.5 * 10.0**-PLACES),
         notes=notes, seed=seed,
     )  # fmt: skip
-
-
-def _carrier(real: Screw, nominal: Screw, sign: int) -> list[Setting]:
-    """$TC_CARR values of I2, I3, I4, V1, V2: nominal and new."""
-    made = []
-    rows = (
-        ("I2", (4, 5, 6), "reference point to rotary axis 1"),
-        ("V1", (7, 8, 9), "direction of rotary axis 1"),
-        ("V2", (10, 11, 12), "direction of rotary axis 2"),
-        ("I3", (15, 16, 17), "rotary axis 1 to rotary axis 2"),
-        ("I4", (18, 19, 20), "closes the chain: -(I2 + I3)"),
-    )
-    old, new = _vectors(nominal, sign), _vectors(real, sign)
-    for name, numbers, meaning in rows:
-        for number, axis, was, now in zip(numbers, "XYZ", old[name], new[name], strict=True):
-            why = "point of the axis nearest to the nominal" if name[0] == "I" else ""
-            made.append(
-                Setting(
-                    f"$TC_CARR{number}[1]", "tc_carr.spf", "" if name[0] == "V" else "mm",
-                    float(was), float(now), f"{name} {axis}: {meaning}",
-                    f"towards +{axis} of the machine", why if abs(now - was) > 1e-9 else "",
-                )
-            )  # fmt: skip
-    return made
-
-
-def _vectors(screw: Screw, sign: int) -> dict[str, Floats]:
-    first, second = screw.points
-    return {
-        "I2": first,
-        "I3": second - first,
-        "I4": -second,
-        "V1": sign * screw.directions[0],
-        "V2": sign * screw.directions[1],
-    }
-
-
-def _chain(carrier: list[Setting]) -> str:
-    """Return the same values as elements of a kinematic chain."""
-    kinds = {"I2": "OFFSET", "V1": "AXIS_ROT", "I3": "OFFSET", "V2": "AXIS_ROT", "I4": "OFFSET"}
-    rows = ["element,type,x,y,z"]
-    for name, kind in kinds.items():
-        values = [f"{s.new:.{PLACES}f}" for s in carrier if s.meaning.startswith(f"{name} ")]
-        rows.append(",".join((name, kind, *values)))
-    return "\n".join(rows) + "\n"
-
-
-def _frame(real: Screw) -> str:
-    """Frame of the table at zero; CROT turns about Z, then the new Y, then the new X."""
-    turn, shift = real.zero[:3, :3], real.zero[:3, 3]
-    about_y = np.arcsin(-turn[2, 0])
-    about_x = np.arctan2(turn[2, 1], turn[2, 2])
-    about_z = np.arctan2(turn[1, 0], turn[0, 0])
-    x, y, z = shift
-    a, b, c = np.degrees([about_x, about_y, about_z])
-    return (
-        "; the table at zero of its axes, about the reference point; RPY: Z, Y', X'' "
-        "(MD 10600 = 1)\n"
-        f"$P_UIFR[1]=CTRANS(X,{x:.{PLACES}f},Y,{y:.{PLACES}f},Z,{z:.{PLACES}f})"
-        f":CROT(X,{a:.{PLACES}f},Y,{b:.{PLACES}f},Z,{c:.{PLACES}f})\nM17\n"
-    )
 
 
 def _tables(found: AxisTables, cec_sign: int) -> dict[str, str]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
-from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.errors import FileFormatError, InputError, UnknownNameError
 from trunnion.base.output import write_text
 from trunnion.diagnosis.formula import FormulaEffect
 from trunnion.files.toml import TomlText
@@ -178,7 +178,12 @@ def installed_effects(name: str | None = None) -> tuple[UserEffect, ...]:
     ()
     """
     known = {point.name: point for point in entry_points(group=GROUP)}
-    chosen = list(known) if name is None else [choose("entry point", name, known)]
+    if name is not None and not known:
+        raise UnknownNameError(
+            f"effects: got {name!r}, expected the name of a catalogue that an installed package "
+            "brings (there is none) or the path of a file that ends in .toml"
+        )
+    chosen = list(known) if name is None else [choose("catalogue of effects", name, known)]
     found: list[UserEffect] = []
     for one in chosen:
         try:

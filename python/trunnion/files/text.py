@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
-from trunnion.base.errors import FileFormatError
+from trunnion.base.errors import FileFormatError, InputError
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8"),
@@ -43,6 +43,11 @@ class Source:
             from trunnion.files.workbook import sheet_lines
 
             return cls(str(path), *sheet_lines(str(path), raw, sheet))
+        if sheet is not None:
+            raise InputError(
+                f"{path}: got no workbook (xlsx), and the sheet {sheet!r}; expected a workbook, or "
+                "no name of a sheet"
+            )
         if raw.startswith(b"PAR1"):
             from trunnion.files.workbook import parquet_lines
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from trunnion.base.checks import choose, whole
 from trunnion.base.conformity import Conformity
-from trunnion.base.report import Cell, Result, Shown, Table, significant
+from trunnion.base.report import Cell, Result, Shown, Table, measured, significant
 from trunnion.base.units import Floats, unit_of
 
 COVERAGE_FACTOR = 2.0
@@ -267,12 +267,12 @@ class Budget(Result):
     def _overview(self) -> Table:
         rows: list[tuple[Cell, ...]] = []
         for m in self.measurands:
-            value = m.value if np.isfinite(m.std) else None
+            value, expanded = measured(m.value, self.coverage_factor * m.std)
             most = m.lines[0].source if m.lines and m.lines[0].contribution > 0 else ""
-            cells = (significant(x) for x in (m.std, self.coverage_factor * m.std))
             freedom = _freedom(m.degrees_of_freedom)
             interval = () if m.interval is None else map(significant, m.interval)
-            rows.append((m.name, value, *cells, m.unit, freedom, most, *interval))
+            cells = (value, significant(m.std), expanded, m.unit, freedom, most, *interval)
+            rows.append((m.name, *cells))
         heads = ["", "value", "u", f"U (k = {self.coverage_factor:g})", "unit", "ν", "most due to"]
         if self.method == "monte-carlo":
             heads += ["95.45 % from", "to"]

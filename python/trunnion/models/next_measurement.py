@@ -296,7 +296,8 @@ def _reversed(old: Touches) -> Touches:
 
 def _minutes(touches: Touches, setup: Setup) -> float:
     """How long a program of touches runs."""
-    return float(cycle_of(with_starts(touches, setup, FEED), setup).times()[0][-1]) / 60.0
+    feed = FEED if touches.feed_mm_min is None else None
+    return float(cycle_of(with_starts(touches, setup, feed), setup).times()[0][-1]) / 60.0
 
 
 def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:

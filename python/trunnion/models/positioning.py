@@ -45,6 +45,7 @@ LEAST_NOISE = 1e-3  # µm or arcsec: no interferometer shows less in air
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
 MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
+MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 DURATIONS = 10
@@ -215,10 +216,10 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
     both = len(np.unique(d)) == 2
     if both:
         out.append(linear("reversal", [f"b_{unit}"], d / 2, "reversal (backlash) of the axis"))
-    each = (index[:, None] == np.arange(len(targets))).astype(float)
-    places = [f"at_{x:.9g}_{'deg' if data.rotary else 'mm'}_{unit}" for x in targets]
+    nodes, each = _nodes(targets, index)
+    places = [f"at_{x:.9g}_{'deg' if data.rotary else 'mm'}_{unit}" for x in nodes]
     if both and len(targets) > 2:
-        beside = _beside(each, np.ones((len(targets), 1)))[:, 1:]
+        beside = _beside(each, np.ones((len(nodes), 1)))[:, 1:]
         label = "reversal that depends on position"
         columns = d[:, None] / 2 * beside
         out.append(linear("reversal_of_position", places[1:], columns, label))
@@ -235,15 +236,27 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         label = "thermal expansion of the axis"
         out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
     if len(targets) > 3 and len(data) >= MIN_REPEATS * len(targets):
-        line = np.stack([np.ones(len(targets)), targets - targets.mean()], axis=1)
+        line = np.stack([np.ones(len(nodes)), nodes - nodes.mean()], axis=1)
         beside = _beside(each, line)[:, 1:-1]
         label = "repeatable curve of deviations without a name"
         out.append(linear("curve", places[1:-1], beside, label))
     return out
 
 
+def _nodes(targets: Floats, index: Integers) -> tuple[Floats, Floats]:
+    """Targets where a curve has a value of its own, and how much each stop takes of it (n, m).
+
+    All targets; of more than `MAX_NODES` some, with straight lines between them.
+    """
+    count = min(len(targets), MAX_NODES)
+    chosen = np.round(np.linspace(0, len(targets) - 1, count)).astype(np.intp)
+    nodes = targets[chosen]
+    hats = np.stack([np.interp(targets, nodes, row) for row in np.eye(count)], axis=1)
+    return nodes, hats[index]
+
+
 def _beside(each: Floats, taken: Floats) -> Floats:
-    """Columns of the targets (n, m) less what k columns of the targets (m, k) hold of them.
+    """Columns of the nodes (n, m) less what k columns of the nodes (m, k) hold of them.
 
     Of the m columns k depend on the others. Without the first the parameters are what a target has
     more than the first; without the first and the last, deviations from the line through these.

@@ -116,7 +116,7 @@ def probing_program(
     dry_run
         Make all moves but the approaches, and log nothing (``#<_dry>``).
     feed_mm_min
-        Feed of the approaches where the plan has none.
+        Feed of the approaches, mm/min, of a plan without the column `feed_mm_min`.
     corrected
         Measure with the corrections on (``corrected_on`` of `[control]`, M430): what an
         identification then finds is what they leave.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 import trunnion._core as _core
-from trunnion.base.errors import DataError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.progress import tracked
 from trunnion.base.units import Flags, Floats
 from trunnion.data.touches import Touches
@@ -70,12 +70,20 @@ def in_ranges(plan: Touches, setup: Setup) -> Flags:
 
 
 def with_starts(plan: Touches, setup: Setup, feed: float | None) -> Touches:
-    """Return the plan with starts and feeds."""
+    """Return the plan with starts and feeds.
+
+    Raises InputError: a feed is given, and the plan has its own. DataError: neither.
+    """
     added: dict[str, Floats] = {}
     if plan.feed_mm_min is None:
         if feed is None:
             raise DataError("plan: got no column feed_mm_min, expected it, or a feed_mm_min given")
         added["feed_mm_min"] = np.full(len(plan), float(feed))
+    elif feed is not None:
+        raise InputError(
+            f"feed_mm_min: got {feed:g}, and a plan with its own feeds (column feed_mm_min); "
+            "expected one of them: leave it out, or plan with another feed"
+        )
     if plan.start_mm is None:
         starts = plan.position_mm - setup.plan.clearance_mm * plan.direction
         added |= {f"start_{axis}_mm": starts[:, i] for i, axis in enumerate("xyz")}

@@ -44,12 +44,13 @@ MARKS = {
 }
 NEXT = {
     "Touches": " (trunnion diagnose --next plans touches that do)",
-    "Diameters": " (trunnion diagnose says which pass does)",
+    "Diameters": " (what trunnion diagnose prints says which pass does)",
 }
 KINDS = {"Ballbar": "a ball-bar test", "Sweep": "a rotary axis", "AxisLog": "an axis log"}
 SLOW = {"drift", "warmup", "expansion", "heating"}  # in the id of what changes with time
 MAX_OUTLIERS = 50
 MAX_PICTURES = 8  # of the measurement
+KNOWN = "What is known (± one standard uncertainty)"
 SURE = 0.5  # a probability below it is a doubt
 TODO = {
     Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
@@ -78,7 +79,8 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     first, *others = _pictures(d, source)
     standard = [r for one in source.data for r in standard_results(one)]
     judged = [_judged(r, source) for r in standard]
-    top = [t for t in (causes, errors, *judged) if t.rows]
+    top = [t for t in (causes, errors) if t.rows]
+    figures = [t for t in judged if t.rows]
     verdict = verdict_of_diagnosis(d)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
@@ -90,10 +92,10 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         source.subtitle(),
         Mark.BAD if "fail" in decisions else MARKS[d.verdict],
         verdict,
-        (*top, *_to_do(d, source), first),
+        (*top, *_to_do(d, source), first, *figures),
         (
             Section("The measurement", tuple(_measurement(d, source, standard))),
-            Section("What is known", (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
+            Section(KNOWN, (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
             Section("Each cause" if d.causes else "Pictures", tuple(others)),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
             Section("What else would explain the data", tuple(_alternatives(d))),
@@ -163,7 +165,8 @@ def _causes(d: Diagnosis) -> Table:
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))
         rows.append((_label(c), c.id, size, sure, explains))
-    columns = ("", "name in programs", "size ± U (k = 2)", "probability", "explains")
+    explained = "explains, of the residuals"
+    columns = ("", "name in programs", "size ± U (k = 2)", "probability, in any set", explained)
     return Table.of("What is wrong", columns, rows)
 
 
@@ -188,7 +191,10 @@ def _to_do(d: Diagnosis, source: Source) -> list[Item]:
         lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
     located = any(error_label(name) != name for name in d.errors_after)
     if located and d.verdict in ("consistent", "explained"):
-        lines.append("Enter the new values of the errors in the control (trunnion compensate).")
+        lines.append(
+            "Have the values for the control written from this estimate (trunnion compensate): "
+            "its zeros, points and signs are others than those of the errors in this table."
+        )
     if not lines:
         lines.append("Nothing: the readings are as the model says, but for noise.")
     return [Points(tuple(lines), "What to do")]
@@ -202,7 +208,7 @@ def _advice(d: Diagnosis, owners: Mapping[str, Owner]) -> list[str]:
         owner = owners.get(c.id, Owner.MACHINE)
         if owner is Owner.MACHINE and SLOW & set(c.id.split("_")):
             owner = Owner.TIME
-        parts = type(d.data).__name__ == "Diameters" and owner is Owner.MACHINE
+        parts = type(d.data).__name__ == "Diameters" and owner in (Owner.MACHINE, Owner.TIME)
         text = OF_PARTS if parts else TODO[owner]
         doubt = "" if c.id in certain and c.probability > SURE else "If it is there: "
         said.setdefault(doubt + text, []).append(_label(c))

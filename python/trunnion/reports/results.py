@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.conformity import Decision, decide
-from trunnion.base.report import Cell, Shown, Table, number, significant
+from trunnion.base.report import Cell, Shown, Table, measured, significant
 from trunnion.base.units import unit_of
 from trunnion.setup.names import called
 
@@ -75,13 +75,7 @@ def figures_table(
 
 def with_expanded(value: float, std: float | None) -> tuple[Cell, Cell]:
     """Return a value and its U (k = 2), shown to the two leading digits of the latter."""
-    if std is None or std <= 0:
-        return significant(value, 4), std and COVERAGE * std
-    if not np.isfinite(std):
-        return Shown(value, "–"), std
-    expanded = COVERAGE * std
-    digits = int(np.clip(1 - np.floor(np.log10(expanded)), 0, 9))
-    return Shown(value, number(value, digits)), Shown(expanded, number(expanded, digits))
+    return measured(value, None if std is None else COVERAGE * std)
 
 
 def location_errors(

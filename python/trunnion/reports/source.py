@@ -17,8 +17,10 @@ from trunnion.base.call import COMMAND
 from trunnion.base.report import Result, Table
 from trunnion.files.table import Table as DataTable
 from trunnion.reports.document import Item, Listing, Section
-from trunnion.setup import Setup
+from trunnion.setup import ReportSetup, Setup
 
+RECORD = ("machine", "serial", "operator", "date", "instrument")
+"""What a record has, of the set-up's table [report]."""
 CALLS = {
     "Diagnosis": "trunnion.diagnose",
     "IdentificationResult": "trunnion.identify",
@@ -109,13 +111,10 @@ class Source:
 
     def section(self) -> Section:
         """Return what stands at the end of every report."""
-        said = self.setup.report if self.setup else None
-        rows = [
-            (declared.meaning.capitalize(), str(getattr(said, name)))
-            for name, declared in (said.own_keys() if said else {}).items()
-            if getattr(said, name)
-        ]
-        if self.setup is not None:
+        said = self.setup.report if self.setup else ReportSetup()
+        meaning = {name: declared.meaning for name, declared in said.own_keys().items()}
+        rows = [(meaning[n].capitalize(), str(v)) for n in meaning if (v := getattr(said, n))]
+        if self.setup is not None and self.setup.artefact.kind != "none":
             rows.append(("Chain of axes", self.setup.machine.name))
         times = [t for one in self.data if (t := _span(one))]
         rows += [("Time of the readings", text) for text in times]
@@ -129,11 +128,8 @@ class Source:
             f"Made by {'the command' if COMMAND.get() else 'the call'}:",
             Listing(self.made_by),
         ]
-        if said is None or not said.to_dict():
-            items.append(
-                "Machine, serial number, operator and date are printed here where the set-up "
-                "states them in its table [report]."
-            )
+        if missing := [meaning[n] for n in RECORD if not getattr(said, n)]:
+            items.append(f"Not stated, in table [report] of the set-up: {'; '.join(missing)}.")
         if self.setup is not None:
             items += ["Set-up:", Listing(self.setup.to_toml())]
         return Section("Where this comes from", tuple(items))

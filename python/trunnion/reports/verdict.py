@@ -32,19 +32,27 @@ def verdict_of_diagnosis(d: Diagnosis) -> str:
     """Say what a diagnosis found, with sizes and probabilities."""
     if d.verdict == "consistent":
         size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
-        located = {k: v for k, v in d.errors_after.items() if error_label(k) != k}
-        errors = f" {of_interest(located, d.errors_std)}" if located else ""
-        return (
-            f"The model explains the readings, what is left is noise of {size}. That nothing else "
-            f"acts, of all causes looked for: {percent(d.none_probability)}.{errors}"
+        return " ".join(
+            (
+                f"The model explains the readings, what is left is noise of {size}. That nothing "
+                f"else acts, of all causes looked for: {percent(d.none_probability)}.",
+                *_located(d),
+            )
         )
     parts = _found(d) if d.causes else [d.sentences()[0]]
     if d.unexplained and d.causes:
         parts.append(f"Not explained: {d.unexplained}.")
     if d.structure is not None:
         parts.append(f"Its size: {_of_structure(d.structure)}.")
+    parts += _located(d)
     text = " ".join(parts)
-    return text + EXPANDED if "±" in text else text
+    return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
+
+
+def _located(d: Diagnosis) -> list[str]:
+    """Say the largest location errors, where these data give any."""
+    located = {k: v for k, v in d.errors_after.items() if error_label(k) != k}
+    return [of_interest(located, d.errors_std)] if located else []
 
 
 def _found(d: Diagnosis) -> list[str]:
