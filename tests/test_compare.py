@@ -147,12 +147,15 @@ def test_the_command_compares(tmp_path: Path) -> None:
 
 @measured
 def test_the_lathe_bed_bent_back() -> None:
-    """All that changed is across the bed; along it, it is as it was."""
+    """What changed is across the bed; its line along is as straight or bent as it was."""
     found = tn.compare(bed("found"), bed("bent_back"), names=["as found", "bent back"])
     q = next(q for q in found.quantities if q.name == "twist_um_m_m")
     assert (q.before, q.after) == pytest.approx((143.0, -37.0), abs=1.0)
     assert q.changed
-    along = {"straightness_um", "minimum_zone_um", "bow.h_um", "field (rms, along)"}
+    along = {"straightness_um", "minimum_zone_um", "bow.h_um"}
     assert not along & found.changed
-    assert along - {"field (rms, along)"} <= set(found.changes)
+    assert along <= set(found.changes)
+    # What has no name shares the bed with a kink along it (-22 +- 18) and is no sure change.
+    shape = {q.name: abs(q.change) for q in found.quantities if q.name.startswith("field")}
+    assert shape["field (rms, along)"] < shape["field (rms, across)"] / 4
     assert "Not changed, 95 % each" in found.summary()
