@@ -83,7 +83,7 @@ def test_the_command_says_what_is_wrong_in_one_line(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", ":1:2: got Expecting property name"),
+        ("{", ":1:2: got text (Expecting property name"),
         ("[1]", "got list, expected a table of errors"),
         ('{"EX0C": "15"}', "errors.EX0C: got '15', expected a finite number"),
         ('{"errors": [1]}', "errors: got [1], expected names with numbers"),
