@@ -28,7 +28,7 @@ from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, whole
+from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, whole, with_article
 from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
 from trunnion.base.report import Result
 
@@ -227,8 +227,7 @@ def _instance(what: str, value: Any, *, kind: type) -> Any:
         return value
     if hasattr(kind, "of_columns"):  # a table of data: a DataFrame, a Dataset or a dict is one, too
         return kind.of_columns(value, what)
-    article = "an" if kind.__name__[0] in "AEIO" else "a"
-    return _refused(what, value, f"{article} {kind.__name__}")
+    return _refused(what, value, with_article(kind))
 
 
 def _numbers(what: str, value: Any) -> Any:

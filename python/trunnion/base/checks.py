@@ -25,6 +25,11 @@ MAX_SHOWN = 60
 """Characters of a value that a message shows."""
 
 
+def with_article(kind: type) -> str:
+    """Return the name of a type with its article: ``a Setup``, ``an Artefact``."""
+    return f"{'an' if kind.__name__[0] in 'AEIO' else 'a'} {kind.__name__}"
+
+
 def shown(value: object) -> str:
     """Return a value as a message shows it: one line, the type beside what is no plain value."""
     if isinstance(value, np.generic):

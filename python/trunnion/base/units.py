@@ -74,6 +74,11 @@ def without_unit(name: str) -> str:
     return name
 
 
+def parameter_words(name: str) -> str:
+    """Return a parameter's name without its unit as people read it: at_10_mm_um → at 10 mm."""
+    return without_unit(name).replace("_", " ")
+
+
 _SIZES: dict[str, tuple[str, float]] = {
     **{u: ("length", s) for u, s in (("mm", 1.0), ("cm", 10.0), ("m", 1e3), ("µm", 1e-3))},
     **{u: ("length", s) for u, s in (("nm", 1e-6), ("inch", 25.4), ("in", 25.4))},

@@ -146,8 +146,7 @@ def residual_interval(
         freedom = np.inf if covariance is not None else freedom_of(setup, estimate)
     if not freedom > 0:
         raise InputError(f"degrees_of_freedom: got {freedom!r}, expected above 0")
-    used, numbers = _taking_part(setup, known, listed)
-    index = [listed.index(name) for name in used]
+    index, numbers = taking_part(setup, known, listed)
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
     control = ModelCompensation(known) if compensation is None else compensation
     field = _Field.of(setup, known, where, numbers, control)
@@ -184,11 +183,13 @@ def draw_changes(
         yield drawn
 
 
-def taking_part(setup: Setup, known: MachineErrors, estimate: Estimate) -> tuple[Floats, list[int]]:
-    """Covariance of what moves the tool on the work, and its numbers in the core's model."""
-    used, numbers = _taking_part(setup, known, estimate.names)
-    index = [estimate.names.index(name) for name in used]
-    return np.asarray(estimate.covariance)[np.ix_(index, index)], numbers
+def taking_part(
+    setup: Setup, known: MachineErrors, listed: Sequence[str]
+) -> tuple[list[int], list[int]]:
+    """Places of names that move the tool on the work, and their numbers in the core's model."""
+    parameters = [name for name, _ in known.core(setup).parameters]
+    index = [i for i, name in enumerate(listed) if name in parameters]
+    return index, [parameters.index(listed[i]) for i in index]
 
 
 @checked
@@ -254,11 +255,11 @@ def volumetric_budget(
         names = ", ".join(one.id for one in known.own)
         raise InputError(f"effects: got {names}, expected effects of the machine's catalogue only")
     order = estimate.names or tuple(estimate.std_errors)
-    used, numbers = _taking_part(setup, known, order)
+    index, numbers = taking_part(setup, known, order)
     where = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg)
-    field, index = _Field.of(setup, known, where, numbers), [order.index(name) for name in used]
+    field = _Field.of(setup, known, where, numbers)
     sources = tuple(replace(s, rates=s.rates[index]) for s in estimate.uncertainty_sources())
-    values, gradients = field.values(np.zeros((1, len(used))))[0], field.gradients()
+    values, gradients = field.values(np.zeros((1, len(index))))[0], field.gradients()
     made = tuple(
         measurand(name, value, gradient, sources)
         for name, value, gradient in zip(VOLUMETRIC, values, gradients, strict=True)
@@ -268,15 +269,6 @@ def volumetric_budget(
     if method == "linear" or not sources:
         return budget
     return drawn(budget, sources, field.values, draws, seed)
-
-
-def _taking_part(
-    setup: Setup, known: MachineErrors, listed: Sequence[str]
-) -> tuple[list[str], list[int]]:
-    """Names that move the tool on the work, and their numbers in the core's model."""
-    parameters = [name for name, _ in known.core(setup).parameters]
-    used = [name for name in listed if name in parameters]
-    return used, [parameters.index(name) for name in used]
 
 
 @dataclass(frozen=True)

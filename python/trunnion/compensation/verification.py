@@ -277,7 +277,8 @@ def _left(
     if not estimate.names:
         raise InputError("estimate: got one without covariance, expected it for the forecast")
     known = MachineErrors.of(setup, estimate)
-    covariance, numbers = taking_part(setup, known, estimate)
+    index, numbers = taking_part(setup, known, estimate.names)
+    covariance = estimate.covariance[np.ix_(index, index)]
     assumed, zeros = ModelCompensation(known).control_model(setup)
     rows = np.ascontiguousarray(rotary * Chain(setup).senses)
     rates = known.core(setup).truth_rates(assumed, zeros, rows).reshape(len(rows), -1, 3, 4)

@@ -13,7 +13,7 @@ import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, measured, number, significant
 from trunnion.base.saved import Columns
-from trunnion.base.units import Flags, Floats, Integers, unit_of, without_unit
+from trunnion.base.units import Flags, Floats, Integers, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
 
 Verdict: TypeAlias = Literal["consistent", "explained", "ambiguous", "unexplained"]
@@ -101,7 +101,7 @@ class Cause(Result):
             return next(iter(said.values()))
         known = [k for k in said if np.isfinite(self.std_errors[k])]
         named = {
-            k: f"{without_unit(k).replace('_', ' ')} {'= ' if k in known else ''}{text}"
+            k: f"{parameter_words(k)} {'= ' if k in known else ''}{text}"
             for k, text in said.items()
         }
         if len(said) <= MAX_PARAMETERS:

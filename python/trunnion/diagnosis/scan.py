@@ -99,6 +99,11 @@ class Dictionary:
         for part in self._parts:
             part.store(storage(numbers_kept))
             part.normalise(ROUNDING * longest)
+        shared: dict[bytes, list[tuple[_Part, int]]] = {}
+        for part in self._parts:
+            for i, c in enumerate(part.components):
+                shared.setdefault(c.tobytes(), []).append((part, i))
+        self._shared = list(shared.values())  # parts by the component that they have in common
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
 
@@ -134,11 +139,7 @@ class Dictionary:
     def _products(self, r: Floats) -> dict[int, Floats]:
         """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
         out = {id(p): np.empty((*p.size.shape, r.shape[1])) for p in self._parts}
-        shared: dict[bytes, list[tuple[_Part, int]]] = {}
-        for part in self._parts:
-            for i, c in enumerate(part.components):
-                shared.setdefault(c.tobytes(), []).append((part, i))
-        for those in shared.values():
+        for those in self._shared:
             part, i = those[0]
             weighted = (part.components[i][:, None] * r).astype(part.functions.dtype, copy=False)
             for part, i in those:

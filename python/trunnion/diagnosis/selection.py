@@ -295,14 +295,17 @@ class Search:
         c = self.c
         if len(blocks) < 2:
             return 0.0
-        own = [c.columns(b) for b in blocks]
-        columns = np.concatenate(own).astype(np.float64)
-        along = np.concatenate([self.empty.residual[c.span(b)] for b in blocks])
+        columns, along = self._joined(blocks)
         solved = np.linalg.lstsq(columns @ columns.T, along, rcond=c.dependent)[0]
-        ends = np.cumsum([len(x) for x in own])[:-1]
+        ends = np.cumsum([c.rank[b] for b in blocks])[:-1]
         sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.empty.rss
         paid = np.array([c.penalty[b] > 0 for b in blocks])
         return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
+
+    def _joined(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
+        """Columns of a set of blocks (K, n), and their inner products with the residuals (K,)."""
+        columns = np.concatenate([self.c.columns(b) for b in blocks]).astype(np.float64)
+        return columns, np.concatenate([self.empty.residual[self.c.span(b)] for b in blocks])
 
     def _contradicting(self, f: Found) -> float:
         """What a set costs that is larger than what is stated of its causes: of -2 ln L."""
@@ -310,14 +313,13 @@ class Search:
         held = [c.stated.get(int(c.owner[b]), np.inf) for b in f.blocks]
         if not np.isfinite(held).any():
             return 0.0
-        columns = np.concatenate([c.columns(b) for b in f.blocks]).astype(np.float64)
-        along = np.concatenate([self.empty.residual[c.span(b)] for b in f.blocks])
+        columns, along = self._joined(f.blocks)
         noise = float(self.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
         less = np.repeat(noise / np.maximum(np.square(held), TINY), [c.rank[b] for b in f.blocks])
         gram = columns @ columns.T
         free = along @ np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
         kept = along @ np.linalg.lstsq(gram + np.diag(less), along, rcond=c.dependent)[0]
-        return float(max(free - kept, 0.0)) / max(noise, TINY)
+        return max(float(free - kept), 0.0) / max(noise, TINY)
 
     def expected(self) -> _State:
         """Set of what costs nothing to name; the empty one if there is none."""

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAli
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.checks import shown
+from trunnion.base.checks import shown, with_article
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
 from trunnion.base.saved import Columns, Gridded, Saved
@@ -117,9 +117,8 @@ class Table(Saved):
         if isinstance(data, cls):
             return data
         if isinstance(data, Table) or not hasattr(data, "items"):
-            article = "an" if cls.__name__[0] in "AEIO" else "a"
             raise InputError(
-                f"{what}: got {shown(data)}, expected {article} {cls.__name__}, or a DataFrame, a "
+                f"{what}: got {shown(data)}, expected {with_article(cls)}, or a DataFrame, a "
                 "Dataset or a dict with its columns"
             )
         return cls(data)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Flags, Floats, unit_of, without_unit
+from trunnion.base.units import Flags, Floats, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
@@ -347,7 +347,7 @@ def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
 
 def _words(name: str) -> str:
     label = error_label(name)
-    return without_unit(name).replace("_", " ") if label == name else label
+    return parameter_words(name) if label == name else label
 
 
 def _capital(text: str) -> str:

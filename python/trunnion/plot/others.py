@@ -9,7 +9,7 @@ import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.errors import InputError
-from trunnion.base.units import unit_of, without_unit
+from trunnion.base.units import parameter_words, unit_of
 from trunnion.data.iso230_2 import CompensationTable
 from trunnion.diagnosis.contributions import Ladder
 from trunnion.diagnosis.records import Residuals
@@ -81,18 +81,15 @@ def values_pictures(
     found = []
     for unit in units:
         names = [n for n in values if unit_of(n) == unit and np.isfinite(std.get(n, 0.0))]
-        mine = {_name(name): values[name] for name in names[:MAX_NAMES]}
-        two = {_name(name): std[name] for name in names[:MAX_NAMES] if name in std} or None
+        mine = {parameter_words(name): values[name] for name in names[:MAX_NAMES]}
+        two = {
+            parameter_words(name): std[name] for name in names[:MAX_NAMES] if name in std
+        } or None
         if mine:
             head = f"{title}, {unit}" if unit and len(units) > 1 else title
             name = f"{label} with U (k = 2)" if two else label
             found.append(bars_picture(head, name, unit, mine, std=two))
     return found
-
-
-def _name(parameter: str) -> str:
-    """Return a parameter without its unit, which the axis states."""
-    return without_unit(parameter).replace("_", " ")
 
 
 def plot_compensation_table(table: CompensationTable, *, ax: Any = None, **style: Any) -> Any:

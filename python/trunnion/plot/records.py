@@ -100,7 +100,7 @@ def next_picture(one: NextMeasurement | NextPass) -> Picture:
         digits=3,
         note=f"Beyond {MIN_DISTANCE:g} σ the test tells them apart.",
     )
-    limit = line([MIN_DISTANCE] * 2, [-0.5, len(values) - 0.5], "told apart", colour=MUTED)
+    limit = line([MIN_DISTANCE] * 2, [-0.5, len(values) - 0.5], "distinguished", colour=MUTED)
     return replace(p, series=(*p.series, limit))
 
 

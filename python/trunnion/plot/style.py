@@ -1,7 +1,7 @@
 """One style for every picture: colours, sizes, numbers with units.
 
-The colours of `PALETTE` are told apart with any colour vision and have a contrast of 3:1 or more on
-white and on #16181d. Text, frames and grids take the colours of the theme.
+The colours of `PALETTE` are distinguished with any colour vision and have a contrast of 3:1 or more
+on white and on #16181d. Text, frames and grids take the colours of the theme.
 """
 
 from __future__ import annotations

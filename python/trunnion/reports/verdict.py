@@ -10,7 +10,7 @@ import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
-from trunnion.base.units import Floats, unit_of, without_unit
+from trunnion.base.units import Floats, parameter_words, unit_of
 from trunnion.diagnosis.records import percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.structure import Structure
@@ -109,12 +109,8 @@ def _said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) -
             parts.append(f"amplitude {value_in_words(size, expanded, unit_of(name))}")
         elif not (match and match[1] == "b" and f"a{match[2]}_{match[3]}" in values):
             text = value_in_words(values[name], _twice(std[name]), unit_of(name))
-            parts.append(text if len(values) == 1 else f"{_words(name)} {text}")
+            parts.append(text if len(values) == 1 else f"{parameter_words(name)} {text}")
     return ", ".join(parts)
-
-
-def _words(parameter: str) -> str:
-    return without_unit(parameter).replace("_", " ")
 
 
 def _twice(std: float | None) -> float | None:

@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, entry, instance, named
+from trunnion.base.checks import choose, entry, instance, named, with_article
 from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.setup.control import ControlSetup
@@ -377,7 +377,7 @@ class Setup:
     def __post_init__(self) -> None:
         """Check the types of the parts and the names of the axes."""
         for name, part in PARTS.items():
-            instance(name, getattr(self, name), part, f"{_article(part)} {part.__name__}")
+            instance(name, getattr(self, name), part, with_article(part))
         for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
             instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
         object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
@@ -481,7 +481,3 @@ def _check_range(axis: str, given: AxisSetup) -> None:
             raise InputError(
                 f"axes.{axis}.{own}: got {list(limits)}, expected the lower limit first"
             )
-
-
-def _article(kind: type) -> str:
-    return "an" if kind.__name__[0] in "AEIOU" else "a"
