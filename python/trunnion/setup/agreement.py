@@ -29,10 +29,10 @@ def check(setup: Setup) -> None:
 
 def _check_control(setup: Setup) -> None:
     """Refuse what the control is told of something that is not there."""
-    control = setup.control
+    control, machine = setup.control, setup.description().core(setup.probe.length_mm)
     usual = keys_of(type(control))["centre_tolerance_mm"].default
     with entry("control"):
-        if control.pivot_mm is not None and "head" not in setup.description().core(1.0).sides:
+        if control.pivot_mm is not None and "head" not in machine.sides:
             raise control.refuse("pivot_mm", f"none: machine {setup.machine.name} has no head")
         if control.centre_mm is None and control.centre_tolerance_mm != usual:
             raise control.refuse("centre_mm", "the place that centre_tolerance_mm is about")
