@@ -29,11 +29,11 @@ from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.budget import budget_section
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
-from trunnion.reports.results import COVERAGE, figures_table, location_errors
+from trunnion.reports.results import figures_table, location_errors, plain_words
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
-from trunnion.reports.verdict import verdict_of_diagnosis
+from trunnion.reports.verdict import size_of, verdict_of_diagnosis
 from trunnion.setup.names import error_label
 
 MARKS = {
@@ -50,6 +50,10 @@ KINDS = {"Ballbar": "a ball-bar test", "Sweep": "a rotary axis", "AxisLog": "an 
 SLOW = {"drift", "warmup", "expansion", "heating"}  # in the id of what changes with time
 MAX_OUTLIERS = 50
 MAX_PICTURES = 8  # of the measurement
+NOT_TOLD = (
+    "If one of these acts, these readings do not show it. Where amounts are stated, so much of it "
+    "would make an error of the machine wrong by so much."
+)
 KNOWN = "What is known (± one standard uncertainty)"
 SURE = 0.5  # a probability below it is a doubt
 TODO = {
@@ -73,7 +77,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     """Return the document of a diagnosis."""
     assert isinstance(result, Diagnosis)
     d = result
-    sentences = d.sentences()
+    sentences = [plain_words(one) for one in d.sentences()]
     errors, decisions = _errors(d, source)
     causes = _causes(d)
     first, *others = _pictures(d, source)
@@ -160,12 +164,13 @@ def _causes(d: Diagnosis) -> Table:
     """Each named cause with its size and probability."""
     rows = []
     for c in d.causes:
-        size = c.size(COVERAGE)
+        size = size_of(d, c)
         share = next((x for x in d.contributions if x.id == c.id), None)
         explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
         sure = Shown(c.probability, percent(c.probability))
         rows.append((_label(c), c.id, size, sure, explains))
-    explained = "explains, of the residuals"
+    left = "the residuals" if d.gain.others else f"the {d.gain.rms_before_um:.3g} {d.gain.unit} rms"
+    explained = f"explains, of {left} left"
     columns = ("", "name in programs", "size ± U (k = 2)", "probability, in any set", explained)
     return Table.of("What is wrong", columns, rows)
 
@@ -292,5 +297,8 @@ def _diagnostics(d: Diagnosis, source: Source) -> list[Item]:
 def _lost(d: Diagnosis) -> list[Item]:
     if not d.not_identifiable:
         return []
-    rows = [(labelled(k, d.labels.get(k, "")), why) for k, why in d.not_identifiable.items()]
-    return [Table.of("Not identifiable", ("", "why"), rows)]
+    rows = [
+        (labelled(k, d.labels.get(k, "")), plain_words(why))
+        for k, why in d.not_identifiable.items()
+    ]
+    return [NOT_TOLD, Table.of("Not identifiable", ("", "why"), rows)]

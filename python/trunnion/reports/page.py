@@ -96,7 +96,7 @@ class _Writer:
             case Table():
                 return table(item)
             case Listing():
-                return f'<pre tabindex="0">{html.escape(item.text)}</pre>'
+                return f"<pre>{html.escape(item.text)}</pre>"
             case Points():
                 rows = "".join(f"<li>{html.escape(one)}</li>" for one in item.sentences)
                 head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""

@@ -11,7 +11,8 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
 from trunnion.base.units import Floats, parameter_words, unit_of
-from trunnion.diagnosis.records import percent, value_in_words, with_unit
+from trunnion.data.rotary_test import RotaryTest
+from trunnion.diagnosis.records import Cause, percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.structure import Structure
 from trunnion.plot.diagnosis import record_of, root_of
@@ -44,7 +45,12 @@ def verdict_of_diagnosis(d: Diagnosis) -> str:
         parts.append(f"Not explained: {d.unexplained}.")
     if d.structure is not None:
         parts.append(f"Its size: {_of_structure(d.structure)}.")
-    parts += _located(d)
+    located = _located(d)
+    if located and isinstance(d.data, RotaryTest):  # made for them
+        left = with_unit(f"{d.gain.rms_before_um:.3g}", d.gain.unit)
+        parts = [*located, f"They leave {left} rms of the readings.", *parts]
+    else:
+        parts += located
     text = " ".join(parts)
     return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
 
@@ -77,15 +83,18 @@ def _sized(d: Diagnosis, id_: str) -> str:
     c = next((c for c in d.causes if c.id == id_), None)
     if c is None:
         return d.labels.get(id_) or id_.replace("_", " ")
+    return f"{c.label or c.id.replace('_', ' ')}, {size_of(d, c)}"
+
+
+def size_of(d: Diagnosis, c: Cause) -> str:
+    """Say the size of a named cause with U; of one of many parameters what it does at most."""
     if len(c.parameters) > MAX_PARAMETERS:
         record = record_of(d)
         change = np.abs(record.changes[c.id])
         at = int(np.argmax(change))
         unit = record.units[record.unit_index[at]]
-        size = f"up to {change[at]:.3g} {unit} in a reading".replace("  ", " ")
-    else:
-        size = _said(c.parameters, c.std_errors, root_of(d, c))
-    return f"{c.label or c.id.replace('_', ' ')}, {size}"
+        return f"up to {change[at]:.3g} {unit} in a reading".replace("  ", " ")
+    return _said(c.parameters, c.std_errors, root_of(d, c))
 
 
 def _of_structure(s: Structure) -> str:
