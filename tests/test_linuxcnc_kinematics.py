@@ -136,12 +136,13 @@ def placed(
     up = length_mm if machine in HEADS else 0.0
     axes = {k: tn.AxisSetup(point_mm=(x, y, z + up)) for k, (x, y, z) in points.items()}
     named = tn.Machine(chain=machine) if machine[0] == "[" else tn.Machine(preset=machine)
+    pivot = 150.0 if "head" in named.description().core(length_mm).sides else None
     return tn.Setup(
         artefact=tn.Artefact("none"),
         machine=named,
         axes=axes,
         probe=tn.Probe(length_mm=length_mm),
-        control=ControlSetup(centre_mm=tuple(CENTRE), pivot_mm=150.0),
+        control=ControlSetup(centre_mm=tuple(CENTRE), pivot_mm=pivot),
     )
 
 

@@ -20,9 +20,9 @@ from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
+from trunnion.setup.artefact import DIMENSIONS
 from trunnion.setup.machines import Description, check_error
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
-from trunnion.setup.parts import DIMENSIONS
 
 
 @dataclass(frozen=True)

@@ -14,22 +14,17 @@ from trunnion.base.units import Floats, parameter_words, unit_of
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.families import OWNED, Family, family_of, meaning
 from trunnion.diagnosis.records import Cause, percent, value_in_words
-from trunnion.diagnosis.report import ABSORBED, PARTLY_ABSORBED
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.effects import Owner
 from trunnion.plot.diagnosis import Explained, root_of
 from trunnion.plot.style import capital
-from trunnion.reports.results import COVERAGE
+from trunnion.reports.results import COVERAGE, plain_words
 from trunnion.setup.names import called
 
 MAX_PARAMETERS = 6  # of a cause: of more the largest change of a reading is stated
 SURE = 0.5  # a probability below it is a doubt
 _HARMONIC = re.compile(r"(a|cosine)([xyz]?\d*)(_.+)")
 _OTHER_HALF = {"a": "b", "cosine": "sine"}
-ABSORBED_WORDS = {
-    ABSORBED: "not told from other errors",
-    PARTLY_ABSORBED: "in part not told from other errors",
-}
 WORDS = {"tau": "time constant", "hx": "along X", "hy": "along Y"}
 
 
@@ -85,15 +80,10 @@ class Found:
         return self.label(id_) if alone else f"{self.label(id_)}, {parameter_words(parameter)}"
 
     def in_words(self, text: str) -> str:
-        """Return a text with the names that programs use in words."""
-        for fixed, words in ABSORBED_WORDS.items():
-            text = text.replace(fixed, words)
+        """Return what is said of effects that readings do not show, without names of programs."""
         ids = {*self.d.labels, *(c.id for c in self.d.causes)}
-        return re.sub(
-            r"[a-z]\w*_\w+",
-            lambda m: self.label(m[0]) if m[0] in ids else parameter_words(m[0]),
-            text,
-        ).replace(" -", " −")
+        words = re.sub(r"\w+", lambda m: self.label(m[0]) if m[0] in ids else m[0], text)
+        return plain_words(words)
 
     def chance(self, id_: str) -> float:
         """Probability of all sets that hold a cause."""

@@ -47,6 +47,10 @@ MAX_OUTLIERS = 50
 MAX_SETS = 8
 MAX_PICTURES = 8  # of the measurement
 CLOSE, WORSE = 1.0, 3.0  # in −2 ln L: a set fits as well, worse
+NOT_TOLD = (
+    "If one of these acts, these readings do not show it. Where amounts are stated, so much of it "
+    "would make an error of the machine wrong by so much."
+)
 NOT_JUDGED = "No limits are stated for these sizes: whether they matter is not judged here."
 LEFT = "What is left after the causes"
 
@@ -256,11 +260,7 @@ def _lost(found: Found) -> list[Item]:
         (capital(found.quantity(k)), found.in_words(why))
         for k, why in found.d.not_identifiable.items()
     ]
-    said = (
-        "Each of these may be there: the readings would be the same, because other errors, which "
-        "are always estimated, would take it up."
-    )
-    return [said, Table.of("Not identifiable", ("", "why, and what it would do"), rows)]
+    return [NOT_TOLD, Table.of("Not identifiable", ("", "why, and what it would do"), rows)]
 
 
 def _names(found: Found) -> list[Item]:

@@ -26,7 +26,7 @@ POLICY = (
 )
 """The page itself forbids every connection."""
 
-_QUANTITY = re.compile(r"−?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)")
+_QUANTITY = re.compile(r"[+−]?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)")
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -98,7 +98,7 @@ class _Writer:
             case Table():
                 return table(item)
             case Listing():
-                return f'<pre tabindex="0">{html.escape(item.text)}</pre>'
+                return f"<pre>{html.escape(item.text)}</pre>"
             case Points():
                 rows = "".join(f"<li>{_escaped(one)}</li>" for one in item.sentences)
                 head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""

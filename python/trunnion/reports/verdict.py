@@ -10,6 +10,7 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
 from trunnion.base.units import unit_of
+from trunnion.data.rotary_test import RotaryTest
 from trunnion.diagnosis.records import percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.reports.causes import Found, said
@@ -43,7 +44,12 @@ def verdict_of_diagnosis(found: Found) -> str:
         std = np.array([v if np.isfinite(v) else 0.0 for v in d.structure.std_errors.values()])
         size = said(d.structure.parameters, d.structure.std_errors, np.diag(std))
         parts.append(f"Its size: {size}.")
-    parts += _located(d)
+    located = _located(d)
+    if located and isinstance(d.data, RotaryTest):  # made for them
+        left = with_unit(f"{d.gain.rms_before_um:.3g}", d.gain.unit)
+        parts = [*located, f"They leave {left} rms of the readings.", *parts]
+    else:
+        parts += located
     text = " ".join(parts)
     return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
 
