@@ -366,7 +366,7 @@ def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float
     inputs = case.model.inputs(f.nuisance, f.effects)
     sources += [one.source(gain @ case.white(one.columns)) for one in inputs]
     if np.any(doubt.between):
-        sources.append(Source(MODEL, 1.0, "", root(doubt.between), f.dof))
+        sources.append(Source(MODEL, 1.0, "", root(doubt.between)))
     return Uncertainty(
         names,
         dict(zip(names, map(float, std), strict=True)),
