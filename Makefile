@@ -113,6 +113,10 @@ wheels: build  ## wheel (manylinux, every Python from 3.11) and source distribut
 sbom: build  ## what a wheel is made of: dist/sbom.json (CycloneDX), and a check of all licences
 	@$(BIN)/python tools/bom.py
 
+.PHONY: audit
+audit: build  ## licences, advisories and withdrawn releases of all dependencies, a minute, into dist/audit.json
+	@$(BIN)/python tools/audit.py
+
 .PHONY: release
 release: build  ## what is left to do for a release; changes nothing (tools/release.py --do does)
 	@$(BIN)/python tools/release.py

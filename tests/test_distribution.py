@@ -140,6 +140,7 @@ def test_a_release_is_not_made_of_what_is_not_ready(
     (tmp_path / "dist").mkdir()
     for name in ("trunnion-1.2.3-cp311-abi3-linux.whl", "trunnion-1.2.3.tar.gz", "sbom.json"):
         (tmp_path / "dist" / name).touch()
+    (tmp_path / "dist" / "audit.json").write_text("[]")
     (tmp_path / "target" / "site").mkdir(parents=True)
     page = tmp_path / "target" / "site" / "index.html"
     page.touch()

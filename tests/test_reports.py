@@ -108,7 +108,29 @@ def test_names_of_errors_in_words() -> None:
     assert error_label("EA0B") == "tilt of the B axis about X"
     assert error_label("EC0C") == "zero position of the C axis"
     assert error_label("rb_arcsec") == "turn of the artefact about Y"
+    assert error_label("ball_2.dy_um") == "place of ball 2 along Y"
     assert error_label("rate_um_h") == "rate_um_h"
+
+
+def test_of_an_r_test_the_location_errors_come_first_and_names_of_programs_not(
+    tmp_path: Path,
+) -> None:
+    folder = tn.sample_path("rotary")
+    d = tn.diagnose(tn.read(folder / "rtest.csv"), tn.read_setup(folder / "setup.toml"))
+    text = d.to_html(tmp_path / "r.html").read_text(encoding="utf-8")
+    text = re.sub("</?span.*?>", "", text[text.index("<main>") : text.index("</main>")])
+    said = verdict_on(tmp_path / "r.html")
+    assert said.index("8 errors of the machine") < said.index("positioning of C")
+    assert f"{d.gain.rms_before_um:.3g} µm rms" in said
+    size = re.search(r"amplitude ([\d.]+ ± [\d.]+ arcsec)", said)
+    assert size is not None
+    assert text.count(size[1]) == 2  # in the sentence and in the table
+    what = text[text.index("<h2>What these data do not identify") :].partition("</section>")[0]
+    assert "offset of the A axis along Z (EZ0A) by +5 µm" in what
+    assert not re.search(r"\b\w+_um\b", what)
+    set_up = re.findall(r"<pre>(.*?)</pre>", text, re.S)[-1]
+    assert "[rotary_test]" in set_up
+    assert "[artefact]" not in set_up  # an R-test touches none
 
 
 def test_the_record_has_files_with_checksums_and_the_command(tmp_path: Path) -> None:
@@ -188,7 +210,7 @@ def test_a_cause_is_drawn_over_what_it_depends_on(
         assert len(fitted.x) > 100  # a curve, not a line from reading to reading
     if effect == "drift_z":
         slope = np.polyfit(fitted.x, fitted.y, 1)[0] * 3600
-        assert abs(slope) == pytest.approx(60.0, abs=5.0)
+        assert slope == pytest.approx(60.0, abs=5.0)  # a drift that is positive rises
 
 
 def test_a_step_that_is_not_quite_one_of_the_quantity_is_drawn_as_a_step() -> None:

@@ -197,7 +197,10 @@ def test_touches_and_an_r_test_share_the_errors_of_the_machine() -> None:
     folder = tn.sample_path("rotary")
     touches = tn.read(tn.sample_path("cross/touches.csv"))
     setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
-    hidden = tn.read_setup(folder / "setup.toml")
+    hidden = replace(
+        tn.read_setup(tn.sample_path("hidden/setup.toml")),
+        rotary_test=tn.read_setup(folder / "setup.toml").rotary_test,
+    )
     assert kind_name(tn.read(folder / "rtest.csv")) == "rotarytest"
     plan = tn.plan_rotary_test(setup, BALL, TURNS)
     truth = {"EA0A": 21.6, "EB0A": 18.0, "EC0A": 10.8, "EY0A": 17.0, "EZ0A": 12.0}

@@ -3,7 +3,7 @@
 Two lists become one file, dist/sbom.json (CycloneDX 1.6): the Rust crates that the extension module
 is compiled from (cargo metadata, which reads Cargo.lock), and the Python packages that
 `pip install trunnion[all]` brings, as they are installed here. A licence that is not on the list
-below ends the command with 1.
+of tools/audit.toml ends the command with 1.
 """
 
 from __future__ import annotations
@@ -24,48 +24,43 @@ from packaging.utils import canonicalize_name as canonical
 ROOT = Path(__file__).parent.parent
 OUT = ROOT / "dist" / "sbom.json"
 
-ALLOWED = frozenset(
-    """0BSD Apache-2.0 BSD-2-Clause BSD-3-Clause BSL-1.0 CC0-1.0 HPND ISC LLVM-exception MIT MIT-0
-    MIT-CMU MPL-2.0 PSF-2.0 Python-2.0 Qhull Unicode-3.0 Unlicense Zlib""".split()  # noqa: SIM905
-)
-"""Licences that set no condition on programs that use the package. MPL-2.0: on its own files."""
-KNOWN = {
-    # What the packages' own files of licences say, where their metadata say nothing that a program
-    # can read. LGPL libraries are separate packages, loaded at run time and free to be replaced.
-    "cmeel-qhull": "Qhull",
-    "casadi": "LGPL-3.0-or-later",
-    "pin": "BSD-2-Clause",
-}
-REPLACEABLE = frozenset(["LGPL-3.0-or-later", "LGPL-3.0", "LGPL-2.1-or-later", "LGPL-2.1"])
-"""Only of packages of an extra, which a user may leave out or exchange."""
-WORDS = {
-    "apache software license": "Apache-2.0",
-    "apache license 2.0": "Apache-2.0",
-    "apache 2.0": "Apache-2.0",
-    "apache-2": "Apache-2.0",
-    "apache license, version 2.0": "Apache-2.0",
-    "bsd license": "BSD-3-Clause",
-    "bsd": "BSD-3-Clause",
-    "new bsd": "BSD-3-Clause",
-    "3-clause bsd license": "BSD-3-Clause",
-    "bsd 3-clause": "BSD-3-Clause",
-    "bsd-3-clause license": "BSD-3-Clause",
-    "isc license (iscl)": "ISC",
-    "isc license": "ISC",
-    "mit license": "MIT",
-    "mozilla public license 2.0 (mpl 2.0)": "MPL-2.0",
-    "python software foundation license": "PSF-2.0",
-    "psfl": "PSF-2.0",
-    "the unlicense (unlicense)": "Unlicense",
-    "historical permission notice and disclaimer (hpnd)": "HPND",
-}
+LISTS: dict[str, Any] = tomllib.loads((ROOT / "tools" / "audit.toml").read_text())["licences"]
+ALLOWED = frozenset(LISTS["allowed"])
+REPLACEABLE = frozenset(LISTS["replaceable"])
+
+
+def cargo_metadata() -> Any:
+    """Return what cargo knows of Cargo.lock."""
+    command = ["cargo", "metadata", "--format-version=1", "--locked", "--offline"]
+    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return json.loads(found.stdout)
+
+
+def locked_crates() -> Iterator[dict[str, Any]]:
+    """Give every crate of Cargo.lock, those of tests, of building and of other systems as well."""
+    for package in cargo_metadata()["packages"]:
+        yield crate(package)
+
+
+def locked_packages() -> Iterator[dict[str, Any]]:
+    """Give every package of requirements.lock, with what its installed metadata say."""
+    for line in (ROOT / "requirements.lock").read_text().splitlines():
+        name, is_pinned, version = line.partition("#")[0].strip().partition("==")
+        if not is_pinned:
+            continue
+        try:
+            distribution = metadata.distribution(name)
+        except metadata.PackageNotFoundError:
+            yield component("pypi", name, version, "")
+        else:
+            # Of another version nothing is known of the one that is locked.
+            same = distribution.version == version
+            yield component("pypi", name, version, licence_of(name, distribution) if same else "")
 
 
 def crates() -> Iterator[dict[str, Any]]:
     """Give the crates that end up in the extension module: no tests, no build scripts."""
-    command = ["cargo", "metadata", "--format-version=1", "--locked", "--offline"]
-    found = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    graph = json.loads(found.stdout)
+    graph = cargo_metadata()
     packages = {package["id"]: package for package in graph["packages"]}
     nodes = {node["id"]: node for node in graph["resolve"]["nodes"]}
     left = [i for i in nodes if packages[i]["name"] == "trunnion-py"]
@@ -78,8 +73,12 @@ def crates() -> Iterator[dict[str, Any]]:
                 seen.add(need["pkg"])
                 left.append(need["pkg"])
     for package in sorted((packages[i] for i in seen), key=lambda p: str(p["name"])):
-        name, version = package["name"], package["version"]
-        yield component("cargo", name, version, package["license"] or "")
+        yield crate(package)
+
+
+def crate(package: dict[str, Any]) -> dict[str, Any]:
+    """Return the entry of a package of cargo's metadata."""
+    return component("cargo", package["name"], package["version"], package["license"] or "")
 
 
 def packages() -> Iterator[dict[str, Any]]:
@@ -112,8 +111,8 @@ def packages() -> Iterator[dict[str, Any]]:
 
 def licence_of(name: str, distribution: metadata.Distribution) -> str:
     """Return the licence of a package as SPDX expression; "" if its metadata do not say."""
-    if name in KNOWN:
-        return KNOWN[name]
+    if name in LISTS["known"]:
+        return str(LISTS["known"][name])
     about: Any = distribution.metadata
     classified = [
         line.rpartition(" :: ")[2]
@@ -124,7 +123,9 @@ def licence_of(name: str, distribution: metadata.Distribution) -> str:
     if said:
         return str(said)
     short = str(about.get("License") or "").strip()
-    names = [WORDS.get(text.lower(), text) for text in classified or [short] if len(text) < 80]
+    names = [
+        LISTS["words"].get(text.lower(), text) for text in classified or [short] if len(text) < 80
+    ]
     return " AND ".join(name for name in names if name)
 
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 import argparse
 import datetime
 import hashlib
+import json
 import re
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).parent.parent
 CHANGELOG = ROOT / "CHANGELOG.md"
@@ -103,6 +105,18 @@ def _bom() -> str:
     return _made("dist/sbom.json")
 
 
+def _audit() -> str:
+    kept = ROOT / "dist" / "audit.json"
+    return _made("dist/audit.json") or audit_left(json.loads(kept.read_text()))
+
+
+def audit_left(answers: list[dict[str, Any]]) -> str:
+    """Return what tools/audit.py found and whom it could not ask, or ""."""
+    found = [f"{len(a['found'])} found by {a['source']}" for a in answers if a["found"]]
+    silent = [a["source"] for a in answers if a["not_asked"]]
+    return "; ".join([*found, *([f"not asked: {', '.join(silent)}"] if silent else [])])
+
+
 def _site() -> str:
     return _made("target/site/index.html")
 
@@ -136,6 +150,7 @@ CHECKS = (
     Check("the changelog begins with this version", _changelog, "write it"),
     Check("wheel and source distribution, tried in fresh environments", _files, "make wheels"),
     Check("list of what it is made of, licences checked", _bom, "make sbom"),
+    Check("licences, advisories and withdrawn releases of all dependencies", _audit, "make audit"),
     Check("documentation builds without a warning", _site, "make site"),
     Check("no tag of this version yet", _tag, "raise the version in Cargo.toml"),
     Check("the conda recipe has this version", _recipe, "write it"),

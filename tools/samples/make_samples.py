@@ -9,11 +9,21 @@ from trunnion.samples.truth import HIDDEN_EFFECTS, OTHER_ERRORS, TABLE_2
 
 __all__ = ["make_cross", "make_hidden", "make_rotary"]
 
-SETUP = """\
-# A tilting rotary table with the cross-shaped artefact of Kang, Kim and Jee (2022).
+MACHINE = """\
 [machine]
 preset = "trt-ca"
+"""
+REST = """\
+[resolution]
+linear_um = 0.1
+rotary_arcsec = 0.36
 
+[report]
+machine = "simulated five-axis mill (sample of trunnion)"
+"""
+SETUP = f"""\
+# A tilting rotary table with the cross-shaped artefact of Kang, Kim and Jee (2022).
+{MACHINE}
 [artefact]
 kind = "cross"
 length_mm = 100.0
@@ -24,12 +34,13 @@ height_mm = 25.0
 ball_radius_mm = 1.0
 tick_um = 0.1
 
-[resolution]
-linear_um = 0.1
-rotary_arcsec = 0.36
-
-[report]
-machine = "simulated five-axis mill (sample of trunnion)"
+{REST}"""
+ROTARY = f"""\
+# An R-test on a tilting rotary table: the ball stands on the table, the sensors in the spindle.
+{MACHINE}
+{REST}
+[rotary_test]
+balls_mm = [[90.0, 20.0, 60.0]]
 """
 
 
@@ -75,8 +86,7 @@ def make_hidden(folder: Path) -> None:
 def make_rotary(folder: Path) -> None:
     """Write an R-test of the machine of ``hidden``, and the set-up of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = SETUP + "\n[rotary_test]\nballs_mm = [[90.0, 20.0, 60.0]]\n"
-    (folder / "setup.toml").write_text(text, encoding="utf-8")
+    (folder / "setup.toml").write_text(ROTARY, encoding="utf-8")
     setup, ball = tn.read_setup(folder / "setup.toml"), (90.0, 20.0, 60.0)
     tilts, turns = np.meshgrid([0, 30, 60, 90, -30, -60, -90], np.arange(0, 360, 15), indexing="ij")
     plan = tn.plan_rotary_test(setup, ball, {"A": tilts.ravel(), "C": turns.ravel()})

@@ -123,7 +123,7 @@ class Case:
 
         ``variance``: of a whitened reading, by which the statistic is to be divided.
         """
-        std = f.std()[self._places(effect, f)] * np.sqrt(variance)
+        std = f.std()[self.columns_of(effect, f)] * np.sqrt(variance)
         wald, rank = self._wald(effect, f, held=False)
         return np.where(std >= 0, std, np.inf), wald, rank
 
@@ -139,8 +139,8 @@ class Case:
         sought, held = (float(special.fdtrc(k, dof, wald / k / variance)) for wald, k in tests)
         return held if held < CERTAIN_P else sought
 
-    def _places(self, effect: Effect, f: Fit) -> list[int]:
-        """Places of an effect's parameters among those of a fit."""
+    def columns_of(self, effect: Effect, f: Fit) -> list[int]:
+        """Return the columns of an effect's parameters among those of a fit."""
         p = len(self.model.nuisance)
         return [p + i for i, (name, _) in enumerate(f.names) if name == effect.id]
 
@@ -149,7 +149,7 @@ class Case:
 
         ``held``: its other parameters stay at what was found.
         """
-        at, linear = self._places(effect, f), np.array([q.linear for q in effect.parameters])
+        at, linear = self.columns_of(effect, f), np.array([q.linear for q in effect.parameters])
         b = np.array([f.effects[effect.id][q.name] for q in effect.parameters])[linear]
         some = np.ones_like(linear) if held else linear
         cov = f.covariance[np.ix_(at, at)][np.ix_(some, some)]

@@ -322,8 +322,13 @@ def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float])
             values[name] = float(trial)
             gains[i] = gain()
         # the middle of equally good values: between two touches a slip's time is free
-        top = np.flatnonzero(gains >= gains.max() * (1 - 1e-12))
-        best = int(top[len(top) // 2])
-        values[name] = float(trials[best])
-        low = float(trials[max(best - 1, 0)])
-        high = float(trials[min(best + 1, ZOOM_POINTS - 1)])
+        good = gains >= gains.max() * (1 - 1e-12)
+        top = np.flatnonzero(good)
+        first = last = int(top[len(top) // 2])
+        while first > 0 and good[first - 1]:
+            first -= 1
+        while last < ZOOM_POINTS - 1 and good[last + 1]:
+            last += 1
+        values[name] = float(trials[first] + trials[last]) / 2
+        low = float(trials[max(first - 1, 0)])
+        high = float(trials[min(last + 1, ZOOM_POINTS - 1)])

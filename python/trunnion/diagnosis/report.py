@@ -17,6 +17,7 @@ from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
+from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (
     Alternative,
     Cause,
@@ -419,7 +420,8 @@ def _causes(
         cause = Cause(
             effect.id,
             {q.name: float(numbers[q.name]) for q in effect.parameters},
-            {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)},
+            {q.name: float(s) for q, s in zip(effect.parameters, std, strict=True)}
+            | moment_errors(case, effect, f, variance),
             min(1.0, chance * e.candidates.multiplicity * places),
             tuple(sorted(aliases)),
             effect.label,

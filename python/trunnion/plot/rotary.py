@@ -25,6 +25,7 @@ SAME_ANGLE_DEG = 1e-3
 MIN_TARGETS = 3
 ALONG = 0.9  # cosine: an axis along X
 MAX_TARGETS = 3
+BESIDE = 0.22  # of the least step of an axis: between readings that stand beside one another
 
 
 @dataclass(frozen=True)
@@ -217,11 +218,14 @@ def error_motion_picture(motion: ErrorMotion) -> Picture:
 
 
 def rotary_test_pictures(data: RotaryTest) -> list[Picture]:
-    """Return the readings of an R-test or a ball-bar over each rotary axis that turns."""
+    """Return the readings of an R-test or a ball-bar over each rotary axis that turns.
+
+    Directions that are read at one position stand beside one another.
+    """
     readings = data.displacement_um
     if readings is not None:
         shown = {f"along {name}": readings[:, k] for k, name in enumerate("XYZ")}
-        y = Axis("Ball less sensors", "µm")
+        y = Axis("Ball displacement", "µm")
     elif data.length_mm is not None:
         mean = float(np.mean(data.length_mm))
         shown = {f"length less {mean:.4f} mm": 1e3 * (data.length_mm - mean)}
@@ -233,10 +237,14 @@ def rotary_test_pictures(data: RotaryTest) -> list[Picture]:
         if np.ptp(at) == 0:
             continue
         rows = np.arange(len(data))
+        gap = BESIDE * float(np.min(np.diff(np.unique(np.round(at, 6)))))
+        middle = (len(shown) - 1) / 2
         series = [
-            points(at, values, name, colour=PALETTE[k], rows=rows)
+            points(at + gap * (k - middle), values, name, colour=PALETTE[k], rows=rows, size=3.5)
             for k, (name, values) in enumerate(shown.items())
         ]
         title = f"Readings over the position of {axis.upper()}"
-        found.append(Picture(title, Axis(f"Position of {axis.upper()}", "°"), y, tuple(series)))
+        x = Axis(f"Position of {axis.upper()}", "°")
+        note = "Directions of one position stand beside one another." if len(shown) > 1 else ""
+        found.append(Picture(title, x, y, tuple(series), note=note))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -15,6 +16,9 @@ from trunnion.setup.names import called
 COVERAGE = 2.0
 EXPANDED = "U (k = 2)"
 NO_DECISION = "–"
+_ERROR = re.compile(r"(?<=would shift )\S+(?= by )")
+_PARAMETER = re.compile(r"(?<= of )(\w+?)_(?:um|arcsec|ppm)(?:_\w+)?\b")
+_MINUS = re.compile(r"(?<![\w.])-(?=\d)")
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,14 @@ def location_errors(
         )
         for name, value in errors.items()
     ]
+
+
+def plain_words(text: str) -> str:
+    """Return what is said of effects that readings do not show, without names of programs."""
+    text = text.replace("what is always fitted absorbs it", "what is always estimated takes it up")
+    text = text.replace("what is always fitted absorbs", "what is always estimated takes up")
+    text = _PARAMETER.sub(r"its part \1", _MINUS.sub("−", text))
+    return _ERROR.sub(lambda match: called(match[0]), text)
 
 
 def of_interest(errors: Mapping[str, float], std: Mapping[str, float]) -> str:

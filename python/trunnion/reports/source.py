@@ -12,12 +12,16 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import tomli_w
+
 from trunnion._core import __version__
 from trunnion.base.call import COMMAND
 from trunnion.base.report import Result, Table
+from trunnion.data.touches import Touches
 from trunnion.files.table import Table as DataTable
 from trunnion.reports.document import Item, Listing, Section
 from trunnion.setup import ReportSetup, Setup
+from trunnion.setup.write import tables_of
 
 RECORD = ("machine", "serial", "operator", "date", "instrument")
 """What a record has, of the set-up's table [report]."""
@@ -114,7 +118,7 @@ class Source:
         said = self.setup.report if self.setup else ReportSetup()
         meaning = {name: declared.meaning for name, declared in said.own_keys().items()}
         rows = [(meaning[n].capitalize(), str(v)) for n in meaning if (v := getattr(said, n))]
-        if self.setup is not None and self.setup.artefact.kind != "none":
+        if self.setup is not None and not self.setup.turning:
             rows.append(("Chain of axes", self.setup.machine.name))
         times = [t for one in self.data if (t := _span(one))]
         rows += [("Time of the readings", text) for text in times]
@@ -131,8 +135,15 @@ class Source:
         if missing := [meaning[n] for n in RECORD if not getattr(said, n)]:
             items.append(f"Not stated, in table [report] of the set-up: {'; '.join(missing)}.")
         if self.setup is not None:
-            items += ["Set-up:", Listing(self.setup.to_toml())]
+            items += ["Set-up:", Listing(self._set_up(self.setup))]
         return Section("Where this comes from", tuple(items))
+
+    def _set_up(self, setup: Setup) -> str:
+        """Return the tables of the set-up that such data have a use for."""
+        unused = {"machine"} if setup.turning else set()
+        if self.data and not any(isinstance(one, Touches) for one in self.data):
+            unused |= {"artefact", "probe", "plan", "control"}
+        return tomli_w.dumps({k: v for k, v in tables_of(setup).items() if k not in unused})
 
     def _paths(self) -> list[tuple[str, str]]:
         found = [(path, "data") for path, _ in self.files()]

@@ -106,18 +106,25 @@ def effect_ids(name: str, known: Sequence[str]) -> tuple[str, ...]:
 _RIGHT = {"A": "X", "B": "Y", "C": "Z"}
 _OF_AXIS = re.compile(r"axis_(r?)([xyz])_(?:um|arcsec)")
 _PLACEMENT = re.compile(r"(d(?=[xyz])|r(?=[abc]))([xyzabc])_(?:um|arcsec)")
+_PLACE = re.compile(r"(\w+)\.d([xyz])_um")
 
 
 def error_label(name: str) -> str:
     """Say what a location error or the placement of an artefact is, by its name.
 
     ``EX0C`` → "offset of the C axis along X", ``EB0C`` → "tilt of the C axis about Y", ``EC0C`` →
-    "zero position of the C axis", ``dx_um`` → "shift of the artefact along X"; else the name.
+    "zero position of the C axis", ``dx_um`` → "shift of the artefact along X", ``ball.dx_um`` →
+    "place of the ball along X"; else the name.
     """
     if match := _PLACEMENT.fullmatch(name):
         if match[1] == "d":
             return f"shift of the artefact along {match[2].upper()}"
         return f"turn of the artefact about {_RIGHT[match[2].upper()]}"
+    if match := _PLACE.fullmatch(name):
+        what, direction = match.groups()
+        known = {"tool_offset": "offset of the tool", "ball": "place of the ball"}
+        of = known.get(what) or f"place of {what.replace('_', ' ')}"
+        return f"{of} along {direction.upper()}"
     match = _SPELLING.fullmatch(name)
     if match is None:
         return name

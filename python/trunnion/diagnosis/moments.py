@@ -1,0 +1,74 @@
+"""How well the moment of a slip or the place of a kink is known.
+
+Between two readings nothing changes with it, so that it has no derivative and no standard error by
+the covariance of a fit. Its probability is exp(-RSS / 2 variance) at each value, beforehand alike
+everywhere (Hinkley 1970, Inference about the change-point in a sequence of random variables,
+Biometrika 57): flat between two readings.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.effect import Effect, Values
+from trunnion.diagnosis.fit import Fit
+
+TRIALS = 128  # values that are tried near the one found
+NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
+DETERMINED = 0.5  # times the spread if it could be anywhere: above, the readings do not tell
+
+
+def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[str, float]:
+    """Return the standard error about the fitted value of each moment that is determined, by name.
+
+    ``variance``: of a whitened reading. Of an effect with several nonlinear parameters each is
+    looked at with the others held.
+    """
+    own = case.columns_of(effect, f)
+    moved = np.any(f.jacobian[:, own] != 0, axis=0)
+    names = [p.name for p in effect.parameters]
+    still = [
+        p for p, moves in zip(effect.parameters, moved, strict=True) if not (p.linear or moves)
+    ]
+    if not still:
+        return {}
+    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    fitted = f.effects[effect.id]
+    of_effect = f.jacobian[:, own][:, linear] @ [fitted[names[i]] for i in linear]
+    others = case.white(np.delete(f.jacobian, own, axis=1))
+    basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+    y = case.white(f.residuals + of_effect)
+    y = y - basis @ (basis.T @ y)
+
+    def gains(name: str, trials: Floats) -> Floats:
+        """Drop of RSS / variance by the effect with each of these values, (t,)."""
+        out = np.zeros(len(trials))
+        for i, trial in enumerate(trials):
+            at = Values({**fitted, name: float(trial)})
+            x = case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
+            x = linear_fit(x - basis @ (basis.T @ x), y, basis=True).basis
+            out[i] = float(np.sum((x.T @ y) ** 2)) / variance
+        return out
+
+    found = {
+        p.name: _spread(fitted[p.name], np.asarray(p.grid), partial(gains, p.name)) for p in still
+    }
+    return {name: std for name, std in found.items() if np.isfinite(std)}
+
+
+def _spread(fitted: float, grid: Floats, gains: Callable[[Floats], Floats]) -> float:
+    """Root of the mean square about the fitted value; inf where every value is as likely."""
+    grid = np.unique(np.append(grid, fitted))
+    coarse = gains(grid)
+    likely = np.flatnonzero(coarse >= coarse.max() - NEGLIGIBLE)
+    first, last = likely[0] - 1, likely[-1] + 1
+    trials = np.linspace(grid[max(first, 0)], grid[min(last, len(grid) - 1)], TRIALS)
+    fine = gains(trials)
+    weights = np.exp((fine - fine.max()) / 2.0)
+    std = np.sqrt(np.average((trials - fitted) ** 2, weights=weights))
+    anywhere = np.sqrt(np.mean((np.linspace(grid[0], grid[-1], TRIALS) - fitted) ** 2))
+    return float(std) if std < DETERMINED * anywhere else np.inf

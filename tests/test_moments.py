@@ -1,0 +1,56 @@
+"""The moment of a slip and the place of a kink come with an uncertainty that is true."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import trunnion as tn
+from power.study import draw_effects, ground
+from promise import kept, needed_runs
+from twin.forward import Truth
+from twin.generator import measure, random_errors, random_placement
+
+COVERED = 0.95
+
+
+def moments(rms_um: float) -> tuple[np.ndarray, np.ndarray]:
+    """Deviation of the named moment of a slip and its standard error, of many measurements, s."""
+    made, setup, _, read = ground("paper")
+    found: list[tuple[float, float]] = []
+    for seed in range(2 * needed_runs(COVERED)):
+        if len(found) == needed_runs(COVERED):
+            break
+        rng = np.random.default_rng([seed, 17])
+        hidden = draw_effects(rng, "paper", 1, rms_um, ("setup_shift",))
+        truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects=hidden)
+        measured = measure(made, setup, truth, noise_um=0.5, tick_um=0.1, seed=seed)
+        for cause in tn.diagnose(tn.Touches(measured.columns), read).causes:
+            if cause.id == "setup_shift":
+                off = cause.parameters["t0_s"] - hidden["setup_shift"]["t0_s"]
+                found.append((off, cause.std_errors["t0_s"]))
+    off, std = np.array(found).T
+    return off, std
+
+
+def test_the_moment_of_a_slip_lies_within_its_uncertainty() -> None:
+    off, std = moments(0.7)
+    assert np.isfinite(std).all()
+    assert kept(int(np.sum(np.abs(off) < 2 * std)), len(off), COVERED)
+    # Not by saying nothing: a moment known within a tenth of the measurement.
+    assert np.median(std) < 15.0
+
+
+def kinked(size_um_m: float, seed: int) -> tn.Levels:
+    """Levels along a line with a kink at 312.5 mm."""
+    place = np.arange(0.0, 1000.0, 25.0)
+    noise = np.random.default_rng(seed).normal(0.0, 2.0, len(place))
+    slope = np.where(place > 312.5, size_um_m, 0.0)
+    return tn.Levels({"position_mm": place, "along_um_m": slope + noise})
+
+
+def test_the_place_of_a_kink_is_between_two_readings() -> None:
+    """Where nothing else is near, a place is uniform between readings: 25 mm / √12."""
+    (cause,) = (c for c in tn.diagnose(kinked(60.0, 1)).causes if c.id == "kink")
+    assert abs(cause.parameters["at_mm"] - 312.5) < 12.5
+    np.testing.assert_allclose(cause.std_errors["at_mm"], 25 / np.sqrt(12), rtol=0.1)
+    assert "not identifiable" not in cause.size()
