@@ -9,6 +9,8 @@ import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.compensation.forecast import CompensationForecast
+from trunnion.controls.files import ControlFiles
 from trunnion.diagnosis.records import chance
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
@@ -16,6 +18,7 @@ from trunnion.models.changes import MachineComparison
 from trunnion.plot.dispatch import PICTURES
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
 from trunnion.reports.budget import budget_section
+from trunnion.reports.compensation import compensation_document, control_document
 from trunnion.reports.diagnosis import diagnosis_document
 from trunnion.reports.document import Document, Item, Mark, Points, Section
 from trunnion.reports.results import (
@@ -175,5 +178,7 @@ BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (
     (Diagnosis, diagnosis_document),
     (MachineComparison, _comparison),
     (Estimate, _estimate),
+    (CompensationForecast, compensation_document),
+    (ControlFiles, control_document),
 )
 """Class of a result → what makes its document; any other result has a general one."""
