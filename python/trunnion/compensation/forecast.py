@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.report import Cell, Result, Table, left_text
+from trunnion.base.report import SHOWN, Cell, Result, Table, left_text
 from trunnion.base.units import Floats
 from trunnion.compensation.control import (
     Compensation,
@@ -139,7 +139,7 @@ class CompensationForecast(Result):
         after = self.by_name(PARAMETERS)
         lines = [before_and_after(self.left[0], after or self.left[0], "parameters of the control")]
         lines.append(f"Work space: {self.space}.")
-        if held := self.parameters.held_in_words():
+        if held := self.parameters.held_in_words([k for k, v in self.errors.items() if v]):
             lines.append(held)
         exact = self.by_name(MAP)
         if exact is not None and after is not None:
@@ -173,14 +173,18 @@ class CompensationForecast(Result):
 def before_and_after(before: Left, after: Left, means: str) -> str:
     """Say the one sentence of a compensation."""
     said = (
-        f"Volumetric error over the work space: rms {before.rms_um:.3g} → "
-        f"{left_text(after.rms_um)} µm, largest {before.max_um:.3g} → {left_text(after.max_um)} µm "
+        f"Volumetric error over the work space: rms {_size(before.rms_um)} → "
+        f"{_size(after.rms_um)} µm, largest {_size(before.max_um)} → {_size(after.max_um)} µm "
         f"with {means}"
     )
     if after.max_interval_um is None:
         return f"{said}, if the machine is as estimated."
     interval = _interval(after.max_interval_um)
     return f"{said}; for the uncertainty of the estimate {interval} µm at most (95 %)."
+
+
+def _size(value: float) -> str:
+    return left_text(value) if value < SHOWN else f"{value:#.3g}".rstrip(".")
 
 
 def _interval(span: tuple[float, float] | None) -> str:

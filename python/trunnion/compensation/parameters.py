@@ -14,7 +14,7 @@ gives them as printed, with the origin offsets that the paper puts into the work
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -210,13 +210,13 @@ class CncParameters(Result):
             )
         return [*lines, *filter(None, (self.held_in_words(),))]
 
-    def held_in_words(self) -> str:
-        """Say of which errors such parameters leave something; empty where of none."""
+    def held_in_words(self, names: Container[str] | None = None) -> str:
+        """Say of which errors (of these names) something is left; empty where of none."""
         ranked = sorted(self.removable, key=lambda row: -row.share_left)
         parts = [
             f"{called(row.name)}, {100 * row.share_left:.0f} %"
             for row in ranked
-            if row.share_left > MIN_LEFT
+            if row.share_left > MIN_LEFT and (names is None or row.name in names)
         ]
         if not parts:
             return ""
