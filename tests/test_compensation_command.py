@@ -79,7 +79,7 @@ def of_table(
     assumed = table_pose({} if moved is None else moved.centres_um, *where)
     ends = np.column_stack([points, np.ones(len(points))]).T
     apart = (table_pose(TABLE_2, *sent) - assumed) @ ends
-    return 1e3 * (table_pose({}, *where)[:3, :3].T @ apart[:3]).T
+    return np.asarray(1e3 * (table_pose({}, *where)[:3, :3].T @ apart[:3]).T)
 
 
 def test_before_and_after_are_of_one_solid_box_and_one_range() -> None:
