@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.report import SHOWN, Cell, Result, Table, left_text
+from trunnion.base.report import SHOWN, Cell, Result, Shown, Table, left_text
 from trunnion.base.units import Floats
 from trunnion.compensation.control import (
     Compensation,
@@ -155,14 +155,14 @@ class CompensationForecast(Result):
         some = any(one.max_interval_um for one in self.left)
         rows: list[tuple[Cell, ...]] = []
         for one in self.left:
-            largest, rms = (
-                [f"{value:.3f}", *([_interval(span)] if some else [])]
-                for value, span in (
-                    (one.max_um, one.max_interval_um),
-                    (one.rms_um, one.rms_interval_um),
-                )
-            )
-            rows.append((one.name, *largest, *rms, f"{one.direction_arcsec:.2f}"))
+            cells: list[Cell] = [one.name]
+            for value, span in (
+                (one.max_um, one.max_interval_um),
+                (one.rms_um, one.rms_interval_um),
+            ):
+                cells += [Shown(value, f"{value:.3f}"), *([_interval(span)] if some else [])]
+            angle = Shown(one.direction_arcsec, f"{one.direction_arcsec:.2f}")
+            rows.append((*cells, angle))
         heads = ["", "largest", "rms", "direction"]
         if some:
             heads[2:3] = ["largest, 95 %", "rms", "rms, 95 %"]
