@@ -85,9 +85,8 @@ def test_settings_and_data_that_are_wrong() -> None:
         ({"direction": [0, 1]}, "a list of 3 numbers"),
         ({"repeatability_um": -1}, "repeatability_um"),
     ):
-        setup = tn.Setup(artefact=tn.Artefact("none"), ballbar=table)
-        with pytest.raises(tn.TrunnionError, match=match):
-            tn.BallbarModel(circle(), setup)
+        with pytest.raises(tn.InputError, match=match):
+            tn.Setup(artefact=tn.Artefact("none"), ballbar=table)
     far = circle()
     wrong = np.array(far.length_mm)
     wrong[7] += 30.0
@@ -192,13 +191,14 @@ def test_readings_out_of_order_and_too_few_are_refused() -> None:
 
 
 def test_files_and_options_that_say_nothing_of_the_machine_are_refused(tmp_path: Path) -> None:
-    words = tmp_path / "setup.toml"
+    words, bar = tmp_path / "setup.toml", tmp_path / "bar.toml"
     words.write_text('[ballbar]\ndirection = ["down", 0, -1]\n')
+    bar.write_text("[ballbar]\ncalibrated = true\n")
     data = str(tn.sample_path("ballbar/circle.csv"))
     other = str(tn.sample_path("cross/setup.toml"))
     for arguments, match in (
         (["hybrid", "sensitivity", other], "no table [hybrid]"),
-        (["hybrid", "cube", str(words)], "no table [hybrid]"),
+        (["hybrid", "cube", str(bar)], "no table [hybrid]"),
         (["hybrid", "cube", "--amount", "0"], "amount: got 0.0"),
         (["ballbar", "diagnose", data, other], "neither a table [ballbar] nor [hybrid]"),
         (

@@ -32,9 +32,12 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
             artefact=tn.Artefact("sphere", diameter_mm=20.0, centre_mm=(0, 0, 60)),
             machine=tn.Machine(errors={"EX0C": 1.0}),
             axes={"C": tn.AxisSetup(-1)},
-            turning={"a": [1, {"b": "'\"\n"}], "c.d": {"e": '"""'}},
+            turning={"overhang_mm": 80.0, "blocks_mm": [10.0, 20.0]},
+            report=tn.ReportSetup(machine="'\"", remark='"""'),
         ).to_toml()
-        + '[[servo.x]]\na = \'\'\'\n#\'\'\'\nb = """\\""""\n[servo]\n\'k\' . "l" = {m = 1, n.o = []}\n',
+        + "[servo]\n\"x\" = {gain_per_s = 80, 'time_constant_ms' = 5}\n"
+        + "[servo.'Y'] # y\ngain_per_s = 80\ntime_constant_ms = 5\n"
+        + '[rotary_test]\nballs_mm = [\n  [1, 2, 3], # one\n]\n[hybrid]\nerrors . "e5_um" = 3\n',
     ),
     "touches": (tn.read_touches, PLAN.with_columns(note=["a", 'b, "c"'], point=[1, 2]).to_csv()),
     "points": (tn.read_points, "nominal_x_mm,nominal_y_mm,x_mm,y_mm,group\n1,2,3,4,a\n"),

@@ -30,7 +30,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.frozen import FrozenMapping
 from trunnion.base.units import Floats
 from trunnion.setup import Setup, read_setup
-from trunnion.setup.fields import Choice, Key, Number, Part, Section, key
+from trunnion.setup.fields import Choice, Key, Number, Part, Section, key, keys_of
 
 Feedback: TypeAlias = Literal["motor", "load"]
 Position: TypeAlias = Literal["circle", "tangent"]
@@ -46,8 +46,36 @@ ANY = Number(infinite=True)
 DRAG = Number(-99.0, 99.0)
 
 
+class _Servo(Part):
+    """What linear and rotary axes have in common."""
+
+    def __post_init__(self) -> None:
+        """Check every field, and that none contradicts another or is for nothing."""
+        super().__post_init__()
+        names = {name.partition("_")[0]: name for name in keys_of(type(self))}
+        values = {short: getattr(self, name) for short, name in names.items()}
+        if values["breakaway"] < values["coulomb"]:
+            limit = f"at least {names['coulomb']} = {values['coulomb']:g}"
+            raise self.refuse(names["breakaway"], f"{limit}, the friction at speed")
+        if values["damping"] >= 1.0:
+            raise self.refuse("damping", "a ratio from 0 to below 1")
+        for name, needs in _NEEDED:
+            if values[name] and not values[needs]:
+                limit = f"0, or {names[needs]} above 0: without it this does nothing"
+                raise self.refuse(names[name], limit)
+
+
+_NEEDED = (
+    ("cyclic", "pitch"),
+    ("phase", "cyclic"),
+    ("damping", "resonance"),
+    ("stribeck", "breakaway"),
+)
+"""What is for nothing without another."""
+
+
 @dataclass(frozen=True)
-class LinearAxis(Part):
+class LinearAxis(_Servo):
     """A servo of first order with gain, and what real axes add; zero switches a part off.
 
     Attributes
@@ -101,7 +129,7 @@ class LinearAxis(Part):
 
 
 @dataclass(frozen=True)
-class RotaryAxis(Part):
+class RotaryAxis(_Servo):
     """As `LinearAxis`, in arcsec, deg and deg/min."""
 
     table: ClassVar[str] = "RotaryAxis"

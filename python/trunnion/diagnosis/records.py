@@ -104,11 +104,11 @@ class Cause(Result):
             k: f"{parameter_words(k)} {'= ' if k in known else ''}{text}"
             for k, text in said.items()
         }
-        if len(said) <= MAX_PARAMETERS:
-            return ", ".join(named.values())
         count = f"{len(said)} parameters"
         if not known:
             return f"{count}, not identifiable each for itself"
+        if len(said) <= MAX_PARAMETERS:
+            return ", ".join(named.values())
         if len({unit_of(name) for name in known}) > 1:
             return count
         return f"{count}, the largest {named[max(known, key=lambda k: abs(self.parameters[k]))]}"

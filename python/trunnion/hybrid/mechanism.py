@@ -49,7 +49,7 @@ from numpy.typing import ArrayLike
 
 from trunnion._core import Hybrid, hybrid_example
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import array, choose
+from trunnion.base.checks import array, choose, entry
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.hybrid.parameters import JOINTS, PAPER_ERRORS, error_name
@@ -129,7 +129,10 @@ class Mechanism:
         keys = _dimension_keys()
         for name in self.dimensions:
             choose("dimension", name, keys)
-        named = {error_name(name): float(value) for name, value in self.errors.items()}
+        named = {}
+        for name, value in self.errors.items():
+            with entry("errors", name):
+                named[error_name(name)] = float(value)
         object.__setattr__(self, "errors", MappingProxyType(named))
         object.__setattr__(self, "dimensions", MappingProxyType(dict(self.dimensions)))
         object.__setattr__(self, "home_mm", tuple(map(float, self.home_mm)))

@@ -20,9 +20,9 @@ from trunnion.base.errors import DataError, InputError, UnknownNameError
 from trunnion.base.units import Floats
 from trunnion.machine.effects import EffectInfo, Owner, ParameterInfo
 from trunnion.setup import Setup
+from trunnion.setup.artefact import DIMENSIONS
 from trunnion.setup.machines import Description, check_error
 from trunnion.setup.names import canonical_error_name, effect_ids, is_code, iso_codes
-from trunnion.setup.parts import DIMENSIONS
 
 
 @dataclass(frozen=True)
@@ -307,12 +307,10 @@ def standing_artefact(setup: Setup) -> _core.Artefact:
     artefact = setup.artefact
     return _core.Artefact(
         *artefact_dimensions(setup),
-        place_mm=artefact.place_mm,
+        place_mm=artefact.effective_place_mm,
         turn_deg=artefact.turn_deg,
         stem_diameter_mm=artefact.effective_stem_diameter_mm,
-        base_mm=artefact.base_mm or (0.0, 0.0, 0.0),
-        clamps_mm=artefact.clamps_mm or (),
-        chuck_mm=artefact.chuck_mm or (0.0, 0.0),
+        **artefact.obstacles,
         tolerance_mm=artefact.tolerance_mm,
         tolerance_deg=artefact.tolerance_deg,
     )

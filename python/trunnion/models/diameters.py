@@ -91,6 +91,18 @@ class Conditions(Part):
         (), Vector(0, COORDINATE), "z where blocks of the program start along the part"
     )
 
+    def __post_init__(self) -> None:
+        """Check every field, and that none contradicts another or is for nothing."""
+        super().__post_init__()
+        for name in ("cutting_speed_m_min", "spindle_rpm"):
+            speed = getattr(self, name)
+            if speed is not None and self.feed_mm_rev is None:
+                limit = f"a finite number above 0 beside turning.{name} = {speed:g}: together they"
+                raise self.refuse("feed_mm_rev", f"{limit} say how long the cut takes")
+        if self.cutting_speed_m_min is not None and self.spindle_rpm is not None:
+            limit = f"none beside turning.cutting_speed_m_min = {self.cutting_speed_m_min:g}"
+            raise self.refuse("spindle_rpm", f"{limit}: give one of the two")
+
 
 def conditions_of(setup: Setup | Conditions | None) -> Conditions:
     """Read ``[turning]`` of a set-up.

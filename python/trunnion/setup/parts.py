@@ -5,8 +5,8 @@ unit and meaning. Tables ``[machine]`` (with ``[machine.errors]`` and ``[machine
 ``[axes.X]`` and so on, ``[artefact]``, ``[probe]``, ``[resolution]``, ``[table]``, ``[plan]``,
 ``[control]``, ``[report]`` are its own.
 ``[turning]``, ``[servo]``, ``[ballbar]``, ``[hybrid]`` and ``[rotary_test]`` belong to these
-processes, which declare and read them; a file with one of them needs no ``[artefact]`` (its kind is
-then "none"). Any other key is an error.
+processes, which declare them; a file with one of them needs no ``[artefact]`` (its kind is then
+"none"). Any other key is an error, in any table, whichever command reads the file.
 """
 
 from __future__ import annotations
@@ -15,25 +15,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
-import numpy as np
-
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose, entry, instance, named, with_article
-from trunnion.base.errors import InputError
+from trunnion.base.checks import choose, instance, named, with_article
 from trunnion.base.frozen import FrozenMapping
+from trunnion.setup.agreement import check
+from trunnion.setup.artefact import UNCERTAINTY, Artefact
 from trunnion.setup.control import ControlSetup
 from trunnion.setup.fields import (
-    COORDINATE,
     LENGTH,
-    Choice,
-    Key,
     Number,
     Part,
     Section,
-    Vector,
-    Vectors,
     key,
-    keys_of,
 )
 from trunnion.setup.machine import AxisSetup, Machine
 from trunnion.setup.machines import Description
@@ -49,160 +42,7 @@ from trunnion.setup.write import (
 
 AXES = ("X", "Y", "Z", "A", "B", "C")
 
-DIMENSIONS: Mapping[str, tuple[str, ...]] = {
-    "cross": ("length_mm", "width_mm", "height_mm"),
-    "cuboid": ("length_mm", "width_mm", "height_mm"),
-    "sphere": ("diameter_mm", "centre_mm", "stem_diameter_mm"),
-    "spheres": ("diameter_mm", "spheres_mm", "stem_diameter_mm"),
-    "ring": ("diameter_mm", "outer_diameter_mm", "height_mm"),
-    "none": ("length_mm", "width_mm", "height_mm"),  # earlier versions wrote them
-}
-"""Keys of an artefact beside its kind; "none" where nothing is touched."""
-
-HOLDING = ("base_mm", "clamps_mm", "chuck_mm")
-"""What an artefact of any kind is held by, as obstacles of a plan."""
-
-STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", *HOLDING)
-"""Keys that say how an artefact of any kind stands on the table."""
-
-CERTIFICATE = (
-    *("calibration_um", "calibration_arcsec", "expansion_ppm_k"),
-    *("temperature_c", "temperature_std_k"),
-)
-"""Keys that say how well an artefact of any kind is known."""
-
-REFERENCE_C = 20.0
-"""Temperature that dimensions are stated at (ISO 1)."""
-
-UNCERTAINTY = Number(0.0, 1e4)
 SPEED = Number(1e-3, 1e7)
-
-
-@dataclass(frozen=True)
-class Artefact(Part):
-    """What is touched, mm.
-
-    `kind` is "cross", "cuboid" (a datum cube, wherever `place_mm` puts it), "sphere", "spheres" (a
-    ball plate, a ball bar, a scale with its master balls) or "ring" (a ring gauge or a bore, its
-    axis Z of the artefact frame), "none" where nothing is touched.
-
-    A sphere needs `diameter_mm` and `centre_mm`, several need `spheres_mm`, two to nine centres
-    (all in the artefact frame); a ring needs `diameter_mm` (of the bore) and `outer_diameter_mm`.
-    They are None for the others. Stems, from each sphere down to the table top, are obstacles of a
-    plan, as are a plate of the lengths `base_mm` under the artefact, boxes beside it (`clamps_mm`)
-    and a chuck (`chuck_mm`); a `stem_diameter_mm` of None is a third of the sphere's: read it as
-    `effective_stem_diameter_mm`.
-
-    `place_mm` and `turn_deg` (about Z) are where the artefact's frame nominally stands in the
-    table's, whose origin is the centre of its top; the placement that is identified is the
-    deviation from there. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
-    direction) and `tolerance_deg` (about Z) of its place it stands.
-
-    What is stated of its calibration and temperature is part of uncertainty budgets.
-
-    Examples
-    --------
-    >>> import trunnion as tn
-    >>> ball = tn.Artefact("sphere", diameter_mm=24.0, centre_mm=(60.0, 0.0, 80.0))
-    >>> ball.effective_stem_diameter_mm
-    8.0
-    """
-
-    table: ClassVar[str] = "artefact"
-    kind: str = key(..., Choice(tuple(DIMENSIONS)), "what is touched")
-    length_mm: float = key(100.0, LENGTH, "along X")
-    width_mm: float = key(25.0, LENGTH, "of a cross's bars; of a cuboid along Y")
-    height_mm: float = key(25.0, LENGTH, "along Z")
-    diameter_mm: float | None = key(None, LENGTH, "of the sphere, of each sphere, of the bore")
-    centre_mm: tuple[float, float, float] | None = key(
-        None, Vector(3, COORDINATE), "of the sphere, artefact frame"
-    )
-    spheres_mm: tuple[tuple[float, float, float], ...] | None = key(
-        None, Vectors(3, 2, 9, COORDINATE), "centres of several spheres, artefact frame"
-    )
-    outer_diameter_mm: float | None = key(None, LENGTH, "of the ring; its outside is not touched")
-    stem_diameter_mm: float | None = key(
-        None, Number(0.0, 1e5), "of the sphere's stem; 0: none; else a third of the sphere's"
-    )
-    place_mm: tuple[float, float, float] = key(
-        (0.0, 0.0, 0.0), Vector(3, COORDINATE), "nominal place on the table, from its centre"
-    )
-    turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
-    tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
-    tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
-    base_mm: tuple[float, float, float] | None = key(
-        None, Vector(3, LENGTH), "plate under the artefact: along X and Y, height; else none"
-    )
-    clamps_mm: tuple[tuple[float, ...], ...] | None = key(
-        None,
-        Vectors(5, 0, 100, COORDINATE),
-        "boxes beside the artefact, such as jaws of a vise, on the table and turned with it: X and "
-        "Y of the middle from its place, lengths along X and Y, height; else none",
-    )
-    chuck_mm: tuple[float, float] | None = key(
-        None, Vector(2, LENGTH), "chuck about the artefact's place: diameter, height; else none"
-    )
-    calibration_um: float = key(0.0, UNCERTAINTY, "standard uncertainty of each dimension")
-    calibration_arcsec: float = key(0.0, UNCERTAINTY, "standard uncertainty of its squareness")
-    expansion_ppm_k: float = key(11.5, Number(0.0, 100.0), "expansion coefficient; steel: 11.5")
-    temperature_c: float = key(
-        REFERENCE_C, Number(-50.0, 150.0), "of the artefact; dimensions are those at 20 °C"
-    )
-    temperature_std_k: float = key(0.0, Number(0.0, 100.0), "standard uncertainty of it")
-
-    def __post_init__(self) -> None:
-        """Check every field, and that the kind has these dimensions."""
-        super().__post_init__()
-        own = self.own_names()
-        for name, declared in keys_of(Artefact).items():
-            value = getattr(self, name)
-            if name in own and value is None and name not in ("stem_diameter_mm", *HOLDING):
-                raise self.refuse(name, f"{declared.takes.words}: a {self.kind} needs it")
-            if name not in own and value != declared.default:
-                has = ", ".join(own[1:])
-                raise self.refuse(name, f"none: a {self.kind} has {has}")
-        if self.kind == "cross" and self.width_mm >= self.length_mm:
-            limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
-            raise self.refuse("width_mm", limit)
-        if (self.outer_diameter_mm or np.inf) <= (self.diameter_mm or 0.0):
-            limit = f"more than artefact.diameter_mm = {self.diameter_mm:g}, the bore's"
-            raise self.refuse("outer_diameter_mm", limit)
-        if self.diameter_mm is not None and self.effective_stem_diameter_mm >= self.diameter_mm:
-            limit = f"less than artefact.diameter_mm = {self.diameter_mm:g}: the sphere is touched"
-            raise self.refuse("stem_diameter_mm", limit)
-
-    @property
-    def growth(self) -> float:
-        """Its dimensions at its temperature, as a multiple of those at 20 °C."""
-        return 1.0 + 1e-6 * self.expansion_ppm_k * (self.temperature_c - REFERENCE_C)
-
-    @property
-    def effective_stem_diameter_mm(self) -> float:
-        """Diameter of a sphere's stem: as given, or a third of the sphere's; else 0."""
-        given = self.stem_diameter_mm
-        if "stem_diameter_mm" not in self.own_names():
-            return 0.0
-        return (self.diameter_mm or 0.0) / 3.0 if given is None else given
-
-    @property
-    def centres_mm(self) -> tuple[tuple[float, float, float], ...]:
-        """Centres of its spheres, artefact frame; none where it has none."""
-        own = () if self.centre_mm is None else (self.centre_mm,)
-        return own if self.spheres_mm is None else self.spheres_mm
-
-    def own_names(self) -> tuple[str, ...]:
-        """Return the names of the keys that this kind has."""
-        return names_of(self.kind)
-
-    def own_keys(self) -> Mapping[str, Key]:
-        """Return the kind, its dimensions and how it stands."""
-        own = self.own_names()
-        return {name: declared for name, declared in keys_of(Artefact).items() if name in own}
-
-
-def names_of(kind: str) -> tuple[str, ...]:
-    """Return the names of the keys that a kind of artefact has."""
-    return ("kind", *DIMENSIONS[kind], *(() if kind == "none" else STANDING + CERTIFICATE))
 
 
 @dataclass(frozen=True)
@@ -381,11 +221,9 @@ class Setup:
         for axis, given in named("axes", self.axes, "a mapping of axis name to AxisSetup").items():
             instance(f"axes.{choose('axes', axis, AXES)}", given, AxisSetup, "an AxisSetup")
         object.__setattr__(self, "axes", FrozenMapping(self.axes or {}))
-        self._check_axes()
-        for axis, made in self.axes.items():
-            _check_range(axis, made)
         for name in PROCESS_TABLES:
             object.__setattr__(self, name, Section.of(name, getattr(self, name)))
+        check(self)
 
     @checked
     def sense(self, axis: str) -> int:
@@ -412,41 +250,6 @@ class Setup:
             points_mm={**known.points_mm, **self.axis_points()},
         )
 
-    def _check_axes(self) -> None:
-        """Refuse axes that the machine has not, and what an axis cannot have."""
-        known = self.machine.description()
-        letters = known.core(1.0).letters
-        for axis, given in self.axes.items():
-            with entry("axes", axis):
-                if axis not in "XYZ" and axis not in letters:
-                    has = ", ".join("XYZ" + letters)
-                    raise InputError(
-                        f"axes.{axis}: got an axis that machine {self.machine.name} has not, "
-                        f"expected one of {has}"
-                    )
-            for name in ("direction", "point_mm"):
-                value = getattr(given, name)
-                with entry("axes", axis, name):
-                    if axis in "XYZ" and value is not None:
-                        raise InputError(
-                            f"axes.{axis}.{name}: got {list(value)}, expected none: linear axes "
-                            "are along X, Y, Z of the machine frame, wherever they are"
-                        )
-                    if axis in letters and value is not None:
-                        self._check_line(axis, name, value)
-        with entry("machine"):
-            self.machine.check_errors(self.description().core(self.probe.length_mm))
-
-    def _check_line(self, axis: str, name: str, value: tuple[float, float, float]) -> None:
-        """Let the core refuse the direction or, with its direction, the point of one axis."""
-        known = self.machine.description()
-        direction = self.axes[axis].direction
-        if direction is not None:
-            known = replace(known, directions={**known.directions, axis: direction})
-        if name == "point_mm":
-            known = replace(known, points_mm={**known.points_mm, axis: value})
-        known.core(self.probe.length_mm)
-
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return the tables of the file with plain values; empty ones left out."""
         return tables_of(self)
@@ -466,18 +269,3 @@ class Setup:
 
     def _repr_html_(self) -> str:
         return report_of(self).html()
-
-
-def _check_range(axis: str, given: AxisSetup) -> None:
-    """Refuse a range in the other unit, or one from high to low."""
-    own, other = ("range_mm", "range_deg") if axis in "XYZ" else ("range_deg", "range_mm")
-    limits = getattr(given, own)
-    with entry("axes", axis, other):
-        if getattr(given, other) is not None:
-            got = list(getattr(given, other))
-            raise InputError(f"axes.{axis}.{other}: got {got}, expected {own} for axis {axis}")
-    with entry("axes", axis, own):
-        if limits is not None and not limits[0] < limits[1]:
-            raise InputError(
-                f"axes.{axis}.{own}: got {list(limits)}, expected the lower limit first"
-            )

@@ -8,16 +8,14 @@ from typing import Any
 
 from trunnion.base.arguments import checked
 from trunnion.files.toml import TomlText
+from trunnion.setup.artefact import DIMENSIONS, Artefact, names_of
 from trunnion.setup.fields import Section, keys_of
 from trunnion.setup.machine import AxisSetup
 from trunnion.setup.parts import (
     AXES,
-    DIMENSIONS,
     PARTS,
-    Artefact,
     Setup,
     TableSetup,
-    names_of,
 )
 from trunnion.setup.write import PROCESS_TABLES
 

@@ -12,12 +12,23 @@ from trunnion.base.report import Table
 from trunnion.setup.fields import report
 
 if TYPE_CHECKING:
-    from trunnion.setup.parts import Artefact, Setup
+    from trunnion.setup.artefact import Artefact
+    from trunnion.setup.parts import Setup
 
 PARTS = ("machine", "artefact", "probe", "resolution", "table", "plan", "control", "report")
 SIZES = ("length_mm", "width_mm", "height_mm", "diameter_mm")
-PROCESS_TABLES = ("turning", "servo", "ballbar", "hybrid", "rotary_test")
-"""Tables that belong to a process, which declares and reads them."""
+PROCESS_TABLES: Mapping[str, str] = {
+    "turning": "trunnion.models.diameters:conditions_of",
+    "servo": "trunnion.contouring.servo:Servo.from_setup",
+    "ballbar": "trunnion.models.ballbar.settings:BallbarSettings.from_setup",
+    "hybrid": "trunnion.hybrid.mechanism:Mechanism.from_setup",
+    "rotary_test": "trunnion.probing.rotary_readings:RotaryTestSettings.from_setup",
+}
+"""Tables that belong to a process, which declares them: its reader takes the set-up.
+
+A reader is named as "module:name" and imported when a set-up has the table: every set-up is refused
+for what is wrong in any of its tables, whoever reads it.
+"""
 
 
 def tables_of(setup: Setup) -> dict[str, dict[str, Any]]:
@@ -59,9 +70,10 @@ def commented_toml(setup: Setup) -> str:
             lines.append(f"{text:<42} # {declared.meaning}")
         lines.append("")
     rest = {name: table for name, table in known.items() if name not in PARTS}
-    for name in ("errors", "tolerance"):
-        if name in known["machine"]:
-            lines += [f"[machine.{name}]", tomli_w.dumps(known["machine"][name])]
+    for table in PARTS:
+        for name, value in known.get(table, {}).items():
+            if isinstance(value, dict):
+                lines += [f"[{table}.{name}]", tomli_w.dumps(value)]
     return "\n".join(lines) + tomli_w.dumps(rest)
 
 

@@ -16,10 +16,11 @@ from trunnion.machine.chain import Chain
 from trunnion.probing.model import catalogue
 from trunnion.probing.plan import plan
 from trunnion.setup import Artefact, Machine, Setup
+from trunnion.setup.artefact import names_of
 from trunnion.setup.fields import Vector, keys_of
 from trunnion.setup.machine import AxisSetup
 from trunnion.setup.machines import presets
-from trunnion.setup.parts import AXES, PARTS, names_of
+from trunnion.setup.parts import AXES, PARTS
 from trunnion.setup.read import setup_of
 from trunnion.studies.study import Parameter, Value, Values
 
