@@ -23,7 +23,7 @@ CORNERS = np.array(
 
 @dataclass(frozen=True)
 class RealMachine:
-    """A trt-ca with location errors, errors of its axes, and a sense of A; µm, arcsec, ppm."""
+    """A trt-ca with location errors, errors of its axes, and senses of them; µm, arcsec, ppm."""
 
     errors: Mapping[str, float]
     scale: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -33,6 +33,7 @@ class RealMachine:
     scale_a: float = 0.0
     backlash: Mapping[str, float] = field(default_factory=dict)
     sense_a: int = 1
+    senses: tuple[int, int, int] = (1, 1, 1)  # in which the control counts X, Y, Z
 
     def linear(self) -> Floats:
         """I + Λ."""
@@ -60,7 +61,7 @@ class RealMachine:
         """Tool point on the table for motor positions, reached from one side (or neither)."""
         late = {k: -travel * v / 2 for k, v in self.backlash.items()}
         linear = np.array([motor[k] + late.get(k, 0.0) * 1e-3 for k in "XYZ"])
-        tip = np.append(self.linear() @ (linear - CENTRE), 1.0)
+        tip = np.append(self.linear() @ (self.senses * (linear - CENTRE)), 1.0)
         a = self.sense_a * (motor["A"] + late.get("A", 0.0) / 3600)
         c = motor["C"] + late.get("C", 0.0) / 3600
         return np.asarray(np.linalg.solve(self.pose(a, c), tip)[:3])
@@ -77,16 +78,16 @@ class Control(Protocol):
 def left_um(control: Control, machine: RealMachine, poses: list[tuple[float, float]]) -> Floats:
     """Errors of the corners of the work, (poses × corners, 3)."""
     rows = [
-        machine.reached(control.motors(corner, a, c, 0)) - corner
+        machine.reached(control.motors(machine.senses * corner, a, c, 0)) - corner
         for a, c in poses
         for corner in CORNERS
     ]
     return 1e3 * np.array(rows)
 
 
-def nominal_point(point: Floats, a: float, c: float, sense_a: int) -> Floats:
-    """Machine coordinates of a point on the table without errors."""
-    pose = turn("x", np.radians(sense_a * a)) @ turn("z", np.radians(c))
+def nominal_point(point: Floats, a: float, c: float, sense_a: int, sense_c: int = 1) -> Floats:
+    """Machine coordinates of a point on the table; senses are about the control's axes."""
+    pose = turn("x", np.radians(sense_a * a)) @ turn("z", np.radians(sense_c * c))
     return np.asarray((pose @ np.append(point, 1.0))[:3] + CENTRE)
 
 
@@ -120,9 +121,10 @@ class TwinCat:
 
     tables: dict[int, tuple[Floats, Floats, Floats]]
     sense_a: int
+    sense_c: int = 1
 
     def motors(self, point: Floats, a: float, c: float, travel: int) -> dict[str, float]:
-        x, y, z = nominal_point(point, a, c, self.sense_a)
+        x, y, z = nominal_point(point, a, c, self.sense_a, self.sense_c)
         return self.sent({"X": x, "Y": y, "Z": z, "A": a, "C": c}, travel)
 
     def sent(self, meant: dict[str, float], travel: int) -> dict[str, float]:
@@ -374,7 +376,7 @@ class Isg:
         arcsec = self.angle / ARCSEC
         known = RealMachine({k: v * (1e3 if k[1] in "XYZ" else arcsec) for k, v in given.items()})
         square = [given.get(name, 0.0) * self.angle for name in ("EC0Y", "EB0Z", "EA0Z")]
-        pose = known.pose(self.screws.sense_a * a, c)
+        pose = known.pose(self.screws.sense_a * a, self.screws.sense_c * c)
         at = (pose @ np.append(point, 1.0))[:3]
         # C0Y turns the Y axis about Z, B0Z and A0Z the Z axis about Y and X, from the axis' zero.
         y, z = at[1] + square[2] * at[2], at[2]

@@ -6,7 +6,7 @@ cylinders, and the artefact stands where a draw within its tolerance puts it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -56,14 +56,22 @@ class Scene:
         cos, sin = np.cos(angle), np.sin(angle)
         return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
 
+    @property
+    def _place(self) -> Floats:
+        """Where its origin is; in a holder it sits `grip_mm` below the top unless stated."""
+        a = self.setup.artefact
+        place = np.array(a.place_mm)
+        for held in (a.vise, a.chuck, a.plate):
+            if isinstance(held, Mapping) and place[2] == 0.0:
+                place[2] = held["height_mm"] - held.get("grip_mm", 0.0)
+        return np.asarray(place + self.draw.shift_mm)
+
     def on_table(self, points: Floats) -> Floats:
         """Points (..., 3) of the artefact's frame in the table's."""
-        place = np.array(self.setup.artefact.place_mm) + self.draw.shift_mm
-        return np.asarray(points @ self._turned.T + place)
+        return np.asarray(points @ self._turned.T + self._place)
 
     def _in_artefact(self, points: Floats) -> Floats:
-        place = np.array(self.setup.artefact.place_mm) + self.draw.shift_mm
-        return np.asarray((points - place) @ self._turned)
+        return np.asarray((points - self._place) @ self._turned)
 
     def artefact(self, points: Floats) -> Floats:
         """Distance of points (..., 3) to what is touched; negative inside a sphere."""
@@ -97,10 +105,10 @@ class Scene:
         for centre in self.on_table(np.array(a.centres_mm)) if stem > 0 and a.centres_mm else ():
             out = np.hypot(x - centre[0], y - centre[1]) - stem
             found = np.minimum(found, cylinder(out, z, 0.0, centre[2]))
-        if a.chuck_mm is not None:
+        if self.chuck is not None:
             place = self.on_table(np.zeros(3))
-            out = np.hypot(x - place[0], y - place[1]) - a.chuck_mm[0] / 2
-            found = np.minimum(found, cylinder(out, z, 0.0, a.chuck_mm[1]))
+            out = np.hypot(x - place[0], y - place[1]) - self.chuck[0] / 2
+            found = np.minimum(found, cylinder(out, z, 0.0, self.chuck[1]))
         for middle_x, middle_y, x_mm, y_mm, z_mm in self.boxes:
             local = self._in_artefact(points) - [middle_x, middle_y, 0.0]
             local[..., 2] = z
@@ -113,8 +121,38 @@ class Scene:
     def boxes(self) -> list[tuple[float, ...]]:
         """What holds the artefact: X and Y of the middle, lengths along X and Y, height."""
         a = self.setup.artefact
-        plate = [] if a.base_mm is None else [(0.0, 0.0, *a.base_mm)]
-        return [*plate, *(a.clamps_mm or ())]
+        found: list[tuple[float, ...]] = [] if a.base_mm is None else [(0.0, 0.0, *a.base_mm)]
+        if isinstance(a.plate, Mapping):
+            x, y = (2 * (half + a.plate["margin_mm"]) for half in self._half_mm)
+            found.append((0.0, 0.0, x, y, a.plate["height_mm"]))
+        if isinstance(a.vise, Mapping):
+            v = a.vise
+            found.append((0.0, 0.0, v["jaw_mm"], v["length_mm"], v["bed_mm"]))
+            face = v["opening_mm"] / 2 if "opening_mm" in v else self._half_mm[1]
+            for sign in (-1.0, 1.0):
+                middle = sign * (face + v["thickness_mm"] / 2)
+                found.append((0.0, middle, v["jaw_mm"], v["thickness_mm"], v["height_mm"]))
+        return [*found, *(a.clamps_mm or ())]
+
+    @property
+    def chuck(self) -> tuple[float, float] | None:
+        """Diameter and height of a chuck."""
+        a = self.setup.artefact
+        if isinstance(a.chuck, Mapping):
+            return a.chuck["diameter_mm"], a.chuck["height_mm"]
+        return a.chuck_mm
+
+    @property
+    def _half_mm(self) -> tuple[float, float]:
+        """How far the artefact reaches from its origin along its X and Y."""
+        a = self.setup.artefact
+        if a.centres_mm:
+            assert a.diameter_mm is not None
+            return tuple(max(abs(c[i]) for c in a.centres_mm) + a.diameter_mm / 2 for i in (0, 1))  # type: ignore[return-value]
+        if a.kind == "ring":
+            assert a.outer_diameter_mm is not None
+            return a.outer_diameter_mm / 2, a.outer_diameter_mm / 2
+        return a.length_mm / 2, (a.length_mm if a.kind == "cross" else a.width_mm) / 2
 
 
 def cylinder(out: Floats, z: Floats, low: float, high: float) -> Floats:
@@ -295,10 +333,10 @@ def highest_when_turning(
         corners = scene.on_table(np.array(ends))
         corners[:, 2] = z_mm
         held.append(corners)
-    if a.chuck_mm is not None:
-        out = a.chuck_mm[0] / 2 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    if scene.chuck is not None:
+        out = scene.chuck[0] / 2 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
         rim = out + scene.on_table(np.zeros(3))
-        rim[:, 2] = a.chuck_mm[1]
+        rim[:, 2] = scene.chuck[1]
         held.append(rim)
     everything = np.concatenate([*points[:2], *held])
     positions = rng.uniform(-180, 180, (500, twin.axes))

@@ -1,5 +1,6 @@
 """Files for other controls, read back and applied by controls of the tests' own."""
 
+import dataclasses
 from itertools import product
 from typing import Any
 
@@ -156,12 +157,54 @@ def test_isg(layout: Any, unit: str, sign: int) -> None:
     assert "Chain                    CAXYZ" in files.files["volcomp.lis"]
 
 
-def screws_of(files: ControlFiles) -> TwinCat:
+def screws_of(files: ControlFiles, sense_a: int = SENSE_A, sense_c: int = 1) -> TwinCat:
     tables: dict[int, Any] = {}
     for name, text in files.files.items():
         if name.startswith("axis_"):
             tables |= ssfk(text)
-    return TwinCat(tables, SENSE_A)
+    return TwinCat(tables, sense_a, sense_c)
+
+
+@pytest.mark.parametrize("senses", [(-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, 1), (-1, -1, -1)])
+@pytest.mark.parametrize("name", ["siemens", "heidenhain", "isg", "twincat"])
+def test_axes_that_the_control_counts_the_other_way(
+    name: str, senses: tuple[int, int, int]
+) -> None:
+    """What is written is in the control's own coordinates, left-handed ones, too.
+
+    There an axis turns about +X (+Z) as the machine's does about -X where X (Z) alone counts the
+    other way, and so on.
+    """
+    axes = {
+        letter: tn.AxisSetup(range_mm=(-200.0, 400.0), sense=sense)
+        for letter, sense in zip("XYZ", senses, strict=True)
+    }
+    setup = dataclasses.replace(SETUP, axes={**SETUP.axes, **axes})
+    square = name != "twincat"
+    what = estimate(square=square)
+    a, c = (int(np.prod(senses)) * senses[i] for i in (0, 2))
+    control: Control
+    if name == "siemens":
+        files = siemens_files(setup, what, stated={"vector_sign": "1", "cec_sign": "1"})
+        control = Siemens.read(files.files, 1, 1)
+    elif name == "heidenhain":
+        files = heidenhain_files(setup, what, stated={"chain_sign": "1", "com_sign": "1"})
+        control = Heidenhain.read(files.files, 1, 1)
+    elif name == "isg":
+        stated = {"angle_unit": "rad", "sign": "1", "chain": "CAXYZ"}
+        files = isg_files(setup, what, stated=stated)
+        errors = isg_csv(files.files["location.csv"])
+        control = Isg(errors, 1, 1.0, screws_of(files, a * SENSE_A, c))
+    else:
+        files = twincat_files(setup, what)
+        control = screws_of(files, a * SENSE_A, c)
+        nodes = {number: rows[0] for number, rows in ssfk(files.files["axis_x.lis"]).items()}[1]
+        low, high = sorted(CENTRE[0] + senses[0] * np.array([-200.0, 400.0]))
+        assert nodes[0] <= low < nodes[1]
+        assert nodes[-2] < high <= nodes[-1]
+    real = machine(square=square, senses=senses)
+    check_forecast(control, files, real)
+    check_reversal(control, real)
 
 
 def test_twincat_tables_leave_the_location_errors() -> None:

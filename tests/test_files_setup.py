@@ -77,6 +77,14 @@ HOSTILE = {
     "axis that misses the table": (f"{CROSS}[axes.C]\npoint_mm = [3, 0, 0]\n", ":4:12: axes.C.point_mm: got an axis that misses the origin"),
     "axis of another machine": (f"{CROSS}[axes.B]\npoint_mm = [3, 0, 0]\n", ":3:1: axes.B: got an axis that machine trt-ca has not, expected one of X, Y, Z, A, C"),
     "linear axis": (f"{CROSS}[axes.X]\npoint_mm = [3, 0, 0]\n", ":4:12: axes.X.point_mm: got [3.0, 0.0, 0.0], expected none"),
+    "key of a vise": (f"{CROSS}vise = {{jaw = 3}}\n", ":3:15: artefact.vise: got 'jaw', expected one of jaw_mm, thickness_mm"),
+    "size of a vise": (f"{CROSS}vise = '130'\n", ":3:8: artefact.vise: got '130', expected one of 125, 80, 160"),
+    "depth of a grip": (f"{CROSS}[artefact.vise]\ngrip_mm = 200\n", ":4:11: artefact.vise.grip_mm: got 200, expected at most height_mm = 100"),
+    "opening of a vise": (f"{CROSS}vise.opening_mm = 80\n", ":3:19: artefact.vise.opening_mm: got 80, expected at least 100, the length of the artefact"),
+    "vise of a sphere": ('[artefact]\nkind = "sphere"\ndiameter_mm = 9\ncentre_mm = [0, 0, 9]\nvise = true\n', ":5:8: artefact.vise.opening_mm: missing, expected the distance between the jaws"),
+    "place in a vise": (f"{CROSS}vise = true\nplace_mm = [0, 0, 20]\n", ":4:12: artefact.place_mm: got (0.0, 0.0, 20.0), expected Z of 0 (where it sits) or of at least 75"),
+    "two holders": (f"{CROSS}vise = true\nplate = true\n", ":4:9: artefact.plate: got"),
+    "plate twice": (f"{CROSS}plate = true\nbase_mm = [1, 1, 1]\n", ":4:11: artefact.base_mm: got (1.0, 1.0, 1.0), expected none beside artefact.plate: give one of the two"),
     "pivot without a head": (f"{CROSS}[control]\npivot_mm = 80\n", ":4:12: control.pivot_mm: got 80.0, expected none: machine trt-ca has no head"),
     "tolerance of nothing": (f"{CROSS}[control]\ncentre_tolerance_mm = 0.5\n", ":3:1: control.centre_mm: missing, expected the place that centre_tolerance_mm is about"),
     "squareness of a cuboid": ("[artefact]\nkind = 'cuboid'\ncalibration_arcsec = 2\n", ":3:22: artefact.calibration_arcsec: got 2.0, expected 0: no squareness of a cuboid is fitted"),
@@ -194,6 +202,22 @@ setups = st.builds(
         sizes, st.lists(sizes, max_size=3),
     ),
 )  # fmt: skip
+
+
+@pytest.mark.parametrize("holder", ["vise", "chuck", "plate"])
+@pytest.mark.parametrize("comments", [False, True])
+def test_a_holder_reads_back_equal(holder: str, comments: bool, tmp_path: Path) -> None:
+    path = tmp_path / "setup.toml"
+    path.write_text(f"{CROSS}{holder} = true\n")
+    setup = tn.read_setup(path)
+    bare = tn.Artefact("cross")
+    usual: dict[str, Any] = {holder: {}}
+    without: dict[str, Any] = {holder: False}
+    assert setup.artefact == dataclasses.replace(bare, **usual)
+    assert dataclasses.replace(setup.artefact, **without) == bare != setup.artefact
+    path.write_text(setup.to_toml(comments=comments))
+    assert tn.read_setup(path) == setup == pickle.loads(pickle.dumps(setup))
+    assert hash(tn.read_setup(path)) == hash(setup)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])

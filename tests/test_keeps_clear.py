@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from sweep_moves import (
     swept,
 )
 from trunnion.machine.chain import Chain, standing_artefact
+from trunnion.setup.holders import CHUCKS, PLATES, VISES
 from trunnion.setup.machines import presets
 from twin.machines import Layout
 
@@ -86,6 +88,22 @@ def random_setup(rng: np.random.Generator) -> tn.Setup:
     return replace(setup, machine=replace(setup.machine, errors=known))
 
 
+def random_holder(rng: np.random.Generator, kind: str) -> dict[str, Any]:
+    """A vise, a chuck or a plate: of a usual size, or with some dimensions stated."""
+    name = str(rng.choice(["vise", "chuck", "plate"]))
+    stated: dict[str, Any] = (
+        {"height_mm": float(rng.uniform(95, 125))} if rng.uniform() < 0.5 else {}
+    )
+    if name == "plate":
+        stated = {"height_mm": float(rng.uniform(5, 40)), "margin_mm": float(rng.uniform(1, 40))}
+    else:
+        stated["size"] = str(rng.choice(["80", "125", "160"] if name == "vise" else ["100", "200"]))
+    if name == "vise" and "sphere" in kind:
+        stated["opening_mm"] = float(rng.uniform(20, 60))
+    held = {name: stated if len(stated) > 1 or "size" not in stated else stated["size"]}
+    return {**held, "place_mm": (*rng.uniform(-20, 20, 2), 0.0)}
+
+
 def random_artefact(rng: np.random.Generator, clearance: float) -> tn.Artefact:
     """An artefact on the table, known to stand there to within less than the clearance."""
     tolerance = float(rng.uniform(0.0, 0.6) * clearance)
@@ -96,13 +114,15 @@ def random_artefact(rng: np.random.Generator, clearance: float) -> tn.Artefact:
         "tolerance_deg": float(rng.uniform(0.0, 0.8)),
     }
     kind = str(rng.choice(["cross", "cuboid", "sphere", "spheres", "ring"]))
-    if rng.uniform() < 0.2:
+    if rng.uniform() < 0.4:
+        standing |= random_holder(rng, kind)
+    elif rng.uniform() < 0.2:
         standing["base_mm"] = (*rng.uniform(20, 120, 2), float(rng.uniform(5, 25)))
     if rng.uniform() < 0.3:
         jaws = rng.uniform([-90, 55, 15, 8, 10], [90, 75, 60, 25, 45], (2, 5))
         jaws[1, 1] *= -1.0
         standing["clamps_mm"] = jaws.tolist()
-    if rng.uniform() < 0.2:
+    if "chuck" not in standing and rng.uniform() < 0.2:
         standing["chuck_mm"] = (float(rng.uniform(20, 90)), float(rng.uniform(5, 25)))
     size: dict[str, Any]
     if kind == "ring":
@@ -264,6 +284,42 @@ def test_a_sweep_beyond_the_tolerance_finds_the_collision() -> None:
         swept(moves_of(program, plan), CROSS, Scene(CROSS, far), twin)
     near = Draw.within(CROSS.artefact, rng)
     swept(moves_of(program, plan), CROSS, Scene(CROSS, near), twin)
+
+
+@pytest.mark.parametrize(
+    ("held", "ball", "text"),
+    [
+        ({"vise": {"grip_mm": 15.0}}, 1.0, "a vise: jaw 125 mm, thickness 40 mm"),
+        ({"chuck": {"grip_mm": 15.0}}, 1.0, "diameter 160 mm, height 110 mm, grip 15 mm"),
+        ({"plate": "20"}, 13.0, "a plate: margin 20 mm, height 20 mm"),
+    ],
+)
+def test_a_holder_that_the_plan_does_not_know_is_run_into(
+    held: dict[str, Any], ball: float, text: str
+) -> None:
+    """The sweep sees each holder, and a plan that knows it is another one and says so."""
+    probe = tn.Probe(ball)
+    known = tn.Setup(tn.Artefact("cross", tolerance_mm=0.6, tolerance_deg=0.2, **held), probe=probe)
+    place = known.artefact.effective_place_mm
+    bare = tn.Setup(artefact=tn.Artefact("cross", place_mm=place), probe=probe)
+    angles = {"c_deg": (0.0, 90.0), "a_deg": (60.0, -90.0), "all_faces": True}
+    scene, twin = Scene(known, Draw(np.zeros(3), 0.0)), Twin(known)
+    plan = tn.plan(known, **angles)  # type: ignore[arg-type]
+    swept(approaches_of(plan, twin, known.plan.overtravel_mm), known, scene, twin)
+    assert any(text in note for note in tn.plan_notes(plan, known))
+    blind = approaches_of(tn.plan(bare, **angles), twin, known.plan.overtravel_mm)  # type: ignore[arg-type]
+    with pytest.raises(AssertionError):
+        swept(blind, known, scene, twin)
+
+
+def test_the_usual_sizes_of_holders_are_those_that_are_documented() -> None:
+    page = Path(__file__).parent.parent.joinpath("docs/explanation/conventions.md").read_text()
+    for sizes in (VISES, CHUCKS, PLATES):
+        keys = [f"`{key}`" for key in next(iter(sizes.values()))]
+        for name, one in sizes.items():
+            row = f'| `"{name}"` | ' + " | ".join(f"{size:g}" for size in one.values()) + " |"
+            assert row in page
+        assert " | ".join(keys) in page
 
 
 def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:

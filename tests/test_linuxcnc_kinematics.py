@@ -73,6 +73,29 @@ def test_the_tool_point_is_on_the_table_where_the_contract_says(sense: int, tmp_
         np.testing.assert_allclose(kins.inverse(found), joints, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("senses", [(-1, 1, 1), (1, -1, -1), (-1, -1, -1)])
+def test_linear_axes_that_count_the_other_way(senses: tuple[int, int, int], tmp_path: Path) -> None:
+    random = np.random.default_rng(7)
+    named = dict(zip("XYZ", senses, strict=True))
+    axes = {letter: tn.AxisSetup(sense=sense) for letter, sense in named.items()}
+    setup = replace(setup_of(), axes=axes)
+    errors = random_errors("trt-ca", random)
+    kins = Kinematics(component(setup, MachineErrors.of(setup, errors, EFFECTS)), tmp_path)
+    for _ in range(50):
+        joints = np.r_[random.uniform(-400, 400, 3), random.uniform(-180, 180, 2)]
+        tip = linear_matrix() @ (senses * (joints[:3] - CENTRE))
+        on_table = np.linalg.solve(table_pose(errors, *joints[3:]), np.append(tip, 1.0))[:3]
+        found = kins.forward(joints)
+        np.testing.assert_allclose(found[:3] - CENTRE, senses * on_table, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(kins.inverse(found), joints, rtol=0, atol=1e-10)
+
+
+def test_stock_kinematics_refuse_linear_axes_that_count_the_other_way() -> None:
+    setup = setup_of(Y=tn.AxisSetup(sense=-1))
+    with pytest.raises(tn.InputError, match=r"trt-kins: got axes\.Y\.sense = -1, expected 1: it"):
+        linuxcnc_files(setup, {}, kinematics="stock")
+
+
 def test_a_program_for_the_machine_without_errors_is_corrected(tmp_path: Path) -> None:
     random = np.random.default_rng(6)
     setup = setup_of()

@@ -120,7 +120,10 @@ def axis_tables(
             key = "range_mm" if linear else "range_deg"
             left |= dict.fromkeys(mine, f"its table needs [axes.{over}] {key}, or --range")
             continue
-        low, high = (_origin(setup, over) + limit for limit in limits) if linear else limits
+        low, high = limits
+        if linear:
+            sense = chain.sense_of(over)
+            low, high = sorted(_origin(setup, over) + sense * limit for limit in limits)
         unit = "mm" if linear else "deg"
         # Rotary errors bend between nodes, so that their step stays; linear ones are straight.
         nodes = _round_nodes(low, high, unit, max_rows if linear else None)

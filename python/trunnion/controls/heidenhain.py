@@ -7,6 +7,7 @@ entries: iTNC 530 HSCI, pages 680 and 686.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.controls.axis_tables import AxisTable, AxisTables, axis_tables
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.forecast import control_files, known_errors, left_between, table_settings
-from trunnion.controls.screws import Side, Step, check_directions, steps
+from trunnion.controls.screws import Side, Step, check_directions, steps, turned_round
 from trunnion.controls.stated import Need, lines, take
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -111,8 +112,12 @@ def _kinematics(setup: Setup, known: MachineErrors, sign: int) -> dict[str, list
 
 
 def _steps(setup: Setup, known: MachineErrors, sign: int, where: str, side: Side) -> list[Setting]:
-    nominal = steps(setup, MachineErrors(), side)
-    pairs = list(zip(nominal, steps(setup, known, side), strict=True))
+    mirror = turned_round(setup)
+    before, after = (
+        [replace(step, value=step.value * mirror[step.key]) for step in steps(setup, each, side)]
+        for each in (MachineErrors(), known)
+    )
+    pairs = list(zip(before, after, strict=True))
     if sign < 0:
         pairs.reverse()
     made = []

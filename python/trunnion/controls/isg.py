@@ -25,7 +25,7 @@ from trunnion.controls.forecast import (
     left_between,
     table_settings,
 )
-from trunnion.controls.screws import check_directions
+from trunnion.controls.screws import check_directions, turned_round
 from trunnion.controls.stated import Need, lines, take
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -89,7 +89,7 @@ def isg_files(
     known = known_errors(setup, estimate, any_size=any_size)
     check_directions(setup, "ISG kernel (TF5280)")
     chain = Chain(setup)
-    values = _values(known, said)
+    values = _values(setup, known, said)
     found = _screws(setup, known)
     listed = _location_files(setup, values, said, layout) if values else {}
     name = FILE_NAMES[layout]
@@ -147,15 +147,17 @@ def _held(known: MachineErrors, ids: set[str]) -> MachineErrors:
     return MachineErrors(errors=known.errors, effects=effects)
 
 
-def _values(known: MachineErrors, said: Mapping[str, str]) -> dict[str, float]:
-    """Location errors by the kernel's names, in mm and the angle's unit."""
+def _values(setup: Setup, known: MachineErrors, said: Mapping[str, str]) -> dict[str, float]:
+    """Location errors by the kernel's names, in mm and the angle's unit, along its own axes."""
+    mirror = turned_round(setup)
     per_arcsec = 1 / 3600.0 if said["angle_unit"] == "deg" else float(np.pi / 648_000)
     factors = {"µm": 1e-3, "arcsec": per_arcsec}
     sign = int(said["sign"])
-    values = {k[1:]: sign * factors[unit_of(k)] * v for k, v in known.errors.items()}
+    values = {k[1:]: mirror[k[1]] * sign * factors[unit_of(k)] * v for k, v in known.errors.items()}
     for effect, name in SQUARENESS_NAMES.items():
         if effect in known.effects:
-            values[name] = sign * per_arcsec * known.effects[effect].get("arcsec", 0.0)
+            arcsec = mirror[name[0]] * known.effects[effect].get("arcsec", 0.0)
+            values[name] = sign * per_arcsec * arcsec
     return values
 
 

@@ -122,6 +122,16 @@ def steps(setup: Setup, known: MachineErrors, side: Side = "table") -> Iterator[
             yield Step(key, float(shift))
 
 
+def turned_round(setup: Setup) -> dict[str, float]:
+    """1 or -1 by letter: a shift along X, Y, Z, a turn about them (A, B, C) as the control counts.
+
+    Linear axes may count the other way; then an axis turns the other way about two of them, in a
+    left-handed system of the control, too.
+    """
+    mirror = Chain(setup).linear_senses()
+    return dict(zip(COMPONENTS, [*mirror, *(mirror.prod() * mirror)], strict=True))
+
+
 def _displacement(step: Step) -> Floats:
     """Shift or turn of a step that is no axis of the machine, (4, 4)."""
     out, i = np.eye(4), "XYZABC".index(step.key) % 3

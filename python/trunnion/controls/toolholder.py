@@ -98,6 +98,8 @@ class Toolholder:
 
     def late(self) -> Floats:
         """From where the tool tip comes at zero of the head to where it is meant, mm."""
+        if not self.head.points.size:
+            return np.zeros(3)
         place = self.head.zero
         return np.asarray(-self.tool - (place[:3, :3] @ self.tip + place[:3, 3]))
 

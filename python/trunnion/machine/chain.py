@@ -307,12 +307,10 @@ def standing_artefact(setup: Setup) -> _core.Artefact:
     artefact = setup.artefact
     return _core.Artefact(
         *artefact_dimensions(setup),
-        place_mm=artefact.place_mm,
+        place_mm=artefact.effective_place_mm,
         turn_deg=artefact.turn_deg,
         stem_diameter_mm=artefact.effective_stem_diameter_mm,
-        base_mm=artefact.base_mm or (0.0, 0.0, 0.0),
-        clamps_mm=artefact.clamps_mm or (),
-        chuck_mm=artefact.chuck_mm or (0.0, 0.0),
+        **artefact.obstacles,
         tolerance_mm=artefact.tolerance_mm,
         tolerance_deg=artefact.tolerance_deg,
     )

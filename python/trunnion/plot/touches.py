@@ -84,7 +84,7 @@ def plot_artefact(
     angle = np.radians(setup.artefact.turn_deg)
     cos, sin = np.cos(angle), np.sin(angle)
     turned = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    centre, direction = (centre - setup.artefact.place_mm) @ turned, direction @ turned
+    centre, direction = (centre - setup.artefact.effective_place_mm) @ turned, direction @ turned
     contact = centre + direction * setup.probe.ball_radius_mm
     axes.scatter(*contact.T, s=13, color=VERMILLION, depthshade=False, label="touch", zorder=5)
     if residuals_um is None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
+from trunnion.base.units import without_unit
 from trunnion.data.touches import Touches
 from trunnion.machine.estimate import in_words, named_combination
 from trunnion.probing.design import missing_positions
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
+from trunnion.setup.artefact import HOLDERS
 
 
 def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
@@ -54,6 +56,15 @@ def assumptions(setup: Setup) -> list[str]:
             "No stem_diameter_mm in the set-up: the sphere is assumed to stand on a stem of "
             f"{artefact.effective_stem_diameter_mm:.3g} mm."
         )
+    for name in HOLDERS:
+        if getattr(artefact, name) is not None and artefact.holder is not None:
+            sizes = ", ".join(
+                f"{without_unit(key)} {size:g} mm" for key, size in artefact.holder.items()
+            )
+            said.append(
+                f"Keeps clear of a {name}: {sizes}. The artefact is taken to stand "
+                f"{artefact.effective_place_mm[2]:g} mm above the table."
+            )
     return said
 
 

@@ -294,7 +294,7 @@ class Model:
         x, y, z = np.array(self.setup.description().table_normal)
         lean = (np.arctan2(-y, z), np.arctan2(x, np.hypot(y, z)), np.radians(artefact.turn_deg))
         top = ca.DM(np.array(self._tilts(lean[0], lean[1], 0.0), float))
-        offset = offset + rotation @ (ca.vertcat(*seat) + top @ ca.DM(artefact.place_mm))
+        offset = offset + rotation @ (ca.vertcat(*seat) + top @ ca.DM(artefact.effective_place_mm))
         tilts = [
             self._unknown(name) + nominal for name, nominal in zip(PLACEMENT[3:], lean, strict=True)
         ]

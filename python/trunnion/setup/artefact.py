@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 
+from trunnion.base.checks import entry
+from trunnion.base.errors import InputError
 from trunnion.setup.fields import (
     COORDINATE,
     LENGTH,
@@ -20,6 +22,7 @@ from trunnion.setup.fields import (
     key,
     keys_of,
 )
+from trunnion.setup.holders import CHUCKS, PLATES, VISES, Holder, seat_mm, vise_boxes
 
 DIMENSIONS: Mapping[str, tuple[str, ...]] = {
     "cross": ("length_mm", "width_mm", "height_mm"),
@@ -31,7 +34,10 @@ DIMENSIONS: Mapping[str, tuple[str, ...]] = {
 }
 """Keys of an artefact beside its kind; "none" where nothing is touched."""
 
-HOLDING = ("base_mm", "clamps_mm", "chuck_mm")
+HOLDERS = ("vise", "chuck", "plate")
+"""What an artefact of any kind may be held by, by name."""
+
+HOLDING = (*HOLDERS, "base_mm", "clamps_mm", "chuck_mm")
 """What an artefact of any kind is held by, as obstacles of a plan."""
 
 STANDING = ("place_mm", "turn_deg", "tolerance_mm", "tolerance_deg", *HOLDING)
@@ -50,6 +56,14 @@ UNCERTAINTY = Number(0.0, 1e4)
 """Standard uncertainties, µm or arcsec."""
 
 
+class Obstacles(TypedDict):
+    """What holds an artefact, as the core takes it: none where the lengths are 0."""
+
+    base_mm: tuple[float, float, float]
+    clamps_mm: tuple[tuple[float, ...], ...]
+    chuck_mm: tuple[float, float]
+
+
 @dataclass(frozen=True)
 class Artefact(Part):
     """What is touched, mm.
@@ -61,13 +75,15 @@ class Artefact(Part):
     A sphere needs `diameter_mm` and `centre_mm`, several need `spheres_mm`, two to nine centres
     (all in the artefact frame); a ring needs `diameter_mm` (of the bore) and `outer_diameter_mm`.
     They are None for the others. Stems, from each sphere down to the table top, are obstacles of a
-    plan, as are a plate of the lengths `base_mm` under the artefact, boxes beside it (`clamps_mm`)
-    and a chuck (`chuck_mm`); a `stem_diameter_mm` of None is a third of the sphere's: read it as
-    `effective_stem_diameter_mm`.
+    plan, as are a `vise`, a `chuck` or a `plate` (True, the name of a size or a mapping of
+    dimensions) that hold it, a plate of the lengths `base_mm` under the artefact, boxes beside it
+    (`clamps_mm`) and a chuck (`chuck_mm`). A `stem_diameter_mm` of None is a third of the sphere's:
+    read it as `effective_stem_diameter_mm`.
 
     `place_mm` and `turn_deg` (about Z) are where the artefact's frame nominally stands in the
     table's, whose origin is the centre of its top; the placement that is identified is the
-    deviation from there. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
+    deviation from there. In a holder, a Z of 0 stands for where the artefact sits in it: read it as
+    `effective_place_mm`. A plan keeps clear of the artefact wherever within `tolerance_mm` (any
     direction) and `tolerance_deg` (about Z) of its place it stands.
 
     What is stated of its calibration and temperature is part of uncertainty budgets.
@@ -97,11 +113,24 @@ class Artefact(Part):
         None, Number(0.0, 1e5), "of the sphere's stem; 0: none; else a third of the sphere's"
     )
     place_mm: tuple[float, float, float] = key(
-        (0.0, 0.0, 0.0), Vector(3, COORDINATE), "nominal place on the table, from its centre"
+        (0.0, 0.0, 0.0),
+        Vector(3, COORDINATE),
+        "nominal place on the table, from its centre; Z of 0: on the table or in its holder",
     )
     turn_deg: float = key(0.0, Number(-360.0, 360.0), "nominal turn about Z on the table")
     tolerance_mm: float = key(2.0, Number(0.0, 1e3), "how far from its place it may stand")
     tolerance_deg: float = key(1.0, Number(0.0, 45.0), "how far it may be turned about Z")
+    vise: bool | str | Mapping[str, Any] | None = key(
+        None,
+        Holder(VISES, ("opening_mm",)),
+        "vise that holds it, turned with it, jaws along X: its body and jaws; else none",
+    )
+    chuck: bool | str | Mapping[str, Any] | None = key(
+        None, Holder(CHUCKS), "chuck that holds it, up to the top of its jaws; else none"
+    )
+    plate: bool | str | Mapping[str, Any] | None = key(
+        None, Holder(PLATES), "plate that it stands on, wider than itself; else none"
+    )
     base_mm: tuple[float, float, float] | None = key(
         None, Vector(3, LENGTH), "plate under the artefact: along X and Y, height; else none"
     )
@@ -133,6 +162,7 @@ class Artefact(Part):
             if name not in own and value != declared.default:
                 has = ", ".join(own[1:])
                 raise self.refuse(name, f"none: a {self.kind} has {has}")
+        self._check_holder()
         if self.kind == "cross" and self.width_mm >= self.length_mm:
             limit = f"less than artefact.length_mm = {self.length_mm:g}: a cross has arms"
             raise self.refuse("width_mm", limit)
@@ -144,6 +174,81 @@ class Artefact(Part):
         if self.diameter_mm is not None and self.effective_stem_diameter_mm >= self.diameter_mm:
             limit = f"less than artefact.diameter_mm = {self.diameter_mm:g}: the sphere is touched"
             raise self.refuse("stem_diameter_mm", limit)
+
+    def _check_holder(self) -> None:
+        """Refuse two holders, one stated twice, one that is too high, and an unknown opening."""
+        names = [name for name in HOLDERS if getattr(self, name) is not None]
+        twice = [*zip(names[1:], names, strict=False), ("chuck_mm", "chuck"), ("base_mm", "plate")]
+        for name, same in twice:
+            if getattr(self, name) is not None and same in names:
+                raise self.refuse(name, f"none beside artefact.{same}: give one of the two")
+        held = self.holder or {}
+        if names == ["vise"]:
+            self._check_opening(held)
+        lowest = held.get("bed_mm", seat_mm(held) if names == ["plate"] else 0.0)
+        if held and self.effective_place_mm[2] < lowest:
+            limit = f"Z of 0 (where it sits) or of at least {lowest:g}, what it stands on"
+            raise self.refuse("place_mm", limit)
+
+    def _check_opening(self, vise: Mapping[str, float]) -> None:
+        """Refuse jaws that nobody can place, or that are in the artefact."""
+        opening = vise.get("opening_mm")
+        with entry("vise", *(() if opening is None else ("opening_mm",))):
+            if opening is None and self.centres_mm:
+                raise InputError(
+                    "artefact.vise.opening_mm: missing, expected the distance between the jaws, "
+                    f"which does not follow from a {self.kind}"
+                )
+            if opening is not None and not self.centres_mm and opening < self.extent_mm[1]:
+                raise InputError(
+                    f"artefact.vise.opening_mm: got {opening:g}, expected at least "
+                    f"{self.extent_mm[1]:g}, the length of the artefact between the jaws"
+                )
+
+    def _held(self, name: str) -> Mapping[str, float] | None:
+        """Dimensions of a holder, mm by name."""
+        found: Mapping[str, float] | None = getattr(self, name)
+        return found
+
+    @property
+    def holder(self) -> Mapping[str, float] | None:
+        """Dimensions of the vise, chuck or plate that holds it, mm by name; None: not stated."""
+        return next((held for name in HOLDERS if (held := self._held(name)) is not None), None)
+
+    @property
+    def extent_mm(self) -> tuple[float, float]:
+        """Lengths along its X and Y of the least rectangle about its origin that holds it."""
+        if self.centres_mm:
+            far = np.abs(self.centres_mm).max(axis=0)[:2]
+            x, y = (2.0 * far + (self.diameter_mm or 0.0)).tolist()
+            return x, y
+        if self.kind == "ring":
+            return self.outer_diameter_mm or 0.0, self.outer_diameter_mm or 0.0
+        return self.length_mm, self.length_mm if self.kind == "cross" else self.width_mm
+
+    @property
+    def effective_place_mm(self) -> tuple[float, float, float]:
+        """Its place on the table; a Z of 0 in a holder is where it sits in that."""
+        x, y, z = self.place_mm
+        return (x, y, z if z or self.holder is None else seat_mm(self.holder))
+
+    @property
+    def obstacles(self) -> Obstacles:
+        """What holds it, by name or by its boxes."""
+        x, y = self.extent_mm
+        found: Obstacles = {
+            "base_mm": self.base_mm or (0.0, 0.0, 0.0),
+            "clamps_mm": self.clamps_mm or (),
+            "chuck_mm": self.chuck_mm or (0.0, 0.0),
+        }
+        if vise := self._held("vise"):
+            found["clamps_mm"] = (*vise_boxes(vise, y), *found["clamps_mm"])
+        if plate := self._held("plate"):
+            margin = 2.0 * plate["margin_mm"]
+            found["base_mm"] = (x + margin, y + margin, plate["height_mm"])
+        if chuck := self._held("chuck"):
+            found["chuck_mm"] = (chuck["diameter_mm"], chuck["height_mm"])
+        return found
 
     @property
     def growth(self) -> float:

@@ -70,9 +70,10 @@ def commented_toml(setup: Setup) -> str:
             lines.append(f"{text:<42} # {declared.meaning}")
         lines.append("")
     rest = {name: table for name, table in known.items() if name not in PARTS}
-    for name in ("errors", "tolerance"):
-        if name in known["machine"]:
-            lines += [f"[machine.{name}]", tomli_w.dumps(known["machine"][name])]
+    for table in PARTS:
+        for name, value in known.get(table, {}).items():
+            if isinstance(value, dict):
+                lines += [f"[{table}.{name}]", tomli_w.dumps(value)]
     return "\n".join(lines) + tomli_w.dumps(rest)
 
 

@@ -30,9 +30,16 @@ def check_stock(setup: Setup) -> None:
     letters = table_letters(setup, "kinematics that come with LinuxCNC")
     if letters == "AB":
         check_pocketnc(setup)
-    elif len(set(Chain(setup).senses.tolist())) > 1:
+        return
+    if len(set(Chain(setup).senses.tolist())) > 1:
         raise InputError(
             f"{STOCK[letters]}: got axes of different senses, expected one: it has one pin for both"
+        )
+    other = [f"axes.{letter}.sense" for letter in "XYZ" if setup.sense(letter) < 0]
+    if other:
+        raise InputError(
+            f"{STOCK[letters]}: got {', '.join(other)} = -1, expected 1: it turns about axes that "
+            "count as those of the machine frame; --kinematics component holds this machine"
         )
 
 

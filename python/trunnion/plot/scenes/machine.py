@@ -122,7 +122,7 @@ def on_table(setup: Setup, points: Floats) -> Floats:
     angle = np.radians(setup.artefact.turn_deg)
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    placed: Floats = points @ turn.T + np.asarray(setup.artefact.place_mm)
+    placed: Floats = points @ turn.T + np.asarray(setup.artefact.effective_place_mm)
     return placed
 
 
