@@ -216,7 +216,7 @@ def test_arrows_of_residuals_stand_outside_the_body_and_an_outlier_hides_none() 
     setup = tn.Setup(tn.Artefact("cross"))
     plan = tn.plan(setup, c_deg=(0,), a_deg=(90,))
     touches = tn.simulate(plan, setup, noise_um=0.3, seed=1)
-    first = np.flatnonzero(touches.a_deg == touches.a_deg[0])
+    first = np.flatnonzero(touches.rotary_deg["a"] == touches.rotary_deg["a"][0])
     residuals = np.linspace(-0.5, 0.5, len(touches))
     residuals[first[0]] = 40.0
     figure = touches_view(touches, setup, residuals_um=residuals).figure()
