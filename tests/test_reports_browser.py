@@ -146,7 +146,7 @@ def test_hover_highlight_and_zoom(opened: Callable[..., Opened]) -> None:
     row = shown[1]
     assert f"row {row}" in shown[0]
     assert f"c {np.asarray(d.data.c_deg)[row]:g} deg" in shown[0]
-    button = page.get_by_role("button", name="Drift of the Z axis")
+    button = page.get_by_role("button", name="highlight its readings: Drift of the Z axis")
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
     picked = page.evaluate(

@@ -106,6 +106,8 @@ class Covariate:
         The values are labels (a face, a point, a direction), not a scale.
     sequence:
         The values order the readings (time, row): jumps are looked for, too.
+    words:
+        What people call values that are few, as pairs: -1 → "clockwise".
     """
 
     name: str
@@ -114,6 +116,7 @@ class Covariate:
     period: float | None = None
     classes: bool = False
     sequence: bool = False
+    words: tuple[tuple[float, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,8 @@ class Scaling:
         return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
 
 
+TURNED = ((1.0, "forward"), (0.0, "not turned"), (-1.0, "backward"))
+"""Senses in which an axis came to its place, in words."""
 EXACT_TOLERANCE = 1e-9
 
 
@@ -204,6 +209,9 @@ class Model:
         Candidate causes, bound to the data.
     inside:
         Those that are linearised at a size, not where they vanish (:meth:`near`).
+    tool_sense:
+        -1 where a tool that is further along an axis than commanded makes readings of that
+        component smaller: a probe that is too far ahead triggers early.
     """
 
     data: Any
@@ -211,6 +219,7 @@ class Model:
     nuisance: tuple[Nuisance, ...]
     effects: tuple[Effect, ...]
     inside: frozenset[str] = frozenset()
+    tool_sense: float = 1.0
 
     def base(self, nuisance: Floats) -> Floats:
         """Return the readings without any effect, shape (n,)."""

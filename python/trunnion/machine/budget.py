@@ -33,6 +33,8 @@ MANY = 100.0  # degrees of freedom from which they are whole
 READINGS = "readings"
 RESOLUTION = "resolution of the readings"
 MODEL = "model selection"
+SHARED = (READINGS, RESOLUTION, MODEL)
+"""Sources that rest on the same readings."""
 
 Method = Literal["linear", "monte-carlo"]
 Shape = Literal["normal", "rectangular"]
@@ -123,7 +125,9 @@ def of_readings(
     scatter = float(np.sqrt(max(sigma**2 - rounding**2, 0.0)))
     found = [Source(READINGS, scatter, unit, rates, degrees_of_freedom)]
     if rounding > 0:
-        found.append(Source(RESOLUTION, min(rounding, sigma), unit, rates, shape="rectangular"))
+        freedom = degrees_of_freedom if scatter > 0 else np.inf
+        size = min(rounding, sigma)
+        found.append(Source(RESOLUTION, size, unit, rates, freedom, shape="rectangular"))
     return tuple(found)
 
 
@@ -179,9 +183,18 @@ class Measurand:
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Effective degrees of freedom by Welch and Satterthwaite."""
-        squares = sum(line.contribution**2 for line in self.lines)
-        fourth = sum(x.contribution**4 / max(x.degrees_of_freedom, 1.0) for x in self.lines)
+        """Effective degrees of freedom by Welch and Satterthwaite.
+
+        What rests on the same readings is not independent: their noise, its part that is
+        resolution, and the doubt between models enter together.
+        """
+        parts = [(x.contribution**2, x.degrees_of_freedom) for x in self.lines]
+        shared = [part for part, x in zip(parts, self.lines, strict=True) if x.source in SHARED]
+        others = [part for part, x in zip(parts, self.lines, strict=True) if x.source not in SHARED]
+        together = sum(square for square, _ in shared)
+        freedom = min((nu for square, nu in shared if square > 0), default=np.inf)
+        fourth = sum(square**2 / max(nu, 1.0) for square, nu in [*others, (together, freedom)])
+        squares = sum(square for square, _ in parts)
         return squares**2 / fourth if fourth > 0 else np.inf
 
 
@@ -269,9 +282,9 @@ class Budget(Result):
         for m in self.measurands:
             value, expanded = measured(m.value, self.coverage_factor * m.std)
             most = m.lines[0].source if m.lines and m.lines[0].contribution > 0 else ""
-            freedom = _freedom(m.degrees_of_freedom)
+            nu = freedom(m.degrees_of_freedom)
             interval = () if m.interval is None else map(significant, m.interval)
-            cells = (value, significant(m.std), expanded, m.unit, freedom, most, *interval)
+            cells = (value, significant(m.std), expanded, m.unit, nu, most, *interval)
             rows.append((m.name, *cells))
         heads = ["", "value", "u", f"U (k = {self.coverage_factor:g})", "unit", "ν", "most due to"]
         if self.method == "monte-carlo":
@@ -279,7 +292,7 @@ class Budget(Result):
         return Table.of("Uncertainty budget", heads, rows)
 
 
-def _freedom(value: float) -> Shown:
+def freedom(value: float) -> Shown:
     """Return degrees of freedom as people print them."""
     text = "∞" if np.isinf(value) else f"{value:.0f}" if value >= MANY else f"{value:.3g}"
     return Shown(value, text)
@@ -295,7 +308,7 @@ def _table(m: Measurand) -> Table:
             significant(line.sensitivity),
             significant(line.contribution),
             f"{100 * line.contribution**2 / square:.0f} %",
-            _freedom(line.degrees_of_freedom),
+            freedom(line.degrees_of_freedom),
         )
         for line in m.lines
         if line.contribution**2 >= MIN_SHOWN * square

@@ -49,6 +49,7 @@ MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 SAME_COUNTER_UM = 0.5
+APPROACH = ((1.0, "forward ↑"), (-1.0, "backward ↓"))
 ONE_AXIS = "positioning of one axis: write a compensation table of it"
 
 
@@ -189,7 +190,9 @@ IDS = (
 
 def _covariates(data: Positioning) -> tuple[Covariate, ...]:
     where = Covariate("target position", data.target, "deg" if data.rotary else "mm")
-    sense = Covariate("direction of approach", np.asarray(data.direction), classes=True)
+    sense = Covariate(
+        "direction of approach", np.asarray(data.direction), classes=True, words=APPROACH
+    )
     order = Covariate("order of measurement", np.arange(len(data)), sequence=True)
     out = [where, sense, order]
     if data.time_s is not None:

@@ -9,7 +9,7 @@ those on touches: with the same id, parameters and sign, from the same model of 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,15 @@ from trunnion.diagnosis.effect import (
     periodic,
     with_own,
 )
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
+from trunnion.diagnosis.model import (
+    TURNED,
+    Covariate,
+    Model,
+    Nuisance,
+    Readings,
+    Uncertainty,
+    repeats,
+)
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
 from trunnion.models.ballbar.effects import ballbar_length
@@ -142,7 +150,7 @@ class RotaryTestModel(Model):
             for letter, deg in data.rotary_deg.items()
         ]
         spread += [
-            Covariate(f"sense of {letter.upper()}", senses(np.asarray(deg)))
+            Covariate(f"sense of {letter.upper()}", senses(np.asarray(deg)), words=TURNED)
             for letter, deg in data.rotary_deg.items()
         ]
         if len(self._known.labels) > 1:
@@ -150,12 +158,7 @@ class RotaryTestModel(Model):
         if data.time_s is not None:
             spread.append(Covariate("time", np.asarray(data.time_s), "s", sequence=True))
         spread.append(Covariate("order of measurement", np.arange(len(data)), sequence=True))
-        return tuple(
-            Covariate(
-                c.name, np.repeat(c.values, self._each), c.unit, c.period, c.classes, c.sequence
-            )
-            for c in spread
-        )
+        return tuple(replace(c, values=np.repeat(c.values, self._each)) for c in spread)
 
     @property
     def components(self) -> Mapping[str, Floats]:

@@ -28,6 +28,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
+    TURNED,
     Covariate,
     Model,
     Nuisance,
@@ -279,6 +280,8 @@ class TouchDiagnosisModel(Model):
         at = len(plain) - (self.data.point is not None)
         return (*plain[:at], faces, *plain[at:])
 
+    tool_sense = -1.0
+
     @property
     def components(self) -> Mapping[str, Floats]:
         """A displacement along a machine axis enters with the approach's component."""
@@ -369,7 +372,7 @@ class TouchDescription:
         flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
         out.append(Covariate("approach azimuth", np.where(flat, azimuth, 0.0), "deg", period=360.0))
         out += [
-            Covariate(f"sense of {letter.upper()}", np.asarray(sense))
+            Covariate(f"sense of {letter.upper()}", np.asarray(sense), words=TURNED)
             for letter, sense in data.rotary_dir.items()
         ]
         if data.point is not None:

@@ -12,16 +12,16 @@ from trunnion.data.ballbar import Ballbar
 from trunnion.data.iso230_4 import Iso2304, iso230_4
 from trunnion.plot.picture import Axis, Kind, Picture, Series, line
 from trunnion.plot.static import draw_all
-from trunnion.plot.style import BLUE, MUTED, VERMILLION, near_number
+from trunnion.plot.style import BLUE, MUTED, SENSES, near_number
 
 WIDE_STEPS = 4.0
 SAME_ANGLE_RAD = 1e-4
 SHARE = 0.35
 """Of the radius of the picture for the largest deviation."""
 PATHS = {
-    1: ("counter-clockwise", BLUE),
-    -1: ("clockwise", VERMILLION),
-    0: ("path", BLUE),
+    1: "counter-clockwise",
+    -1: "clockwise",
+    0: "path",
 }
 LEVELS = (-2, -1, 0, 1, 2)
 MAX_CIRCLES = 6
@@ -63,7 +63,7 @@ def circular_picture(circle: Iso2304) -> Picture:
         line(whole, np.full_like(whole, 1 + scale * step * level), colour=MUTED, width=width)
         for level, width in zip(LEVELS, (0.5, 0.5, 1.3, 0.5, 0.5), strict=True)
     ]
-    for sense, (label, colour) in PATHS.items():
+    for sense, label in PATHS.items():
         on = np.flatnonzero(circle.sense == sense)
         if len(on):
             order = on[np.argsort(circle.angle_deg[on])]
@@ -72,16 +72,17 @@ def circular_picture(circle: Iso2304) -> Picture:
                 f"{a:.1f}°: {d:+.2f} µm, {label}".replace("-", "−")
                 for a, d in zip(path[0], circle.deviation_um[order], strict=True)
             )
-            series.append(_path(*path, label=label, colour=colour, hover=hover))
+            series.append(_path(*path, label=label, colour=SENSES.get(label, BLUE), hover=hover))
+    ticks = tuple((1 + scale * step * k, f"{step * k:+g}".replace("-", "−")) for k in LEVELS[1::2])
     said = " ".join(circle.sentences()).partition(": ")[2].rstrip(".")
     at = FIRST_AXIS.get(circle.plane, "the first axis")
     return Picture(
         f"Circle {circle.setup} in {circle.plane}, radius {circle.radius_mm:g} mm",
         Axis("angle", "°"),
-        Axis(limits=(0.0, 1 + 1.15 * SHARE), ticks=()),
+        Axis(limits=(0.0, 1 + 1.15 * SHARE), ticks=ticks),
         tuple(series),
         Kind.POLAR,
-        note=f"{said}. {step:g} µm a line; 0° at {at}.",
+        note=f"{said}. {step:g} µm a line, the thick one is zero; 0° at {at}.",
     )
 
 

@@ -21,7 +21,7 @@ from scipy.ndimage import median_filter
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
 
-ALONG = ", read less modelled"
+ALONG = "deviation along "
 ENOUGH = 0.95
 """Share of a change that a coordinate explains, at least."""
 AS_GOOD = 0.002
@@ -46,13 +46,17 @@ MIN_WEIGHT = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Weight:
-    """How an amount enters each reading, (n,); its name, unit and cost, what it acts like."""
+    """How an amount enters each reading, (n,); its name, unit and cost, what it acts like.
+
+    sense: -1 where it enters the readings with the opposite of their direction.
+    """
 
     name: str
     unit: str
     enters: Floats
     cost: float = 0.0
     like: str = ""
+    sense: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +179,10 @@ def weights_of(
     out = []
     for name, enters in model.components.items():
         if name:
-            along = f"{name}{ALONG}" if len(name) == 1 else f"deviation, {name}"
-            out.append(Weight(along, unit, np.asarray(enters, dtype=np.float64)))
+            along = f"{ALONG}{name}" if len(name) == 1 else f"deviation, {name}"
+            sense = model.tool_sense
+            column = sense * np.asarray(enters, dtype=np.float64)
+            out.append(Weight(along, unit, column, sense=sense))
     out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
     columns = model.jacobian(nuisance, {})
     for j, one in enumerate(model.nuisance):
@@ -197,31 +203,41 @@ def unit_beside(unit: str, reading: str) -> str:
 
 def positions(v: Covariate) -> tuple[Floats, tuple[str, ...]]:
     """Return places on an axis (n,), and what stands at 0, 1, 2, ... of classes."""
-    if not v.classes:
+    if not (v.classes or v.words):
         return np.asarray(v.values, dtype=np.float64), ()
+    index, names = _classes(v)
+    return index.astype(np.float64), names
+
+
+def _classes(v: Covariate) -> tuple[Integers, tuple[str, ...]]:
+    """Return the class of each reading, (n,), and their names."""
     labels, index = np.unique(v.values, return_inverse=True)
-    return index.reshape(-1).astype(np.float64), tuple(map(str, labels))
+    words = dict(v.words)
+    names = [words.get(one) or str(one) for one in labels.tolist()]
+    return index.reshape(-1).astype(np.intp), tuple(names)
 
 
 def _directions(weights: Sequence[Weight]) -> list[Covariate]:
     """Sense in which a reading was approached, along each direction that has both."""
     out = []
     for weight in weights:
-        sense = np.sign(weight.enters)
-        if weight.name.endswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
-            name = f"direction along {weight.name.removesuffix(ALONG)}"
-            words = np.array(["−", "across", "+"])[sense.astype(int) + 1]
+        sense = np.sign(weight.sense * weight.enters)
+        if weight.name.startswith(ALONG) and {-1.0, 1.0} <= set(np.unique(sense)):
+            name = f"direction along {weight.name.removeprefix(ALONG)}"
+            words = np.array(["towards −", "across", "towards +"])[sense.astype(int) + 1]
             out.append(Covariate(name, words, classes=True))
     return out
 
 
 def _split(v: Covariate) -> tuple[Covariate, Integers, tuple[str, ...]] | None:
     """Return a quantity of few classes, the class of each reading, and their names."""
-    labels, index = np.unique(v.values, return_inverse=True)
-    if not v.classes or not 2 <= len(labels) <= MAX_CLASSES:
+    if not (v.classes or v.words):
         return None
-    names = tuple(f"{v.name} {label}" for label in labels)
-    return v, index.reshape(-1).astype(np.intp), names
+    index, labels = _classes(v)
+    if not 2 <= len(labels) <= MAX_CLASSES:
+        return None
+    named = dict(v.words).values()
+    return v, index, tuple(label if label in named else f"{v.name} {label}" for label in labels)
 
 
 def _clumsiness(v: Covariate) -> float:
@@ -277,7 +293,7 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
     steps = np.diff(levels)
     wide = np.flatnonzero(steps > max(GAP * float(np.median(steps)), GAP_SHARE * np.ptp(levels)))
     amounts = np.stack([np.bincount(index, w * c) / under for c in columns.T], axis=1)
-    if v.classes or len(levels) < 3:
+    if v.classes or v.words or len(levels) < 3:
         return levels, amounts
     turn = v.period
     dense = np.linspace(levels[0], levels[-1] if turn is None else levels[0] + turn, DENSE)

@@ -38,6 +38,7 @@ from trunnion.plot.picture import (
     points,
 )
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
+from trunnion.plot.style import SENSES
 from trunnion.setup.names import error_label
 
 COVERAGE = 2.0
@@ -164,7 +165,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     """Readings corrected for the other causes over what this one depends on, with the fit."""
     of = Explained.of(d, id_)
     where = of.coordinate
-    title = f"{_capital(labelled(id_, of.cause.label))}, {percent(of.cause.probability)}"
+    title = f"{_capital(of.cause.label or labelled(id_, ''))}, {percent(of.cause.probability)}"
     reading = of.record.after + of.change
     if where is None:
         return _against_change(of, title, reading)
@@ -176,18 +177,20 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     curves = where.curve(np.column_stack([of.change, of.spread]), of.rows)
     series: list[Series] = []
     for i, (name, x, fitted) in enumerate(curves):
-        colour = PALETTE[i % len(PALETTE)] if len(curves) > 1 else BLUE
+        colour = SENSES.get(name, PALETTE[i % len(PALETTE)]) if len(curves) > 1 else BLUE
         mine = drawn if where.split is None else drawn & (where.split == _index(where, name))
         shift = 0.12 * np.sin(2.4 * np.arange(int(mine.sum()))) if names else 0.0
         rows = of.record.rows[mine]
-        label = name or "reading, other causes taken off"
+        label = name or "reading"
         faint = {"colour": colour, "opacity": 0.8}
         series.append(points(places[mine] + shift, amount[mine], label, rows=rows, **faint))
         series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
     clear = int(drawn.sum())
     left = int(of.rows.sum()) - clear
-    said = [f"Acts on the readings like: {where.weight.like}."] if where.weight.like else []
-    said += [f"Not drawn: {left} readings that feel little of it."] if left else []
+    like = where.weight.like
+    said = [f"Given as the {like} that would change the readings as much."] if like else []
+    said += [f"Not drawn: {left} readings that it changes little."] if left else []
+    said += ["The other causes are taken off."] if len(d.causes) > 1 else []
     y = Axis(_capital(where.weight.name), where.weight.unit)
     x_unit = unit_beside(where.x.unit, where.weight.unit)
     x_axis = Axis(_capital(where.x.name), x_unit, names)
@@ -198,7 +201,7 @@ def _fitted(x: Floats, fitted: Floats, colour: str, classes: bool, first: bool) 
     """Return curve and band; over classes a short line at each."""
     y = fitted[:, 0]
     half = COVERAGE * np.sqrt(np.sum(fitted[:, 1:] ** 2, axis=1))
-    label, edge = ("fitted", "U (k = 2) of the fit") if first else ("", "")
+    label, edge = ("fitted", "U (k = 2)") if first else ("", "")
     if not classes:
         made = [line(x, y, label, colour=colour, width=2.2)]
         return [band(x, y - half, y + half, edge, colour=colour), *made] if half.any() else made
@@ -218,7 +221,7 @@ def _against_change(of: Explained, title: str, reading: Floats) -> Picture:
     ends = np.array([x.min(), x.max()])
     return Picture(
         title,
-        Axis("what the fitted cause makes of a reading", of.unit),
+        Axis("Change of a reading by the fitted cause", of.unit),
         Axis("Reading, other causes taken off", of.unit),
         (
             points(x, y, "reading", colour=BLUE, opacity=0.8, rows=rows),
@@ -256,7 +259,7 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
     shown = [("residual", record.after, BLUE)]
     if d.causes or d.verdict != "consistent":
         shown = [
-            ("plain model", record.before, VERMILLION),
+            ("without the causes", record.before, VERMILLION),
             ("with the causes", record.after, BLUE),
         ]
     series = [
@@ -267,7 +270,7 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
         edge = np.clip(record.before[~kept], -limit, limit)
         out = {"colour": MUTED, "marker": "cross", "size": 7.0, "rows": record.rows[~kept]}
         series.append(points(x[~kept], edge, "left out (at the edge)", **out))
-    title = f"Residuals: {v.name}"
+    title = f"What is left of the readings: {v.name}"
     if d.unexplained and covariate is None:
         title = f"What the model does not explain: {v.name}"
     y = Axis("Residual", record.unit, limits=(-1.05 * limit, 1.05 * limit))
@@ -278,10 +281,10 @@ def ladder_picture(d: Diagnosis) -> Picture | None:
     """Rms of the residual of the plain model and after each cause; None without causes."""
     if d.ladder is None or not d.ladder.causes:
         return None
-    names = ("plain model", *(f"+ {d.ladder.labels.get(c) or c}" for c in d.ladder.causes))
+    names = ("without a cause", *(f"+ {d.ladder.labels.get(c) or c}" for c in d.ladder.causes))
     return Picture(
-        "Residual rms after each cause",
-        Axis("rms of the residual", d.ladder.unit),
+        "What is left after each cause",
+        Axis("rms of what is left", d.ladder.unit),
         Axis(names=names),
         (bars(d.ladder.rms_um, colour=BLUE),),
     )
@@ -293,11 +296,19 @@ def alternatives_picture(d: Diagnosis) -> Picture | None:
     if len(sets) < 2:
         return None
     shared = frozenset.intersection(*(a.causes for a in sets))
-    names = tuple(" + ".join(_called(d, a.causes - shared)) or "nothing more" for a in sets)
+    names = tuple(" + ".join(_called(d, a.causes - shared)) or "no further cause" for a in sets)
     also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
-    colours = bars([100 * a.probability for a in sets], colour=GREEN)
-    title = "Probability of each set of causes"
-    return Picture(title, Axis("probability", "%"), Axis(names=names), (colours,), note=also)
+    chances = [a.probability for a in sets]
+    colours = bars([100 * p for p in chances], colour=GREEN)
+    ends = tuple((100 * p, float(k), percent(p)) for k, p in enumerate(chances))
+    return Picture(
+        "Probability of each set of causes",
+        Axis("Probability", "%", limits=(0.0, 110.0)),
+        Axis(names=names),
+        (colours,),
+        note=also,
+        notes_at=ends,
+    )
 
 
 def _called(d: Diagnosis, causes: frozenset[str]) -> list[str]:

@@ -101,8 +101,8 @@ def compensation_table_picture(table: CompensationTable) -> Picture:
     """Return the corrections over the targets."""
     series: list[Series] = []
     for values, label, colour in (
-        (table.forward, "from below ↑", BLUE),
-        (table.backward, "from above ↓", VERMILLION),
+        (table.forward, "forward ↑", BLUE),
+        (table.backward, "backward ↓", VERMILLION),
     ):
         series += [
             line(table.targets, values, colour=colour),

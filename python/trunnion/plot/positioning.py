@@ -10,7 +10,7 @@ from trunnion.base.units import Floats
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.data.positioning import Positioning
 from trunnion.plot.picture import Axis, Picture, Series, band, line, points
-from trunnion.plot.style import BLUE, GREEN, MUTED, PURPLE, VERMILLION
+from trunnion.plot.style import GREEN, MUTED, PURPLE, SENSES
 
 FIGURES = {
     "A": "accuracy",
@@ -40,11 +40,12 @@ def positioning_picture(results: Iso2302 | Iso2302Rotary | Positioning) -> Pictu
     up, down = r.mean_forward, r.mean_backward
     mean = (up + down) / 2
     paths = (
-        (up, 2 * r.spread_forward, "from below ↑", BLUE),
-        (down, 2 * r.spread_backward, "from above ↓", VERMILLION),
+        (up, 2 * r.spread_forward, "forward ↑"),
+        (down, 2 * r.spread_backward, "backward ↓"),
     )
     series: list[Series] = []
-    for m, s, label, colour in paths:
+    for m, s, label in paths:
+        colour = SENSES[label]
         series += [
             band(at, m - s, m + s, colour=colour, opacity=0.15),
             line(at, m, colour=colour),

@@ -15,6 +15,11 @@ MUTED = "#80868e"
 SKY = "#7fb8e6"
 BODY = "#9fb4c4"
 """Solid things: artefact, part, table."""
+SENSES = {
+    **dict.fromkeys(("counter-clockwise", "forward", "forward ↑", "towards +"), BLUE),
+    **dict.fromkeys(("clockwise", "backward", "backward ↓", "towards −"), VERMILLION),
+}
+"""Sense of a motion → its colour, in every picture."""
 DIVERGING = ("#2a7fc0", "#f3f3f3", "#d95f02")
 MAGNITUDES = "viridis"
 """Colour map of sizes from zero up; readable in grey and without colour vision."""

@@ -2,39 +2,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from trunnion.base.errors import InputError
-from trunnion.machine.budget import Measurand
-from trunnion.plot.dispatch import pictures
+from trunnion.base.report import Cell, Shown, Table, significant
+from trunnion.machine.budget import Budget, freedom
 from trunnion.reports.document import Item, Section
+from trunnion.reports.results import with_expanded
+from trunnion.setup.names import called
 
-OF_ONE = "Budget of "
-MAX_TABLES = 4
-"""Of single quantities; the picture has all."""
-NEARLY_ALL = 0.995  # of the variance: what is due to one source needs no table of its own
+MAX_ROWS = 40
 
 
-def budget_section(result: Any) -> Section:
-    """Return the uncertainty budget of a result; empty where it has none."""
+def budget_section(result: Any, name: Callable[[str], str] = called) -> Section:
+    """Return the uncertainty budget of a result; empty where it has none.
+
+    name: What people call a quantity.
+    """
     items: list[Item] = []
-    if callable(budget := getattr(result, "budget", None)):
+    if callable(make := getattr(result, "budget", None)):
         try:
-            found = budget()
+            found: Budget = make()
         except InputError as error:
             items = [str(error)]
         else:
-            first = [t for t in found.tables() if not t.title.startswith(OF_ONE)]
-            mixed = {f"{OF_ONE}{m.name}" for m in found.measurands if _mixed(m)}
-            several = [t for t in found.tables() if t.title in mixed]
-            shown = pictures(found) if several else ()
-            items = [*found.sentences(), *shown, *first, *several[:MAX_TABLES]]
-            if len(several) > MAX_TABLES:
-                items.append(f"The picture has the {len(several) - MAX_TABLES} others.")
+            items = [*found.sentences(), _table(found, name), *_more(found)]
     return Section("Uncertainty budget", tuple(items))
 
 
-def _mixed(m: Measurand) -> bool:
-    """Whether more than one source makes the uncertainty of a quantity."""
-    squares = [line.contribution**2 for line in m.lines]
-    return max(squares, default=0.0) < NEARLY_ALL * sum(squares)
+def _table(found: Budget, name: Callable[[str], str]) -> Table:
+    """One quantity a row: value, U, and what of U each source contributes."""
+    sources = list(dict.fromkeys(line.source for m in found.measurands for line in m.lines))
+    rows: list[tuple[Cell, ...]] = []
+    for m in found.measurands[:MAX_ROWS]:
+        parts = {line.source: found.coverage_factor * line.contribution for line in m.lines}
+        each = [significant(parts[s]) if s in parts else None for s in sources]
+        rows.append(
+            (name(m.name), *with_expanded(m.value, m.std), m.unit, *each, *_freedom(m.std, m))
+        )
+    k = f"{found.coverage_factor:g}"
+    heads = ("quantity", "value", f"U (k = {k})", "unit", *(f"U by {s}" for s in sources))
+    return Table.of("What contributes to U", (*heads, "degrees of freedom"), rows)
+
+
+def _freedom(std: float, m: Any) -> tuple[Shown | None]:
+    return (freedom(m.degrees_of_freedom) if np.isfinite(std) else None,)
+
+
+def _more(found: Budget) -> list[str]:
+    """Explain the columns."""
+    said = [
+        "Contributions add as squares. Degrees of freedom: how many independent readings the "
+        "uncertainty itself rests on (GUM, G.4); ∞ where it was stated."
+    ]
+    more = len(found.measurands) - MAX_ROWS
+    return [*said, f"{more} more quantities are not listed."] if more > 0 else said

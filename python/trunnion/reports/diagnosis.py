@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
 from typing import Any
-
-import numpy as np
 
 from trunnion.base.report import Result, Shown, Table, significant
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.records import Cause, labelled, percent
+from trunnion.data.positioning import Positioning
+from trunnion.diagnosis.contributions import bias_table
+from trunnion.diagnosis.records import percent
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table as DataTable
-from trunnion.files.table import places
-from trunnion.machine.effects import Owner
 from trunnion.plot.diagnosis import (
     alternatives_picture,
     cause_picture,
@@ -26,15 +23,18 @@ from trunnion.plot.diagnosis import (
 )
 from trunnion.plot.picture import Picture
 from trunnion.plot.ranking import contributions_picture
+from trunnion.plot.style import capital
+from trunnion.reports.advice import known_of, outliers_of, to_do
 from trunnion.reports.budget import budget_section
+from trunnion.reports.causes import Found
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
-from trunnion.reports.results import figures_table, location_errors, plain_words
+from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
-from trunnion.reports.verdict import size_of, verdict_of_diagnosis
-from trunnion.setup.names import error_label
+from trunnion.reports.verdict import verdict_of_diagnosis
+from trunnion.setup.names import called
 
 MARKS = {
     "consistent": Mark.GOOD,
@@ -42,82 +42,94 @@ MARKS = {
     "ambiguous": Mark.DOUBT,
     "unexplained": Mark.BAD,
 }
-NEXT = {
-    "Touches": " (trunnion diagnose --next plans touches that do)",
-    "Diameters": " (what trunnion diagnose prints says which pass does)",
-}
-KINDS = {"Ballbar": "a ball-bar test", "Sweep": "a rotary axis", "AxisLog": "an axis log"}
-SLOW = {"drift", "warmup", "expansion", "heating"}  # in the id of what changes with time
+KINDS = {"Ballbar": "ball-bar test", "Sweep": "rotary axis", "AxisLog": "axis log"}
 MAX_OUTLIERS = 50
+MAX_SETS = 8
 MAX_PICTURES = 8  # of the measurement
+CLOSE, WORSE = 1.0, 3.0  # in −2 ln L: a set fits as well, worse
 NOT_TOLD = (
     "If one of these acts, these readings do not show it. Where amounts are stated, so much of it "
     "would make an error of the machine wrong by so much."
 )
-KNOWN = "What is known (± one standard uncertainty)"
-SURE = 0.5  # a probability below it is a doubt
-TODO = {
-    Owner.MACHINE: "{what}: mend it on the machine, or compensate it where the control can.",
-    Owner.TIME: "{what}: let the machine warm up, keep the temperature, or measure faster.",
-    Owner.INSTRUMENT: "{what}: it is the instrument's, not the machine's; calibrate the "
-    "instrument. The results above are free of it.",
-    Owner.ARTEFACT: "{what}: it is the artefact's, not the machine's; have the artefact "
-    "calibrated. The results above are free of it.",
-    Owner.PLACEMENT: "{what}: it is how the artefact stood, not the machine; clamp it anew. "
-    "The results above are free of it.",
-    Owner.WORKPIECE: "{what}: it belongs to this part, not to the machine.",
-}
-OF_PARTS = (
-    "{what}: correct the program of the next part (trunnion turning correct), or mend it on the "
-    "machine."
-)
+NOT_JUDGED = "No limits are stated for these sizes: whether they matter is not judged here."
+LEFT = "What is left after the causes"
 
 
 def diagnosis_document(result: Result, source: Source) -> Document:
     """Return the document of a diagnosis."""
     assert isinstance(result, Diagnosis)
-    d = result
-    sentences = [plain_words(one) for one in d.sentences()]
+    d, found = result, Found(result)
     errors, decisions = _errors(d, source)
-    causes = _causes(d)
-    first, *others = _pictures(d, source)
     standard = [r for one in source.data for r in standard_results(one)]
-    judged = [_judged(r, source) for r in standard]
-    top = [t for t in (causes, errors) if t.rows]
-    figures = [t for t in judged if t.rows]
-    verdict = verdict_of_diagnosis(d)
+    judged = [t for t in (_judged(r, source) for r in standard) if t.rows]
+    measured, causes = _measurement(d, source, standard), _pictures(d, source)
+    shown = [*(measured[:1] if standard else []), *causes]
+    shown = shown[: 2 if errors.rows or judged else 1]
+    measured, causes = ([p for p in of if p not in shown] for of in (measured, causes))
+    verdict = verdict_of_diagnosis(found)
     if "fail" in decisions:
         verdict += " A tolerance is exceeded."
     elif "undecided" in decisions:
         verdict += " Of a tolerance it is not decided: the uncertainty is too large."
-    kind = ", ".join(dict.fromkeys(_kind(one) for one in source.data))
+    limits = [NOT_JUDGED] if d.causes and not source.tolerance else []
+    known = known_of(d)
     return Document(
-        f"Diagnosis{f' of {kind}' if kind else ''}: {d.verdict}",
+        f"{capital(_kinds(source))}: {_in_short(found)}",
         source.subtitle(),
         Mark.BAD if "fail" in decisions else MARKS[d.verdict],
         verdict,
-        (*top, *_to_do(d, source), first, *figures),
         (
-            Section("The measurement", tuple(_measurement(d, source, standard))),
-            Section(KNOWN, (Points(tuple(sentences[1:])),) if sentences[1:] else ()),
-            Section("Each cause" if d.causes else "Pictures", tuple(others)),
+            *found.tables(),
+            *limits,
+            to_do(found, source),
+            *((errors,) if errors.rows else ()),
+            *shown,
+            *judged,
+        ),
+        (
+            Section("Each cause" if d.causes else "Pictures", tuple(causes)),
+            Section("The measurement", (*measured, *_figures(standard))),
             Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
-            Section("What else would explain the data", tuple(_alternatives(d))),
+            Section("What else would explain the data", tuple(_alternatives(found))),
+            Section("What else is known", (Points(tuple(known)),) if known else ()),
             Section("Outliers", tuple(_outliers(d, source))),
-            Section("What the residual looks like", tuple(_diagnostics(d, source))),
+            Section(LEFT if d.causes else "What is left", tuple(_diagnostics(d, source))),
             Section("In space", tuple(in_space(d, source))),
-            Section("What these data do not identify", tuple(_lost(d))),
-            budget_section(d.model),
+            Section("What these data do not identify", tuple(_lost(found))),
+            budget_section(d.model, found.quantity),
+            Section("Names in programs", tuple(_names(found))),
             source.section(),
         ),
-        {c.id: Group(_label(c), record_of(d).rows[touched(d, c.id)]) for c in d.causes},
+        {
+            c.id: Group(capital(found.label(c.id)), record_of(d).rows[touched(d, c.id)])
+            for c in d.causes
+        },
     )
 
 
+def _in_short(found: Found) -> str:
+    """Say in a few words what was found."""
+    d = found.d
+    if d.verdict in ("consistent", "unexplained"):
+        return {"consistent": "nothing beyond noise"}.get(d.verdict, "no known cause explains it")
+    sure, doubt = len(found.certain), len(d.evidence) > 1
+    count = f"{sure or 'no'} cause{'' if sure == 1 else 's'}"
+    if doubt:
+        return f"{count} certain, more in doubt"
+    return f"{count} found" if d.causes else "nothing but outliers"
+
+
+def _kinds(source: Source) -> str:
+    return ", ".join(dict.fromkeys(map(_kind, source.data))) or "diagnosis"
+
+
 def _kind(data: DataTable) -> str:
-    """Name a kind of data as people call it."""
+    """Name a kind of data as people call it, with the axis where there is one."""
     name = type(data).__name__
-    return KINDS.get(name) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+    text = KINDS.get(name) or re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()
+    if isinstance(data, Positioning):
+        return f"{text}, {'axis not stated' if data.axis is None else f'{data.axis[0]} axis'}"
+    return text
 
 
 def _judged(result: Result, source: Source) -> Table:
@@ -126,15 +138,15 @@ def _judged(result: Result, source: Source) -> Table:
 
 
 def _measurement(d: Diagnosis, source: Source, standard: list[Result]) -> list[Item]:
-    """Pictures of the readings as the field draws them, and what the standard says of them."""
+    """Pictures of the readings as the field draws them."""
     own = [p for one in source.data for p in drawn(one, **_shown_of(d, one))]
     shown = own or [p for r in standard for p in drawn(r)]
-    items: list[Item] = [
-        hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]
-    ]
-    for r in standard:
-        items += [*r.sentences(), *(() if figures_of(r) else r.tables())]
-    return items
+    return [hovered(p, source.data) if isinstance(p, Picture) else p for p in shown[:MAX_PICTURES]]
+
+
+def _figures(standard: list[Result]) -> list[Item]:
+    """What the standard says of the readings."""
+    return [item for r in standard if not figures_of(r) for item in r.tables()]
 
 
 def _shown_of(d: Diagnosis, data: DataTable) -> dict[str, Any]:
@@ -146,11 +158,6 @@ def _shown_of(d: Diagnosis, data: DataTable) -> dict[str, Any]:
     return {"axis": axis, "servo": getattr(d.model, "servo", None)}
 
 
-def _label(cause: Cause) -> str:
-    text = cause.label or cause.id.replace("_", " ")
-    return text[:1].upper() + text[1:]
-
-
 def _errors(d: Diagnosis, source: Source) -> tuple[Table, list[str]]:
     """The machine's errors, causes taken off."""
     old = source.setup.machine.errors if source.setup else {}
@@ -158,92 +165,6 @@ def _errors(d: Diagnosis, source: Source) -> tuple[Table, list[str]]:
     title = "Errors of the machine" + (", the causes taken off" if d.causes else "")
     table, decisions = figures_table(title, figures, source.tolerance)
     return table, [str(one) for one in decisions]
-
-
-def _causes(d: Diagnosis) -> Table:
-    """Each named cause with its size and probability."""
-    rows = []
-    for c in d.causes:
-        size = size_of(d, c)
-        share = next((x for x in d.contributions if x.id == c.id), None)
-        explains = Shown(share.share, f"{100 * share.share:.1f} %") if share else None
-        sure = Shown(c.probability, percent(c.probability))
-        rows.append((_label(c), c.id, size, sure, explains))
-    left = "the residuals" if d.gain.others else f"the {d.gain.rms_before_um:.3g} {d.gain.unit} rms"
-    explained = f"explains, of {left} left"
-    columns = ("", "name in programs", "size ± U (k = 2)", "probability, in any set", explained)
-    return Table.of("What is wrong", columns, rows)
-
-
-def _to_do(d: Diagnosis, source: Source) -> list[Item]:
-    """Say what follows."""
-    lines = []
-    owners = getattr(d.model, "owners", {})
-    if not owners and d.data is not None and d.causes:
-        owners = {e.id: e.owner for e in d.rebuilt_model().effects}
-    if d.verdict == "ambiguous":
-        lines.append(
-            "More than one set of causes fits: act on none that is in doubt before further "
-            f"readings have decided{NEXT.get(type(d.data).__name__, '')}."
-        )
-    if d.verdict == "unexplained":
-        lines.append(
-            "Something acts that no known cause makes: do not trust the results before it is "
-            f"found. Look for what depends on {_dependence(d)}."
-        )
-    lines += _advice(d, owners)
-    if d.outliers:
-        lines.append(f"Measure again, or clean probe and artefact: {_places(d, source)}.")
-    located = any(error_label(name) != name for name in d.errors_after)
-    if located and d.verdict in ("consistent", "explained"):
-        lines.append(
-            "Have the values for the control written from this estimate (trunnion compensate): "
-            "its zeros, points and signs are others than those of the errors in this table."
-        )
-    if not lines:
-        lines.append("Nothing: the readings are as the model says, but for noise.")
-    return [Points(tuple(lines), "What to do")]
-
-
-def _advice(d: Diagnosis, owners: Mapping[str, Owner]) -> list[str]:
-    """Say what to do about the causes, together where it is the same."""
-    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
-    said: dict[str, list[str]] = {}
-    for c in d.causes:
-        owner = owners.get(c.id, Owner.MACHINE)
-        if owner is Owner.MACHINE and SLOW & set(c.id.split("_")):
-            owner = Owner.TIME
-        parts = type(d.data).__name__ == "Diameters" and owner in (Owner.MACHINE, Owner.TIME)
-        text = OF_PARTS if parts else TODO[owner]
-        doubt = "" if c.id in certain and c.probability > SURE else "If it is there: "
-        said.setdefault(doubt + text, []).append(_label(c))
-    return [
-        text.format(what="; ".join([first, *(x[:1].lower() + x[1:] for x in others)]))
-        for text, (first, *others) in said.items()
-    ]
-
-
-def _dependence(d: Diagnosis) -> str:
-    text = (d.unexplained or "").partition("depends on ")[2]
-    return text.partition(":")[0] or "the residual below"
-
-
-def _places(d: Diagnosis, source: Source) -> str:
-    return ", ".join(place for _, place in _outlier_places(d.outliers, source.data))
-
-
-def _outlier_places(rows: Iterable[int], data: tuple[DataTable, ...]) -> list[tuple[int, str]]:
-    """Row and place of each outlier; rows of several measurements are counted on."""
-    out = []
-    for row in rows:
-        left, place = row, f"row {row} (counted from 0)"
-        for one in data:
-            if left < len(one):
-                place = places(one, [left])
-                break
-            left -= len(one)
-        out.append((row, place))
-    return out
 
 
 def _pictures(d: Diagnosis, source: Source) -> list[Item]:
@@ -257,31 +178,70 @@ def _pictures(d: Diagnosis, source: Source) -> list[Item]:
 
 
 def _ladder(d: Diagnosis) -> list[Item]:
-    picture = ladder_picture(d)
-    tables = [t for t in d.tables() if t.title not in ("Estimates", "Sets of causes")]
-    kept = [t for t in tables if t.title != "Not identifiable"]
-    ranked = contributions_picture(d)
-    return [*(p for p in (ranked, picture) if p is not None), *kept]
+    """What each cause explains, and what the errors of the machine would be without it."""
+    rows = [
+        (
+            capital(one.label or c.id),
+            *(Shown(x, f"{100 * x:.1f} %") for x in (one.share, one.alone_share, one.last_share)),
+            *((one.unit,) if c.others else ()),
+        )
+        for c in d.contributions
+        for one in (c, *c.others)
+    ]
+    heads = ["cause", "explains of the variance", "if it were the only one", "beside all others"]
+    several = any(c.others for c in d.contributions)
+    heads += ["readings in"] if several else []
+    shares = Table.of("What each cause explains of the readings", heads, rows)
+    pictures = [p for p in (contributions_picture(d), ladder_picture(d)) if p is not None]
+    return [*pictures, *((shares,) if rows else ()), *_biases(d)]
 
 
-def _alternatives(d: Diagnosis) -> list[Item]:
+def _biases(d: Diagnosis) -> list[Item]:
+    """How far the errors of the machine would be off."""
+    table = bias_table(d.contributions, d.errors_std)
+    rows = [(row[0], called(str(row[1])), *row[2:]) for row in table.rows]
+    heads = ("cause", "error of the machine", "off by", *table.columns[3:])
+    title = "How far off the errors of the machine would be if a cause were not taken off"
+    return [Table.of(title, heads, rows)] if rows else []
+
+
+def _alternatives(found: Found) -> list[Item]:
+    """Sets of causes with their probability, and how well each fits."""
+    d = found.d
     picture = alternatives_picture(d)
     if picture is None:
         return []
-    tables = [t for t in d.tables() if t.title == "Sets of causes"]
-    return [picture, *tables]
+    unit = d.gain.unit if not d.gain.others else "noise"
+    rows = [
+        (
+            " + ".join(sorted(map(found.label, a.causes))) or "no cause",
+            Shown(a.probability, percent(a.probability)),
+            "as well as the first"
+            if a.distance < CLOSE
+            else "worse"
+            if a.distance > WORSE
+            else "a little worse",
+            significant(a.rms_um),
+        )
+        for a in d.evidence[:MAX_SETS]
+    ]
+    heads = ("set of causes", "probability", "fits", f"rms of what is left ({unit})")
+    note = (
+        "Of sets that fit as well the one with fewer causes is the more probable: beforehand, a "
+        "further cause is taken for unlikely."
+    )
+    return [picture, Table.of("Sets of causes", heads, rows), note]
 
 
 def _outliers(d: Diagnosis, source: Source) -> list[Item]:
     if not d.outliers:
         return []
-    record = record_of(d)
-    rows = []
-    for row, place in _outlier_places(d.outliers[:MAX_OUTLIERS], source.data):
-        at = np.flatnonzero(record.rows == row)
-        size = float(np.max(np.abs(record.before[at]))) if len(at) else None
-        rows.append((place, None if size is None else significant(size)))
-    table = Table.of("Readings that belong to no model", ("", f"residual, {record.unit}"), rows)
+    rows = [
+        (place, None if size is None else significant(size, 3), where)
+        for place, size, where in outliers_of(d, source.data, MAX_OUTLIERS)
+    ]
+    heads = ("", f"off by, {record_of(d).unit}", "reading")
+    table = Table.of("Readings that belong to no model", heads, rows)
     more = len(d.outliers) - len(rows)
     return [table, *([f"{more} more are not listed."] if more > 0 else [])]
 
@@ -289,16 +249,22 @@ def _outliers(d: Diagnosis, source: Source) -> list[Item]:
 def _diagnostics(d: Diagnosis, source: Source) -> list[Item]:
     if d.residuals is None:
         return []
-    shown = [hovered(p, source.data) for p in diagnostics(d)]
-    left = hovered(residual_picture(d), source.data) if d.causes else None
-    return [*([left] if left else []), *shown]
+    shown = [residual_picture(d)] if d.causes else []
+    return [hovered(p, source.data) for p in (*shown, *diagnostics(d))]
 
 
-def _lost(d: Diagnosis) -> list[Item]:
-    if not d.not_identifiable:
+def _lost(found: Found) -> list[Item]:
+    if not found.d.not_identifiable:
         return []
     rows = [
-        (labelled(k, d.labels.get(k, "")), plain_words(why))
-        for k, why in d.not_identifiable.items()
+        (capital(found.quantity(k)), found.in_words(why))
+        for k, why in found.d.not_identifiable.items()
     ]
-    return [NOT_TOLD, Table.of("Not identifiable", ("", "why"), rows)]
+    return [NOT_TOLD, Table.of("Not identifiable", ("", "why, and what it would do"), rows)]
+
+
+def _names(found: Found) -> list[Item]:
+    """Ids of what the page calls by its label."""
+    ids = dict.fromkeys([*(c.id for c in found.d.causes), *found.d.labels])
+    rows = [(capital(found.label(i)), i) for i in ids]
+    return [Table.of("Names in programs", ("", "name"), rows)] if rows else []

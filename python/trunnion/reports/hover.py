@@ -47,8 +47,13 @@ def _of_row(row: int, data: Sequence[Table]) -> str:
         row -= len(one)
     else:
         return f"row {row}"
-    names = [name for name in one.columns if name not in LEFT_OUT][:MAX_SHOWN]
-    return "\n".join([places(one, [row]), *(_said(name, one.columns[name][row]) for name in names)])
+    return "\n".join([places(one, [row]), *columns_of(one, row)])
+
+
+def columns_of(data: Table, row: int) -> list[str]:
+    """Say the first columns of a row."""
+    names = [name for name in data.columns if name not in LEFT_OUT][:MAX_SHOWN]
+    return [_said(name, data.columns[name][row]) for name in names]
 
 
 def _said(name: str, value: object) -> str:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import html
 import json
+import re
 from importlib.resources import files
+from itertools import groupby
 from string import Template
 from typing import Any
 
@@ -24,6 +26,7 @@ POLICY = (
 )
 """The page itself forbids every connection."""
 
+_QUANTITY = re.compile(r"[+−]?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)")
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -59,46 +62,45 @@ class _Writer:
         """Return heading, verdict, results, sections."""
         d = self.document
         under = f'<p class="subtitle">{html.escape(d.subtitle)}</p>' if d.subtitle else ""
-        verdict = (
-            f'<p class="verdict {d.mark}"><strong>Result</strong> {html.escape(d.verdict)}</p>'
-        )
+        verdict = f'<p class="verdict {d.mark}"><strong>Result</strong> {_escaped(d.verdict)}</p>'
         parts = [
             f"<header><h1>{html.escape(d.title)}</h1>{under}{verdict}</header>",
-            *map(self.item, d.top),
-            self._highlight(),
+            self._top(d.top),
             *(self._section(s) for s in d.sections if s.items),
         ]
         return "\n".join(parts)
 
     def _section(self, section: Section) -> str:
-        inner = "\n".join(map(self.item, section.items))
+        inner = self._items(section.items)
         return f"<section><h2>{html.escape(section.title)}</h2>\n{inner}\n</section>"
 
-    def _highlight(self) -> str:
-        """Return the buttons that highlight the readings of each group."""
-        if not self.document.groups or not self.figures:
-            return ""
-        buttons = "".join(
-            f'<button type="button" data-group="{html.escape(key)}" aria-pressed="false">'
-            f"{html.escape(group.label)}</button>"
-            for key, group in self.document.groups.items()
-        )
-        return (
-            '<div class="highlight" role="group" aria-label="Highlight readings">'
-            f"<span>Highlight in all pictures the readings of</span> {buttons}</div>"
-        )
+    def _top(self, items: tuple[Item, ...]) -> str:
+        """Return what people came for: words and tables, beside them the pictures."""
+        shown = [item for item in items if _drawn(item)]
+        said = self._items(tuple(item for item in items if not _drawn(item)))
+        if not shown:
+            return said
+        return f'<div class="top"><div>{said}</div><div>{self._items(tuple(shown))}</div></div>'
+
+    def _items(self, items: tuple[Item, ...]) -> str:
+        """Return items, pictures that follow each other side by side."""
+        parts = []
+        for drawn, group in groupby(items, _drawn):
+            inner = "\n".join(map(self.item, group))
+            parts.append(f'<div class="pair">{inner}</div>' if drawn else inner)
+        return "\n".join(parts)
 
     def item(self, item: Item) -> str:
         """Return one item as HTML."""
         match item:
             case str():
-                return f"<p>{html.escape(item)}</p>"
+                return f"<p>{_escaped(item)}</p>"
             case Table():
                 return table(item)
             case Listing():
                 return f"<pre>{html.escape(item.text)}</pre>"
             case Points():
-                rows = "".join(f"<li>{html.escape(one)}</li>" for one in item.sentences)
+                rows = "".join(f"<li>{_escaped(one)}</li>" for one in item.sentences)
                 head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""
                 return f"{head}<ul>{rows}</ul>"
             case Still():
@@ -117,14 +119,16 @@ class _Writer:
         key = getattr(picture, "key", "")
         mine = self.document.groups.get(key)
         button = (
-            f'<button type="button" data-group="{html.escape(key)}" aria-pressed="false">'
+            f'<button type="button" data-group="{html.escape(key)}" aria-pressed="false" '
+            f'aria-label="highlight its readings: {html.escape(mine.label)}">'
             "highlight its readings</button>"
             if mine is not None
             else ""
         )
         alt = html.escape(picture.description)
+        kind = "" if isinstance(picture, Picture) else ' class="wide"'
         return (
-            f'<figure><figcaption id="caption{number}">{html.escape(picture.title)}{button}'
+            f'<figure{kind}><figcaption id="caption{number}">{html.escape(picture.title)}{button}'
             f'</figcaption><div class="plot" style="height:{height}px" data-figure="{number}">'
             f'</div><p class="described">{alt}</p>{note}</figure>'
         )
@@ -153,6 +157,16 @@ class _Writer:
 
             parts.append(f"<script>{get_plotlyjs()}</script>")
         return "\n".join([*parts, f"<script>{own}</script>"])
+
+
+def _escaped(text: str) -> str:
+    """Return a text as HTML, whose numbers stay beside their units."""
+    return _QUANTITY.sub(r'<span class="whole">\g<0></span>', html.escape(text))
+
+
+def _drawn(item: Item) -> bool:
+    """Whether an item is a picture."""
+    return not isinstance(item, str | Table | Listing | Points)
 
 
 def _height(picture: Interactive) -> int:
@@ -211,7 +225,7 @@ def _heading(name: str, kind: str, *, sorts: bool) -> str:
 
 
 def _cell(value: Cell, text: str, numeric: bool, place: int) -> str:
-    shown = html.escape(text)
+    shown = _escaped(text)
     if text in tuple(Decision):
         shown = f'<span class="badge {text}">{shown}</span>'
     if place == 0:

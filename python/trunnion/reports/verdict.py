@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
-from trunnion.base.units import Floats, parameter_words, unit_of
+from trunnion.base.units import unit_of
 from trunnion.data.rotary_test import RotaryTest
-from trunnion.diagnosis.records import Cause, percent, value_in_words, with_unit
+from trunnion.diagnosis.records import percent, value_in_words, with_unit
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.structure import Structure
-from trunnion.plot.diagnosis import record_of, root_of
+from trunnion.reports.causes import Found, said
 from trunnion.reports.results import COVERAGE, Figure, of_interest, with_expanded
 from trunnion.setup.names import error_label
 from trunnion.turning.correction import Correction
 
-MAX_PARAMETERS = 6  # of a cause
 MAX_SETS = 4
 MAX_FIGURES = 3
 FIRST = ("accuracy", "systematic", "reversal")
 """Figures that stand before all others."""
 EXPANDED = " ± is U (k = 2)."
-_HARMONIC = re.compile(r"([ab])(\d*)_(.+)")
 
 
-def verdict_of_diagnosis(d: Diagnosis) -> str:
+def verdict_of_diagnosis(found: Found) -> str:
     """Say what a diagnosis found, with sizes and probabilities."""
+    d = found.d
     if d.verdict == "consistent":
         size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
         return " ".join(
@@ -40,11 +37,13 @@ def verdict_of_diagnosis(d: Diagnosis) -> str:
                 *_located(d),
             )
         )
-    parts = _found(d) if d.causes else [d.sentences()[0]]
+    parts = _found(found) if d.causes else [d.sentences()[0]]
     if d.unexplained and d.causes:
         parts.append(f"Not explained: {d.unexplained}.")
     if d.structure is not None:
-        parts.append(f"Its size: {_of_structure(d.structure)}.")
+        std = np.array([v if np.isfinite(v) else 0.0 for v in d.structure.std_errors.values()])
+        size = said(d.structure.parameters, d.structure.std_errors, np.diag(std))
+        parts.append(f"Its size: {size}.")
     located = _located(d)
     if located and isinstance(d.data, RotaryTest):  # made for them
         left = with_unit(f"{d.gain.rms_before_um:.3g}", d.gain.unit)
@@ -61,69 +60,15 @@ def _located(d: Diagnosis) -> list[str]:
     return [of_interest(located, d.errors_std)] if located else []
 
 
-def _found(d: Diagnosis) -> list[str]:
-    certain = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
-    sure = [f"{_sized(d, c.id)} ({percent(c.probability)})" for c in d.causes if c.id in certain]
-    parts = [f"Found: {'; '.join(sure)}."] if sure else []
-    if len(d.alternatives) > 1:
-        sets = [
-            (" + ".join(_sized(d, i) for i in sorted(a.causes - certain)) or "no further cause")
-            + f" ({percent(a.probability)})"
-            for a in d.evidence[:MAX_SETS]
-        ]
-        more = len(d.alternatives) - len(sets)
-        if more > 0:
-            sets.append(f"one of {more} other sets" if more > 1 else "one other set")
-        parts.append(f"In doubt, with the probability of each set: {'; or '.join(sets)}.")
+def _found(found: Found) -> list[str]:
+    """Say what is certain of the machine, of other things, then what is in doubt."""
+    parts = []
+    for head, causes in (("Found", found.of_machine), ("Not the machine's", found.of_others)):
+        sure = [found.sized(c.id) for c in causes if c.id in found.certain]
+        parts += [f"{head}: {'; '.join(sure)}."] if sure else []
+    if len(found.d.evidence) > 1:
+        parts.append(found.in_doubt(MAX_SETS))
     return parts
-
-
-def _sized(d: Diagnosis, id_: str) -> str:
-    """Name a cause with its size; the size of one that the diagnosis does not name is not known."""
-    c = next((c for c in d.causes if c.id == id_), None)
-    if c is None:
-        return d.labels.get(id_) or id_.replace("_", " ")
-    return f"{c.label or c.id.replace('_', ' ')}, {size_of(d, c)}"
-
-
-def size_of(d: Diagnosis, c: Cause) -> str:
-    """Say the size of a named cause with U; of one of many parameters what it does at most."""
-    if len(c.parameters) > MAX_PARAMETERS:
-        record = record_of(d)
-        change = np.abs(record.changes[c.id])
-        at = int(np.argmax(change))
-        unit = record.units[record.unit_index[at]]
-        return f"up to {change[at]:.3g} {unit} in a reading".replace("  ", " ")
-    return _said(c.parameters, c.std_errors, root_of(d, c))
-
-
-def _of_structure(s: Structure) -> str:
-    std = np.array([v if np.isfinite(v) else 0.0 for v in s.std_errors.values()])
-    return _said(s.parameters, s.std_errors, np.diag(std))
-
-
-def _said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) -> str:
-    """Say parameters with U; cosine and sine of a harmonic as its amplitude."""
-    names, parts = list(values), []
-    for k, name in enumerate(names):
-        match = _HARMONIC.fullmatch(name)
-        other = f"b{match[2]}_{match[3]}" if match and match[1] == "a" else ""
-        if other in values:
-            at = [k, names.index(other)]
-            pair = np.array([values[name], values[other]])
-            size = float(np.hypot(*pair))
-            u = float(np.linalg.norm(pair @ root[at])) / size if size > 0 else std[name]
-            known = np.isfinite(std[name]) and np.isfinite(std[other])
-            expanded = COVERAGE * u if known else None
-            parts.append(f"amplitude {value_in_words(size, expanded, unit_of(name))}")
-        elif not (match and match[1] == "b" and f"a{match[2]}_{match[3]}" in values):
-            text = value_in_words(values[name], _twice(std[name]), unit_of(name))
-            parts.append(text if len(values) == 1 else f"{parameter_words(name)} {text}")
-    return ", ".join(parts)
-
-
-def _twice(std: float | None) -> float | None:
-    return None if std is None else COVERAGE * std
 
 
 def verdict_of_result(result: Result, figures: Sequence[Figure]) -> str:
@@ -162,14 +107,18 @@ def _text(cell: Any) -> str:
 
 def _judged(result: Conformity) -> list[str]:
     """Name what is exceeded, then what is not decided."""
-    said = []
+
+    def u(j: Any) -> float | None:
+        return None if j.std_error is None else COVERAGE * j.std_error
+
+    lines = []
     for decision, verb in ((Decision.FAIL, "Exceeded"), (Decision.UNDECIDED, "Not decided")):
         mine = [
-            f"{j.label or j.name} {value_in_words(j.value, _twice(j.std_error), unit_of(j.name))} "
+            f"{j.label or j.name} {value_in_words(j.value, u(j), unit_of(j.name))} "
             f"of {j.tolerance:g} allowed"
             for j in result.judged
             if j.decision is decision
         ]
         if mine:
-            said.append(f"{verb}: {'; '.join(mine)}.{EXPANDED}")
-    return said
+            lines.append(f"{verb}: {'; '.join(mine)}.{EXPANDED}")
+    return lines

@@ -31,6 +31,7 @@ from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Ru
 from trunnion.setup import Setup
 
 LEAST_NOISE = 1e-3  # µm, arcsec: no scale of an axis shows less
+SENSES = ((1.0, "forward"), (0.0, "at rest"), (-1.0, "backward"))
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
@@ -287,11 +288,13 @@ class AxisLogModel(Model):
             Covariate("time", blocks.mean_everywhere(time), "s", sequence=True),
             Covariate("commanded speed of the axis", speed, "mm or deg/s"),
             Covariate("commanded acceleration of the axis", acceleration, "mm or deg/s²"),
-            Covariate("sense of travel", np.sign(speed), classes=True),
+            Covariate("sense of travel", np.sign(speed), classes=True, words=SENSES),
             Covariate("position of the axis", position, "mm or deg"),
         ]
         if len(self.runs) > 1:
-            out.append(Covariate("run", blocks.run_of, classes=True))
+            names = (self._label(run).removeprefix("_") for run in self.runs)
+            words = tuple((float(i), name) for i, name in enumerate(names))
+            out.append(Covariate("run", blocks.run_of, classes=True, words=words))
         return tuple(out)
 
     def _kinematic(self, order: int) -> Floats:

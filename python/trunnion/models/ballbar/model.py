@@ -36,6 +36,7 @@ from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
+SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
 LEAST_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
@@ -231,7 +232,8 @@ class BallbarModel(Model):
                 out.append(Covariate(f"angle in the {plane} plane", angle, "deg", period=360.0))
         out += self.machine.covariates(self.path)
         if data.sense is not None and np.ptp(data.sense) > 0:
-            out.append(Covariate("sense of travel", np.asarray(data.sense), classes=True))
+            sense = np.asarray(data.sense)
+            out.append(Covariate("sense of travel", sense, classes=True, words=SENSES))
         if int(self.path.runs.max()) > 0:
             out.append(Covariate("run", self.path.runs, classes=True))
         if data.feed_mm_min is not None and np.ptp(data.feed_mm_min) > 0:

@@ -23,6 +23,7 @@ from trunnion.diagnosis.effect import (
     with_own,
 )
 from trunnion.diagnosis.model import (
+    TURNED,
     Covariate,
     Model,
     Nuisance,
@@ -259,7 +260,8 @@ class SweepModel(Model):
             out.append(Covariate("time", np.repeat(data.time_s, 3), "s", sequence=True))
         order = self.readings.rows.astype(float)
         out.append(Covariate("order of measurement", order, sequence=True))
-        out.append(Covariate("sense of turning", np.repeat(self._conditions.sense, 3)))
+        sense = np.repeat(self._conditions.sense, 3)
+        out.append(Covariate("sense of turning", sense, words=TURNED))
         out.append(Covariate("target", np.repeat(self._target, 3), classes=True))
         return tuple(out)
 

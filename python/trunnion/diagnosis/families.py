@@ -1,0 +1,274 @@
+"""Families of causes: what the sign of a size means at a machine, and what to do about it.
+
+One table for all kinds of data: a family is found by what a cause belongs to, else by its id.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from trunnion.base.units import ARCSEC, unit_of
+from trunnion.machine.effects import Owner
+
+LENGTH_MM = 300.0  # over which an inclination is stated where no travel is known
+RADIUS_MM = 100.0
+
+
+@dataclass(frozen=True)
+class Family:
+    """Causes that mean the same and need the same hands.
+
+    Attributes
+    ----------
+    name
+        What people call them.
+    ids
+        Regular expression of the ids; its groups are the letters of axes in `plus` and `minus`.
+    advice
+        What to do.
+    plus, minus
+        What a positive and a negative size mean; empty: its sign says nothing at the machine.
+    over
+        What makes a length of an angle or a ratio: a travel, or a radius.
+    grows
+        Whether it grows along the measurement, so that its words want what it has reached.
+    """
+
+    name: str
+    ids: str
+    advice: str
+    plus: str = ""
+    minus: str = ""
+    over: Literal["", "length", "radius"] = ""
+    grows: bool = False
+
+
+_SQUARENESS = (
+    "level the machine first and measure again; if it stays, align the guide or the column, or "
+    "enter it as perpendicularity compensation of the control."
+)
+_WARM = (
+    "let machine and instrument run until they are warm and measure again; find what heats "
+    "(spindle, screw, sun, door) before anything is compensated."
+)
+_LARGER = "the angle between +{a} and +{b} is larger than 90°"
+_SMALLER = "the angle between +{a} and +{b} is smaller than 90°"
+
+FAMILIES = (
+    Family(
+        "friction at reversal",
+        r"reversal_spike_.|friction_.|friction_direction_.|stribeck_.",
+        "look at lubrication, wipers and preload of the guide; then set the friction compensation "
+        "of the drive.",
+    ),
+    Family(
+        "backlash",
+        r"backlash(_.)?|._backlash|lost_motion.*",
+        "look at thrust bearing, nut and coupling (of a rotary axis at gear and clamping); enter "
+        "what is left as backlash compensation of the control.",
+        "after a reversal the axis stops short",
+        "after a reversal the axis goes too far: a compensation that is set too large does this",
+    ),
+    Family(
+        "backlash",
+        r"reversal(_of_position)?",
+        "see first what backlash compensation the control has now; look at thrust bearing, nut and "
+        "coupling; then enter the value that is left.",
+        "after a reversal the axis goes too far: a compensation that is set too large does this",
+        "after a reversal the axis stops short",
+    ),
+    Family(
+        "squareness",
+        r"squareness_(?P<a>x|y)(?P<b>y|(?<=y)z)",
+        _SQUARENESS,
+        _LARGER,
+        _SMALLER,
+        "length",
+    ),
+    Family("squareness", r"squareness_(?P<a>x)(?P<b>z)", _SQUARENESS, _SMALLER, _LARGER, "length"),
+    Family("squareness", r"wrist_squareness", _SQUARENESS),
+    Family(
+        "scale",
+        r"scale(_.)?|positioning_scale",
+        "see first how warm scale or screw were (1 K is about 11 ppm of steel); what is left goes "
+        "into the error table of the axis in the control, as a straight line.",
+        "the axis travels too far",
+        "the axis does not travel far enough",
+        "length",
+    ),
+    Family(
+        "positioning, rotary axis",
+        r"[abc]_(positioning|scale).*|positioning_(\d+|trend)|harmonic_\d+",
+        "enter it as error table of the axis in the control; once a turn comes from a scale or "
+        "gear that is not centred, twice a turn from one that is tilted or oval: look at its seat.",
+        over="radius",
+    ),
+    Family(
+        "positioning curve",
+        r"curve|positioning_[xyz]",
+        "enter the curve as error table of the axis in the control (pitch error compensation), "
+        "once what depends on time is mended.",
+    ),
+    Family(
+        "periodic error",
+        r"(periodic|cyclic)(_.)?|._cyclic|positioning_cyclic|screw_cyclic.*",
+        "compare its period with the lead of the screw (coupling, bearing of the screw), the teeth "
+        "of the gear, and the period of the scale (clean and adjust the reading head). An error "
+        "table helps only if its steps are shorter than a quarter of the period.",
+    ),
+    Family(
+        "error motion of a rotary axis",
+        r"(._)?(radial|axial|tilt|wobble)(_\d+|_trend)?|[abc]_twist",
+        "look at the bearing of the axis, its preload and its seat; only a control with a "
+        "volumetric compensation can take it off.",
+    ),
+    Family(
+        "guide",
+        r"(straightness|angular)_.*|._sag|gravity|field",
+        "level the machine, then look at guides and foundation; only a control with a volumetric "
+        "compensation can take it off.",
+    ),
+    Family(
+        "location of an axis",
+        r"rotary_centre|base_shift.*",
+        "measure where the rotary axes are by touches or a ball, and enter it in the control.",
+    ),
+    Family(
+        "shape of a surface",
+        r"twist|bow|kink(_[xy])?",
+        "adjust the feet or shims of the bed and read the level again; scrape or grind only what "
+        "stays after that.",
+    ),
+    Family(
+        "servo",
+        r"(gain|time_constant|loop_delay|velocity_forward|acceleration_forward|offset)_."
+        r"|gain_mismatch",
+        "tune the drive: axes that interpolate get the same loop gain and feed-forward.",
+    ),
+    Family(
+        "resonance",
+        r"resonance_.",
+        "lower the jerk or set a filter of the drive at its frequency; look at the mounting.",
+    ),
+    Family(
+        "drift",
+        r"(common_|cycle_)?drift|warmup",
+        _WARM,
+        "the readings rise",
+        "the readings fall",
+        grows=True,
+    ),
+    Family(
+        "drift",
+        r"(drift|warmup)_(?P<a>[xyz])",
+        _WARM,
+        "the tool moves towards +{a}, seen from the work",
+        "the tool moves towards −{a}, seen from the work",
+        grows=True,
+    ),
+    Family(
+        "drift",
+        r"expansion|leg_expansion.*",
+        _WARM,
+    ),
+    Family(
+        "tool that grows",
+        r"tool_heating",
+        "correct the program of the next part by this curve (trunnion turning correct), or keep "
+        "the insert cool: coolant, a pause before the last pass, less depth in it.",
+        "the diameter gets smaller along the cut",
+        "the diameter gets larger along the cut",
+        grows=True,
+    ),
+    Family(
+        "tool that wears",
+        r"tool_wear",
+        "change the insert, or add the wear to the offset of the tool after each part.",
+    ),
+    Family(
+        "alignment of the lathe",
+        r"taper|barrel",
+        "turn a test bar without tailstock; if it stays, align headstock or tailstock, or correct "
+        "the program (trunnion turning correct).",
+    ),
+    Family(
+        "part that gives way",
+        r"bending|chuck_tilt",
+        "support the part (tailstock, steady rest), or take less depth in the last pass; then "
+        "correct the program (trunnion turning correct).",
+    ),
+    Family(
+        "cut",
+        r"chatter|block_acceleration",
+        "change speed or overhang of the tool, and smooth the path of the last pass.",
+    ),
+    Family(
+        "part that grows",
+        r"workpiece_heating",
+        "measure the part when it is cold; use coolant or pause before the last pass.",
+    ),
+)
+OTHER = Family(
+    "other", r".*", "no advice is known for this cause: find it at the machine before you act."
+)
+OWNED = {
+    Owner.INSTRUMENT: Family(
+        "instrument",
+        "",
+        "it belongs to the instrument, not to the machine: have it calibrated. The other results "
+        "are free of it.",
+    ),
+    Owner.ARTEFACT: Family(
+        "artefact",
+        "",
+        "it belongs to the artefact, not to the machine: have it calibrated. The other results are "
+        "free of it.",
+    ),
+    Owner.PLACEMENT: Family(
+        "clamping",
+        "",
+        "the artefact or part has moved, not the machine: clamp it anew and measure again.",
+    ),
+    Owner.WORKPIECE: Family(
+        "part", "", "it belongs to this part, not to the machine: let the part cool, measure again."
+    ),
+}
+"""By what a cause belongs to, where it is not the machine's."""
+
+
+def family_of(id_: str, owner: Owner = Owner.MACHINE) -> Family:
+    """Return the family of a cause."""
+    return OWNED.get(owner) or next((f for f in FAMILIES if re.fullmatch(f.ids, id_)), OTHER)
+
+
+def meaning(id_: str, parameters: Mapping[str, float], travel_mm: float | None = None) -> str:
+    """Say what size and sign of a cause of the machine mean; empty where that needs the readings.
+
+    Parameters
+    ----------
+    id_, parameters
+        The cause with its values.
+    travel_mm
+        Travel that was measured, where one is known.
+    """
+    family = family_of(id_)
+    unit = unit_of(next(iter(parameters), ""))
+    values = [v for name, v in parameters.items() if unit_of(name) == unit]  # others shape its law
+    words = ""
+    if family.plus and len(values) == 1:
+        match = re.fullmatch(family.ids, id_)
+        axes = {k: v.upper() for k, v in (match.groupdict() if match else {}).items()}
+        words = (family.plus if values[0] > 0 else family.minus).format(**axes)
+    ratio = {"ppm": 1e-6, "arcsec": ARCSEC}.get(unit)
+    if not family.over or ratio is None:
+        return words
+    if family.over == "radius":
+        size = float(np.hypot.reduce(values)) * ratio * RADIUS_MM * 1e3
+        return f"{size:.2g} µm at a radius of {RADIUS_MM:g} mm"
+    length = travel_mm or LENGTH_MM
+    return f"{words}: {abs(values[0]) * ratio * length * 1e3:.2g} µm over {length:.3g} mm"

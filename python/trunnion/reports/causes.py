@@ -1,0 +1,196 @@
+"""The causes of a diagnosis in the words of a report: one size and one probability for each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from trunnion.base.report import Shown, Table
+from trunnion.base.units import Floats, parameter_words, unit_of
+from trunnion.data.positioning import Positioning
+from trunnion.diagnosis.families import OWNED, Family, family_of, meaning
+from trunnion.diagnosis.records import Cause, percent, value_in_words
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.effects import Owner
+from trunnion.plot.diagnosis import Explained, root_of
+from trunnion.plot.style import capital
+from trunnion.reports.results import COVERAGE, plain_words
+from trunnion.setup.names import called
+
+MAX_PARAMETERS = 6  # of a cause: of more the largest change of a reading is stated
+SURE = 0.5  # a probability below it is a doubt
+_HARMONIC = re.compile(r"(a|cosine)([xyz]?\d*)(_.+)")
+_OTHER_HALF = {"a": "b", "cosine": "sine"}
+WORDS = {"tau": "time constant", "hx": "along X", "hy": "along Y"}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a diagnosis found, cause by cause."""
+
+    d: Diagnosis
+
+    @cached_property
+    def owners(self) -> Mapping[str, Owner]:
+        """What each cause belongs to."""
+        d = self.d
+        known: Mapping[str, Owner] = getattr(d.model, "owners", {})
+        if known or d.data is None or not d.causes:
+            return known
+        return {e.id: e.owner for e in d.rebuilt_model().effects}
+
+    @cached_property
+    def certain(self) -> frozenset[str]:
+        """Causes that are in every set and more probable than not."""
+        d = self.d
+        every = frozenset.intersection(*d.alternatives) if d.alternatives else d.named
+        return frozenset(c.id for c in d.causes if c.id in every and c.probability > SURE)
+
+    def family(self, id_: str) -> Family:
+        """Family of a cause."""
+        return family_of(id_, self.owners.get(id_, Owner.MACHINE))
+
+    @property
+    def of_machine(self) -> list[Cause]:
+        """Causes of the machine, of heat or of the part."""
+        return [c for c in self.d.causes if c not in self.of_others]
+
+    @property
+    def of_others(self) -> list[Cause]:
+        """Causes of the instrument, the artefact or the clamping."""
+        return [c for c in self.d.causes if self.family(c.id) in OWNED.values()]
+
+    def label(self, id_: str) -> str:
+        """What people call a cause."""
+        named = {c.id: c.label for c in self.d.causes}
+        return named.get(id_) or self.d.labels.get(id_) or id_.replace("_", " ")
+
+    def quantity(self, name: str) -> str:
+        """Say in words what a parameter of a model, or an error, is."""
+        id_, dot, parameter = name.partition(".")
+        known = {c.id: len(c.parameters) for c in self.d.causes}
+        if not dot and name not in known and name not in self.d.labels:
+            label = called(name)
+            return parameter_words(name) if label == name else label
+        alone = not dot or known.get(id_) == 1
+        return self.label(id_) if alone else f"{self.label(id_)}, {parameter_words(parameter)}"
+
+    def in_words(self, text: str) -> str:
+        """Return what is said of effects that readings do not show, without names of programs."""
+        ids = {*self.d.labels, *(c.id for c in self.d.causes)}
+        words = re.sub(r"\w+", lambda m: self.label(m[0]) if m[0] in ids else m[0], text)
+        return plain_words(words)
+
+    def chance(self, id_: str) -> float:
+        """Probability of all sets that hold a cause."""
+        known = {c.id: c.probability for c in self.d.causes}
+        listed = sum(a.probability for a in self.d.evidence if id_ in a.causes)
+        return known.get(id_, listed)
+
+    def sized(self, id_: str) -> str:
+        """Name a cause with its size, where it is known, and its probability."""
+        cause = next((c for c in self.d.causes if c.id == id_), None)
+        size = "" if cause is None else f", {self.size(cause)}"
+        return f"{self.label(id_)}{size} ({percent(self.chance(id_))})"
+
+    def doubtful(self) -> list[list[str]]:
+        """Of each set of causes what is not certain, the most probable set first."""
+        return [sorted(a.causes - self.certain) for a in self.d.evidence]
+
+    def in_doubt(self, most: int) -> str:
+        """Name what is in doubt, with probabilities; of many sets the most probable."""
+        sets = self.doubtful()
+        named = [" + ".join(map(self.sized, ids)) for ids in sets[:most] if ids]
+        if more := len(sets) - most:
+            named += [f"one of {more} other sets"] if more > 1 else []
+        head = "In doubt" if all(sets) else "Perhaps also"
+        return f"{head}: {'; or '.join(named)}."
+
+    def size(self, c: Cause) -> str:
+        """Say the size of a cause with U (k = 2)."""
+        if len(c.parameters) <= MAX_PARAMETERS:
+            return said(c.parameters, c.std_errors, root_of(self.d, c))
+        of, at, most = self._largest(c)
+        u = float(np.linalg.norm(of.spread[at]))
+        return f"up to {value_in_words(most, COVERAGE * u or None, of.unit)}"
+
+    def _largest(self, c: Cause) -> tuple[Explained, int, float]:
+        """Return a cause with the reading that it changes most, and by how much."""
+        of = Explained.of(self.d, c.id)
+        change = np.abs(of.change) * of.rows
+        at = int(np.argmax(change))
+        return of, at, float(change[at])
+
+    def meaning(self, c: Cause) -> str:
+        """Say what size and sign mean at the machine."""
+        data = self.d.data
+        travel = None
+        if isinstance(data, Positioning) and not data.rotary:
+            travel = float(np.ptp(data.target))
+        family = self.family(c.id)
+        text = "" if family in OWNED.values() else meaning(c.id, c.parameters, travel)
+        if len(c.parameters) > MAX_PARAMETERS:
+            return text or "not the same at every place: see its picture"
+        if text and not family.grows:
+            return text
+        of, _, most = self._largest(c)
+        reach = f"up to {most:.2g} {of.unit} in these readings"
+        return f"{text}: {reach}" if text else reach
+
+    def tables(self) -> list[Table]:
+        """What was found of the machine, then what is not the machine's."""
+        heads = ("cause", f"size ± U (k = {COVERAGE:g})", "what that means", "probability")
+        return [
+            Table.of(
+                title,
+                heads,
+                [
+                    (
+                        capital(self.label(c.id)),
+                        self.size(c),
+                        self.meaning(c),
+                        Shown(c.probability, percent(c.probability)),
+                    )
+                    for c in causes
+                ],
+            )
+            for title, causes in (
+                ("What was found", self.of_machine),
+                ("Found beside it, not the machine's", self.of_others),
+            )
+            if causes
+        ]
+
+
+def said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) -> str:
+    """Say parameters with U; cosine and sine of a harmonic as its amplitude."""
+    names, parts, done = list(values), [], set()
+    for k, name in enumerate(names):
+        match = _HARMONIC.fullmatch(name)
+        other = f"{_OTHER_HALF[match[1]]}{match[2]}{match[3]}" if match else ""
+        if match and other in values:
+            at = [k, names.index(other)]
+            pair = np.array([values[name], values[other]])
+            size = float(np.hypot(*pair))
+            u = float(np.linalg.norm(pair @ root[at])) / size if size > 0 else std[name]
+            known = np.isfinite(std[name]) and np.isfinite(std[other])
+            along = match[2].rstrip("0123456789").upper()
+            of = f"amplitude in {along}" if along else "amplitude"
+            parts.append(f"{of} {_value(size, u if known else None, unit_of(name))}")
+            done.add(other)
+        elif name not in done:
+            text = _value(values[name], std[name], unit_of(name))
+            words = parameter_words(name)
+            parts.append(text if len(values) == 1 else f"{WORDS.get(words, words)} {text}")
+    return ", ".join(parts)
+
+
+def _value(value: float, std: float | None, unit: str) -> str:
+    """Say a value with U; one whose place the readings only enclose as it is."""
+    if std is not None and not np.isfinite(std) and unit == "mm":
+        return f"about {value_in_words(value, None, unit)}"
+    return value_in_words(value, None if std is None else COVERAGE * std, unit)
