@@ -3,6 +3,7 @@
 
 import copy
 import dataclasses
+import json
 import pickle
 import re
 import tomllib
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import trunnion as tn
+from trunnion.base.stored import plain, structured
 from trunnion.contouring import LinearAxis
 from trunnion.models.ballbar import BallbarSettings
 from trunnion.models.diameters import Conditions
@@ -367,3 +369,9 @@ def test_tables_of_processes_are_checked_when_a_file_is_read(
     path.write_text(text + before)
     with pytest.raises(tn.FileFormatError, match=re.escape(str(path)) + message):
         tn.read_setup(path)
+
+
+@pytest.mark.parametrize("vise", [True, "80", {"size": "160", "grip_mm": 15.0}])
+def test_a_set_up_with_a_vise_is_stored_and_comes_back(vise: Any) -> None:
+    setup = tn.Setup(tn.Artefact("cross", vise=vise))
+    assert structured(json.loads(json.dumps(plain(setup))), tn.Setup) == setup
