@@ -9,7 +9,11 @@ used, so that ``import trunnion`` costs next to nothing. ``dir(trunnion)`` lists
 with, `MAIN`; everything else is on the page of its subject in the documentation.
 """
 
+from typing import Any
+
 import lazy_loader
+
+from trunnion.base.interrupts import held_interrupts
 
 MAIN = (
     # samples and measured data of others
@@ -33,7 +37,13 @@ MAIN = (
     *("TrunnionError", "__version__"),
 )
 
-__getattr__, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_public, _, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name: Ctrl-C comes after it."""
+    with held_interrupts():
+        return _public(name)
 
 
 def __dir__() -> list[str]:

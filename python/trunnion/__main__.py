@@ -3,7 +3,10 @@
 import atexit
 import contextlib
 import os
+import signal
 import sys
+
+from trunnion.base.interrupts import answer_interrupts_between_imports
 
 INTERRUPTED = 130
 
@@ -26,6 +29,8 @@ def run() -> None:
 
     After Ctrl-C it ends without taking down every module, which takes longer than all else.
     """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        answer_interrupts_between_imports()
     try:
         main()
     except SystemExit as end:

@@ -10,9 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from trunnion.base.errors import InputError
+from trunnion.base.interrupts import held_interrupts
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -75,15 +77,49 @@ def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
     before = set(multiprocessing.active_children())
     # Not forked: the core's threads would not survive it.
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
+    count = cores() if workers is None else workers
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin)
     try:
+        # Broken off here, a process would run that nobody knows.
+        with held_interrupts(), _born_deaf():
+            for _ in range(count):
+                pool.submit(int)  # starts a process
         yield pool
     except BaseException:
-        for process in set(multiprocessing.active_children()) - before:
+        own = set(multiprocessing.active_children()) - before
+        for process in own:
             process.kill()
+        for process in own:
+            process.join()
+        # The pool's thread would wait for the rest of a result that was being sent.
+        pool._result_queue._writer.close()  # type: ignore[attr-defined]
         pool.shutdown(wait=False, cancel_futures=True)
         raise
     pool.shutdown()
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+@contextmanager
+def _born_deaf() -> Iterator[None]:
+    """Let processes that are started here never hear Ctrl-C: the one that waits ends them.
+
+    Otherwise each would write a traceback, before `_begin`.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # it would undo the mask as it starts
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def _begin() -> None:

@@ -16,7 +16,7 @@ from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.progress import progress_bar
 from trunnion.base.report import Cell, Result, Table, significant
 from trunnion.base.stored import fitting
-from trunnion.base.workers import map_processes
+from trunnion.base.workers import cores, map_processes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.records import percent
 from trunnion.diagnosis.result import Diagnosis
@@ -230,22 +230,15 @@ def diagnose_many(
     >>> batch.failed
     {'no-such-file.csv': 'no-such-file.csv: no such file or directory'}
     """
-    cores = whole("workers", _cores() if workers is None else workers, 1)
+    count = whole("workers", cores() if workers is None else workers, 1)
     given = (tuple(effects), kind, options_in_force(Options(units=units, decimal=decimal)))
     pairs = zip(data, _setups(setup, len(data)), strict=True)
     tasks = [_Task(one, its, *given) for one, its in pairs]
-    LOG.info("diagnosing %d measurements on %d processes", len(tasks), min(cores, len(tasks)))
+    LOG.info("diagnosing %d measurements on %d processes", len(tasks), min(count, len(tasks)))
     with progress_bar("diagnose", len(tasks), 0, progress) as advance:
-        results = map_processes(_Task.run, tasks, cores, advance)
+        results = map_processes(_Task.run, tasks, count, advance)
     names = tuple(_name_of(one, place) for place, one in enumerate(data))
     return DiagnosisBatch(names, tuple(results))
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _setups(setup: Any, count: int) -> list[Any]:
