@@ -229,6 +229,12 @@ def control() -> tn.CncParameters:
     return tn.cnc_parameters(cross_setup(), LOCATION_ERRORS)
 
 
+def compensation_forecast() -> Any:
+    from trunnion.compensation import compensation_forecast
+
+    return compensation_forecast(cross_setup(), tn.identify(*cross()))
+
+
 def error_map() -> tn.ErrorMap:
     return tn.error_map(cross_setup(), LOCATION_ERRORS, linear_step_mm=300.0, rotary_step_deg=90.0)
 
@@ -308,6 +314,7 @@ EXAMPLES: dict[str, Callable[[], Any]] = {
     "PoseField": pose_field,
     "ErrorMap": error_map,
     "CncParameters": control,
+    "CompensationForecast": compensation_forecast,
     "Removable": lambda: control().removable[0],
     "ControlFiles": control_files,
     "CorrectedProgram": lambda: correct_program(

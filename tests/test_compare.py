@@ -14,6 +14,7 @@ from result_examples import diagnosis_of
 from test_levels import bed, measured
 from trunnion.cli import app
 from trunnion.models.kinds import kinds
+from trunnion.plot.changes import changes_picture
 
 
 def stops(seed: int, reversal: float, scale: float = 0.0) -> tn.Positioning:
@@ -146,6 +147,27 @@ def test_the_command_compares(tmp_path: Path) -> None:
 
 
 @measured
+def test_the_report_has_one_uncertainty_and_names_both_measurements(tmp_path: Path) -> None:
+    plates = [tn.sample_path(f"plate/{name}.csv") for name in ("first", "second")]
+    found = tn.compare(*map(tn.read, plates), names=("first", "second"))
+    page = found.to_html(tmp_path / "r.html", data=[tn.read(p) for p in plates])
+    text = page.read_text(encoding="utf-8")
+    text = text[text.index("<main>") : text.index("</main>")]
+    assert "<h1>Comparison: nothing changed</h1>" in text
+    assert "U (k = 2)" not in text
+    bow, scale, shape = found.quantities
+    assert (bow.label[-8:], shape.label[-12:]) == ("bow (a2)", "S-shape (a3)")
+    for q in (bow, scale, shape):
+        half = f'data-value="{q.high - q.change:.9g}"'
+        assert half in text, q.name
+    for name in ("first.csv", "second.csv"):
+        assert f"<td>{name}</td>" in text
+    reach = changes_picture(found).x.limits
+    sizes = [abs(q.change) / (q.high - q.change) for q in found.quantities]
+    assert reach is not None
+    assert max(*sizes, 1.0) < reach[1] < 2 * max(*sizes, 1.0)
+
+
 def test_the_lathe_bed_bent_back() -> None:
     """What changed is across the bed; its line along is as straight or bent as it was."""
     found = tn.compare(bed("found"), bed("bent_back"), names=["as found", "bent back"])

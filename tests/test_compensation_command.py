@@ -1,7 +1,9 @@
 """``trunnion compensate`` writes what it says, and the plots draw what they are given."""
 
 import hashlib
+import html
 import json
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -11,8 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 import trunnion as tn
-from reference_trt_ca import TABLE_2
+from reference_trt_ca import TABLE_2, table_pose
 from trunnion.cli import app
+from trunnion.compensation import CncParameters, compensation_forecast
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import read_estimate
 from trunnion.machine.linear_axes import LinearMotion, Travel
@@ -49,15 +52,14 @@ def test_the_command_writes_what_it_found(folder: Path) -> None:
     data = tn.simulate(tn.plan(SETUP), SETUP, TABLE_2, noise_um=0.3, seed=2)
     fit = tn.identify(data, SETUP)
     printed = run(folder, fit.to_dict(), "--linear-step-mm", "150", "--rotary-step-deg", "30")
-    for word in ("nothing compensated", "error map", "CNC parameters", "Volumetric error left"):
+    for word in ("nothing compensated", "error map", "CNC parameters", "Work space: X −150"):
         assert word in printed
     table = tn.read_error_map(folder / "o" / "error_map.csv")
     assert list(table.rotary_deg) == ["A", "C"]
     found = json.loads((folder / "o" / "volumetric.json").read_text(encoding="utf-8"))
-    expected = tn.volumetric_error(SETUP, fit).max_um
-    assert found["at_zero"]["nothing compensated"]["max_um"] == pytest.approx(expected, rel=1e-12)
-    assert found["at_zero"]["linear axes, exact"]["max_um"] < 1e-9
-    low, high = found["predicted_interval_over_range"]["max_um"]
+    left = {one["name"]: one for one in found["left"]}
+    assert left["linear axes, exact"]["max_um"] < 1e-9
+    low, high = left["linear axes, exact"]["max_interval_um"]
     assert 0 < low < high
     parameters = json.loads((folder / "o" / "parameters.json").read_text(encoding="utf-8"))
     assert parameters["zeros_arcsec"]["A"] == pytest.approx(-fit.errors["EA0A"], abs=0.1)
@@ -65,10 +67,90 @@ def test_the_command_writes_what_it_found(folder: Path) -> None:
     assert plt.get_fignums() == before
 
 
+def of_table(
+    where: tuple[float, float], moved: CncParameters | None, points: np.ndarray
+) -> np.ndarray:
+    """Errors (n, 3), µm, in the frame of the table, of the machine of Table 2, without the core.
+
+    moved: what is added to the control's values.
+    """
+    zeros = {"A": 0.0, "C": 0.0} if moved is None else moved.zeros_arcsec
+    sent = (where[0] + zeros["A"] / 3600.0, where[1] + zeros["C"] / 3600.0)
+    assumed = table_pose({} if moved is None else moved.centres_um, *where)
+    ends = np.column_stack([points, np.ones(len(points))]).T
+    apart = (table_pose(TABLE_2, *sent) - assumed) @ ends
+    return np.asarray(1e3 * (table_pose({}, *where)[:3, :3].T @ apart[:3]).T)
+
+
+def test_before_and_after_are_of_one_solid_box_and_one_range() -> None:
+    """The same figures in the sentence, in the table and by integration without the core."""
+    found = compensation_forecast(SETUP, TABLE_2)
+    gauss = np.array([-1, 1]) / np.sqrt(3)  # two nodes integrate a square of what is affine
+    nodes, corners = (
+        np.stack(np.meshgrid(150 * n, 120 * n, 75 + 75 * n), axis=-1).reshape(-1, 3)
+        for n in (gauss, np.array([-1.0, 1.0]))
+    )
+    poses = [(float(a), float(c)) for a in range(-90, 91, 10) for c in range(0, 361, 20)]
+    for name, moved in (("nothing compensated", None), ("CNC parameters", found.parameters)):
+        left = found.by_name(name)
+        assert left is not None
+        square = [np.sum(of_table(p, moved, nodes) ** 2, axis=1).mean() for p in poses]
+        largest = [np.linalg.norm(of_table(p, moved, corners), axis=1).max() for p in poses]
+        assert left.rms_um == pytest.approx(np.sqrt(np.mean(square)), rel=1e-6), name
+        assert left.max_um == pytest.approx(max(largest), rel=1e-6), name
+        assert f"{left.rms_um:.3g} " in found.sentences()[0]
+        assert f"{left.max_um:.3g} " in found.sentences()[0]
+        assert f"{left.rms_um:.3f}" in found.tables()[0].text()
+    assert found.parameters.before_um == pytest.approx(found.left[0].rms_um, rel=1e-9)
+    assert "A −90 to 90, C 0 to 360 °" in found.sentences()[1]
+
+
+def test_two_touches_show_the_sign_that_a_control_takes() -> None:
+    found = compensation_forecast(SETUP, TABLE_2)
+    test = found.sign_test
+    assert test is not None
+    turned = CncParameters(
+        {k: -v for k, v in found.parameters.zeros_arcsec.items()},
+        {k: -v for k, v in found.parameters.centres_um.items()},
+    )
+    ways = (None, found.parameters, turned)
+    for way, said in zip(ways, (test.before_um, test.after_um, test.opposite_um), strict=True):
+        first, second = (
+            of_table((at["A"], at["C"]), way, np.array([test.place_mm])) for at in test.postures
+        )
+        # the frame of the real table and of the nominal one: 100 arcsec of 100 µm are 0.05 µm
+        assert said == pytest.approx(float(np.linalg.norm(second - first)), abs=0.05)
+    assert test.after_um < 0.5 * test.before_um < test.before_um < test.opposite_um
+
+
+def test_the_report_says_what_was_measured_what_to_set_and_what_to_do(folder: Path) -> None:
+    data = tn.simulate(tn.plan(SETUP), SETUP, TABLE_2, noise_um=0.3, seed=2)
+    fit = tn.identify(data, SETUP)
+    coarse = ("--linear-step-mm", "150", "--rotary-step-deg", "30")
+    page = folder / "r.html"
+    printed = run(folder, fit.to_dict(), *coarse, "--html", str(page))
+    text = page.read_text(encoding="utf-8")
+    body = html.unescape(re.sub("<[^>]*>", " ", text[text.index("<main>") : text.index("</main>")]))
+    sentence = printed.partition("Work space")[0].replace("\n", " ").strip()
+    assert re.sub(r"\s+", " ", sentence) in re.sub(r"\s+", " ", body)
+    order = ["Errors measured", "What is changed", "What to do", "What can be reached"]
+    places = [body.index(one) for one in order]
+    assert places == sorted(places)
+    for name, value in fit.errors.items():
+        size = 2 * fit.std_errors[name]
+        digits = max(0, 1 - int(np.floor(np.log10(size))))
+        assert f"{value:.{digits}f}".replace("-", "−") in body[places[0] : places[1]], name
+    for said in ("Note the old values", "Test the signs", "trunnion verify", "tool direction"):
+        assert said in body
+    for name in ("error_map.csv", "parameters.json"):
+        digest = hashlib.sha256((folder / "o" / name).read_bytes()).hexdigest()
+        assert digest in body
+
+
 def test_names_and_values_alone_are_enough(folder: Path) -> None:
     printed = run(folder, {"EX0C": 15.0}, "--linear-step-mm", "200", "--rotary-step-deg", "90")
     assert "15.000" in printed
-    assert "Volumetric error left" not in printed
+    assert "95 %" not in printed
 
 
 def test_the_command_says_what_is_wrong_in_one_line(folder: Path) -> None:

@@ -60,7 +60,7 @@ SQUARE = {
 }
 WOBBLE = {"c_wobble_2": {"ax_arcsec": 9.0, "bx_arcsec": 0.0, "ay_arcsec": 0.0, "by_arcsec": 0.0}}
 # The poses of the forecast: its ranges in the same steps.
-POSES = list(product(np.linspace(-90, 30, 10), np.linspace(-180, 180, 26)))
+POSES = list(product(np.linspace(-90, 30, 13), np.linspace(-180, 180, 19)))
 
 
 def machine(*, square: bool = True, wobble: bool = True, **more: Any) -> RealMachine:

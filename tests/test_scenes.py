@@ -13,6 +13,7 @@ from trunnion import contouring, hybrid
 from trunnion.cli import app
 from trunnion.plot.scenes.machine import posture
 from trunnion.plot.scenes.page import views_page
+from trunnion.plot.scenes.touches import touches_view
 from trunnion.plot.style import round_number
 
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
@@ -208,3 +209,31 @@ def test_command_shows_estimates_programs_and_machines(tmp_path: Path) -> None:
         run = CliRunner().invoke(app, ["view", *arguments, "-o", str(out)])
         assert run.exit_code == 0, run.output
         assert "Plotly.newPlot" in out.read_text(encoding="utf-8")
+
+
+def test_arrows_of_residuals_stand_outside_the_body_and_an_outlier_hides_none() -> None:
+    """A touch that meets the body late is an arrow that ends on it; the outlier's is cut."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    plan = tn.plan(setup, c_deg=(0,), a_deg=(90,))
+    touches = tn.simulate(plan, setup, noise_um=0.3, seed=1)
+    first = np.flatnonzero(touches.rotary_deg["a"] == touches.rotary_deg["a"][0])
+    residuals = np.linspace(-0.5, 0.5, len(touches))
+    residuals[first[0]] = 40.0
+    figure = touches_view(touches, setup, residuals_um=residuals).figure()
+    shafts = next(t for t in figure.data if t.type == "scatter3d" and t.line.coloraxis)
+    heads = next(t for t in figure.data if t.type == "mesh3d" and t.coloraxis)
+    tails = np.column_stack([shafts.x, shafts.y, shafts.z])[::3]
+    tips = np.column_stack([heads.x, heads.y, heads.z])[:: len(heads.x) // len(tails)]
+    contact = touches.position_mm + setup.probe.ball_radius_mm * touches.direction
+    into = residuals[first] > 0
+    ends = np.where(into[:, None], tips, tails)
+    np.testing.assert_allclose(ends, contact[first], atol=1e-4)
+    lengths = np.linalg.norm(tips - tails, axis=1)
+    outside = np.einsum(
+        "ni,ni->n", np.where(into[:, None], tails, tips) - ends, touches.direction[first]
+    )
+    np.testing.assert_allclose(outside, -lengths, atol=1e-4)
+    sizes = np.abs(residuals[first])
+    assert lengths[0] == lengths.max()
+    assert lengths[0] / sizes[0] < 0.1 * lengths[1] / sizes[1]  # cut, and the others are seen
+    assert "1 beyond" in figure.layout.title.text

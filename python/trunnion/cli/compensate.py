@@ -4,34 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import trunnion as tn
 from trunnion.cli.command import Answer, Html, check_outputs, command, one_set_up, save
-from trunnion.cli.schema import Of, Printed
+from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
-    from trunnion.base.report import Result, Table
-    from trunnion.compensation import (
-        Compensation,
-        ErrorMap,
-        MachineErrors,
-        ResidualInterval,
-        VolumetricError,
-    )
+    from trunnion.base.report import Result
+    from trunnion.compensation import Compensation, ErrorMap
     from trunnion.controls import ControlFiles
     from trunnion.machine.estimate import Estimate
     from trunnion.setup import Setup
-
-# Between the nodes of a map in steps of 15°, where it is at its worst.
-_TILTS, _TURNS = tuple(range(-90, 91, 10)), tuple(range(0, 361, 20))
-_POINTS = (7, 7, 5)
-
 
 Control = Annotated[
     str | None,
@@ -61,27 +51,14 @@ AnySize = Annotated[
 ]
 
 
-class Compensated(TypedDict):
-    """What `compensate` prints as JSON without --control."""
-
-    parameters: Annotated[Any, Of(("trunnion.compensation.parameters:CncParameters",))]
-    at_zero: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
-    over_range: dict[str, Annotated[Any, Of(("trunnion.compensation.volumetric:VolumetricError",))]]
-
-
-class Predicted(Compensated, total=False):
-    """The same; the last only of an estimate with a covariance."""
-
-    predicted_interval_over_range: Annotated[
-        Any, Of(("trunnion.compensation.uncertainty:ResidualInterval",))
-    ]
-
-
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
     command(
         app,
-        values=(Printed(keys=Predicted), Printed("trunnion.controls.files:ControlFiles")),
+        values=(
+            Printed("trunnion.compensation.forecast:CompensationForecast"),
+            Printed("trunnion.controls.files:ControlFiles"),
+        ),
     )(compensate)
 
 
@@ -115,8 +92,6 @@ def compensate(
 
     With --control, the files that this control loads instead, with old and new values.
     """
-    from trunnion.compensation import MachineErrors
-
     estimates, file = one_set_up(files, (1, 1), "estimates")
     setup = _with_ranges(tn.read_setup(file), range_ or ())
     estimate = tn.read_estimate(estimates[0])
@@ -129,22 +104,11 @@ def compensate(
         said = [save(output / name, _text(t)) for name, t in made.files.items()]
         inputs = [estimates[0], *(present or ())]
         return Answer.of(made, *said, *_report(html, made, setup, inputs))
-    known = MachineErrors.of(setup, estimate)
     table = tn.error_map(
-        setup, known, **_ends(setup), linear_step_mm=linear_step_mm, rotary_step_deg=rotary_step_deg
-    )
-    answer = _general(setup, estimate, known, table, output, seed)
-    more = (
-        []
-        if html is None
-        else _report(
-            html,
-            tn.cnc_parameters(setup, dataclasses.replace(known, own=())),
-            setup,
-            estimates[:1],
-        )
-    )
-    return Answer(answer.values, (*answer.shown, *more))
+        setup, estimate, **_ends(setup), linear_step_mm=linear_step_mm,
+        rotary_step_deg=rotary_step_deg,
+    )  # fmt: skip
+    return _general(setup, estimate, table, output, seed, html, estimates[:1])
 
 
 def _report(html: Path | None, result: Result, setup: Setup, inputs: list[Path]) -> list[str]:
@@ -157,48 +121,30 @@ def _report(html: Path | None, result: Result, setup: Setup, inputs: list[Path])
 def _general(
     setup: Setup,
     estimate: Estimate,
-    known: MachineErrors,
     table: ErrorMap,
     output: Path,
     seed: int,
+    html: Path | None,
+    inputs: list[Path],
 ) -> Answer:
     """Error map, parameters and pictures, for any control."""
-    # Parameters and tool direction follow no motion of the linear axes; the fields below have them.
-    parameters = tn.cnc_parameters(setup, dataclasses.replace(known, own=()))
-    kinds: dict[str, Compensation | None] = {
-        "nothing compensated": None,
-        "error map": table,
-        "linear axes, exact": tn.ModelCompensation(known),
-        "CNC parameters": parameters,
-        "CNC parameters, rounded": parameters.rounded(setup),
-    }
-    if not known.own:
-        kinds["all axes, exact"] = tn.InverseCompensation(known)
-    at_zero = {name: _field(setup, known, kind, over=False) for name, kind in kinds.items()}
-    over = {name: _field(setup, known, kind, over=True) for name, kind in kinds.items()}
-    found: dict[str, Any] = {
-        what: {name: value.to_dict() for name, value in fields.items()}
-        for what, fields in (("at_zero", at_zero), ("over_range", over))
-    }
-    shown: list[Any] = [_table(at_zero, over), *parameters.tables()]
-    interval = None if known.own else _interval(setup, estimate, seed)
-    if interval is not None:
-        shown.append(interval.table())
-        found["predicted_interval_over_range"] = interval.to_dict()
+    from trunnion.compensation import compensation_forecast
 
+    found = compensation_forecast(setup, estimate, table=table, seed=seed)
+    parameters = found.parameters
     names = ("error_map.csv", "parameters.json", "volumetric.json", "compensation.png")
-    check_outputs(*(output / name for name in names))
+    written = [output / name for name in names]
+    check_outputs(*written)
     output.mkdir(parents=True, exist_ok=True)
-    shown += [
-        table.summary(),
-        save(output / "error_map.csv", table.to_csv),
-        save(output / "parameters.json", _json(parameters.to_dict())),
-        save(output / "volumetric.json", _json(found)),
-        save(
-            output / names[-1], lambda path: _picture(setup, known, table, parameters, over, path)
-        ),
+    said = [
+        save(written[0], table.to_csv),
+        save(written[1], _json(parameters.to_dict())),
+        save(written[2], _json(found.to_dict())),
+        save(written[3], lambda path: _picture(setup, estimate, table, parameters, path)),
     ]
-    return Answer({"parameters": parameters.to_dict(), **found}, tuple(shown))
+    sums = {str(p): hashlib.sha256(p.read_bytes()).hexdigest() for p in written}
+    found = dataclasses.replace(found, files=sums)
+    return Answer.of(found, table.summary(), *said, *_report(html, found, setup, inputs))
 
 
 def _for_control(
@@ -261,57 +207,12 @@ def _text(text: str) -> Callable[[Path], object]:
     return lambda path: path.write_text(text, encoding="utf-8")
 
 
-def _range(setup: Setup) -> dict[str, Any]:
-    """Rotary positions over the whole range."""
-    from trunnion.machine.chain import Chain
-
-    chain = Chain(setup)
-    at: dict[str, Any] = {"a_deg": 0, "b_deg": None, "c_deg": 0}
-    for letter in chain.letters:
-        at[f"{letter.lower()}_deg"] = _TURNS if letter == chain.turning else _TILTS
-    return at
-
-
 def _ends(setup: Setup) -> dict[str, Any]:
-    """Lowest and highest rotary positions of the same range, for an error map."""
-    given = {name: at for name, at in _range(setup).items() if isinstance(at, tuple)}
-    return {name: (float(at[0]), float(at[-1])) for name, at in given.items()}
+    """Lowest and highest rotary positions of the work space, for an error map."""
+    from trunnion.compensation.workspace import work_space
 
-
-def _field(
-    setup: Setup, known: MachineErrors, kind: Compensation | None, *, over: bool
-) -> VolumetricError:
-    if not over:
-        return tn.volumetric_error(setup, known, compensation=kind, points=_POINTS)
-    return tn.volumetric_error(setup, known, **_range(setup), compensation=kind, points=(3, 3, 2))
-
-
-def _interval(setup: Setup, estimate: Estimate, seed: int) -> ResidualInterval | None:
-    """Predicted interval over the whole range, where the estimate has a covariance."""
-    if not estimate.names:
-        return None
-    return tn.residual_interval(setup, estimate, **_range(setup), draws=1000, seed=seed)
-
-
-def _table(at_zero: dict[str, VolumetricError], over: dict[str, VolumetricError]) -> Table:
-    from trunnion.base.report import Table
-
-    rows = [
-        (
-            name,
-            f"{zero.max_um:.3f}",
-            f"{zero.rms_um:.3f}",
-            f"{whole.max_um:.3f}",
-            f"{whole.rms_um:.3f}",
-            f"{float(whole.direction_by_pose_arcsec.max()):.2f}",
-        )
-        for (name, zero), whole in zip(at_zero.items(), over.values(), strict=True)
-    ]
-    return Table.of(
-        "Volumetric error of the machine as estimated, µm; tool direction, arcsec",
-        ("", "at zero: max", "rms", "all A/B, C: max", "rms", "direction"),
-        rows,
-    )
+    at = {k: v for k, v in work_space(setup).arguments().items() if k.endswith("_deg")}
+    return {k: (float(v[0]), float(v[-1])) for k, v in at.items() if isinstance(v, tuple)}
 
 
 def _json(content: Any) -> Callable[[Path], object]:
@@ -321,12 +222,7 @@ def _json(content: Any) -> Callable[[Path], object]:
 
 
 def _picture(
-    setup: Setup,
-    known: MachineErrors,
-    table: Compensation,
-    parameters: Compensation,
-    over: dict[str, VolumetricError],
-    path: Path,
+    setup: Setup, estimate: Estimate, table: Compensation, parameters: Compensation, path: Path
 ) -> None:
     """Sections at zero and the largest error over the poses, before and after, each on its scale.
 
@@ -334,18 +230,20 @@ def _picture(
     """
     from matplotlib.figure import Figure
 
+    from trunnion.compensation.workspace import work_space
+
     shown = {"nothing compensated": None, "error map": table, "CNC parameters": parameters}
-    pictures = []
+    where, pictures, over = work_space(setup).arguments(), [], []
     for name, kind in shown.items():
-        section = tn.volumetric_error(setup, known, compensation=kind)
+        section = tn.volumetric_error(setup, estimate, compensation=kind)
         p = tn.plot.volumetric_picture(section, plane="xz", at_mm=0.0)
         title = f"{name}, axes at zero, y = 0; in the box up to {section.max_um:.3g} µm"
         pictures.append(dataclasses.replace(p, title=title))
-    if all(field.max_by_pose_um.ndim == 2 for field in over.values()):
-        for name in shown:
-            p = tn.plot.poses_picture(over[name])
-            title = f"{name}, over the range: largest {over[name].max_um:.3g} µm"
-            pictures.append(dataclasses.replace(p, title=title))
-    figure = Figure(figsize=(16.0, 3.6 * len(pictures) / 3), layout="constrained")
-    tn.plot.panels(pictures, columns=3, figure=figure)
+        poses = tn.volumetric_error(setup, estimate, compensation=kind, points=(2, 2, 2), **where)
+        if poses.max_by_pose_um.ndim == 2:
+            p = tn.plot.poses_picture(poses)
+            title = f"{name}, over the range: largest {poses.max_um:.3g} µm"
+            over.append(dataclasses.replace(p, title=title))
+    figure = Figure(figsize=(16.0, 3.6 * len(pictures + over) / 3), layout="constrained")
+    tn.plot.panels(pictures + over, columns=3, figure=figure)
     figure.savefig(path, dpi=120)

@@ -4,6 +4,7 @@
 - `control`: what a control sends, exact compensation by the linear axes and by all axes;
 - `maps`: corrections as a table, computed, written, read;
 - `parameters`: zeros and centres of the axes, the paper's equations (22) to (24);
+- `forecast`: what each way to compensate leaves, over one work space;
 - `uncertainty`: what an uncertain identification will leave;
 - `measuring`: a measurement of the compensated machine;
 - `verification`: a ball on the table, found at every posture before and after.
@@ -15,6 +16,8 @@ from trunnion.compensation.control import InverseCompensation as InverseCompensa
 from trunnion.compensation.control import ModelCompensation as ModelCompensation
 from trunnion.compensation.control import control_commands as control_commands
 from trunnion.compensation.control import inverse_compensation as inverse_compensation
+from trunnion.compensation.forecast import CompensationForecast as CompensationForecast
+from trunnion.compensation.forecast import compensation_forecast as compensation_forecast
 from trunnion.compensation.machine import MachineErrors as MachineErrors
 from trunnion.compensation.maps import ErrorMap as ErrorMap
 from trunnion.compensation.maps import error_map as error_map

@@ -14,7 +14,7 @@ gives them as printed, with the origin offsets that the paper puts into the work
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,9 +37,11 @@ from trunnion.compensation.machine import (
 from trunnion.compensation.workspace import Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
+from trunnion.setup.names import called
 
 GROUPS = ("zeros", "centres", "work")
 _ROUNDS = 8
+MIN_LEFT = 0.005  # share of an error that is said to be left
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,8 +105,8 @@ def _removable_table(listed: Sequence[Removable]) -> Table:
         )
         for row in listed
     ]
-    title = "What CNC parameters can leave of one unit of each error, µm rms over box and poses"
-    return Table.of(title, ("", "unit", "before", "left", "share"), rows, digits=3)
+    title = "Volumetric error that 1 µm or 1 arcsec of each error makes, rms, µm"
+    return Table.of(title, ("", "unit", "without", "with parameters", "left"), rows, digits=3)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,10 +184,13 @@ class CncParameters(Result):
             work=each(self.work, steps),
         )
 
-    def _set(self) -> list[tuple[str, float, str]]:
+    def settings(self) -> list[tuple[str, float, str]]:
         """Label, value and unit of each parameter."""
         rows = [(f"zero of {name}", value, "arcsec") for name, value in self.zeros_arcsec.items()]
-        rows += [(f"centre {name}", value, "µm") for name, value in self.centres_um.items()]
+        rows += [
+            (f"centre of {name[3:]} along {name[1]} ({name})", value, "µm")
+            for name, value in self.centres_um.items()
+        ]
         for name, value in self.work.items():
             label, suffix = name.rsplit("_", 1)
             rows.append((f"work {label}", value, _unit(suffix)))
@@ -193,7 +198,9 @@ class CncParameters(Result):
 
     def sentences(self) -> Sequence[str]:
         """What they are good for, what to set, and the error of which most is left."""
-        listed = ", ".join(f"{label} {_signed(value)} {unit}" for label, value, unit in self._set())
+        listed = ", ".join(
+            f"{label} {_signed(value)} {unit}" for label, value, unit in self.settings()
+        )
         lines = [f"To set in the control: {listed or 'nothing'}."]
         if self.before_um is not None and self.left_um is not None:
             lines.insert(
@@ -201,21 +208,29 @@ class CncParameters(Result):
                 f"Volumetric error over the work space, rms: {self.before_um:.3g} µm before, "
                 f"{left_text(self.left_um)} µm with these parameters.",
             )
-        if self.removable:
-            worst = max(self.removable, key=lambda row: row.share_left)
-            if worst.share_left > 0:
-                lines.append(
-                    f"Such parameters remove least of {worst.name}: {worst.share_left:.0%} of what "
-                    "it does stays; an error map, or kinematics that know it, remove it."
-                )
-        return lines
+        return [*lines, *filter(None, (self.held_in_words(),))]
+
+    def held_in_words(self, names: Container[str] | None = None) -> str:
+        """Say of which errors (of these names) something is left; empty where of none."""
+        ranked = sorted(self.removable, key=lambda row: -row.share_left)
+        parts = [
+            f"{called(row.name)}, {100 * row.share_left:.0f} %"
+            for row in ranked
+            if row.share_left > MIN_LEFT and (names is None or row.name in names)
+        ]
+        if not parts:
+            return ""
+        return (
+            f"No parameter holds these errors whole, so much of their effect stays: "
+            f"{'; '.join(parts)}. An error map, or kinematics that know them, remove them."
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """What to set, and what is left of each error where it was asked for."""
         rows: list[tuple[Cell, ...]] = [
-            (label, Shown(value, _signed(value)), unit) for label, value, unit in self._set()
+            (label, Shown(value, _signed(value)), unit) for label, value, unit in self.settings()
         ]
-        to_set = Table.of("CNC parameters to set", ("", "value", "unit"), rows)
+        to_set = Table.of("CNC parameters, added to the old values", ("", "change", "unit"), rows)
         return (to_set, _removable_table(self.removable)) if self.removable else (to_set,)
 
 

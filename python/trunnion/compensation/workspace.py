@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,8 @@ class Where(TypedDict, total=False):
     points: tuple[int, int, int]
 
 
+STEPS_DEG = (10.0, 20.0)
+"""Of a work space, tilting and turning: it has places between the nodes of a map of 15°."""
 MAX_REACH_MM = 1e7  # of a box of the work: beyond it is a typo
 
 
@@ -65,6 +67,18 @@ class Workspace:
         )
         return x, y, z
 
+    def arguments(self) -> dict[str, Any]:
+        """Return box and rotary positions as arguments; nodes between the ends are not set."""
+        named: dict[str, Any] = {"x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
+        named |= {"a_deg": self.a_deg, "c_deg": self.c_deg}
+        return named if self.b_deg is None else {**named, "b_deg": self.b_deg}
+
+    def in_words(self, setup: Setup) -> str:
+        """Say box and ranges: ``X −150 to 150, ... mm on the table; A −90 to 90°``."""
+        box = ", ".join(_span(x, ends) for x, ends in zip("XYZ", self.ends(), strict=True))
+        turned = ", ".join(_span(k, q) for k, q in self.rotary(setup, spare=True)[0].items())
+        return f"{box} mm on the table" + (f"; {turned} °" if turned else "")
+
     def rotary(
         self, setup: Setup, *, spare: bool = False
     ) -> tuple[dict[str, Floats], tuple[int, ...]]:
@@ -93,6 +107,25 @@ class Workspace:
             shape.extend(positions.shape)
             nodes[letter] = np.atleast_1d(positions)
         return nodes, tuple(shape)
+
+
+def work_space(setup: Setup) -> Workspace:
+    """Return the work space of forecasts: the box on the table, the ranges of the rotary axes.
+
+    Ranges are those that the set-up states, else ±90°, and a turn of the table.
+    """
+    ranges, chain = setup.axis_ranges(), Chain(setup)
+    at: dict[str, Any] = {"a_deg": 0, "b_deg": None}
+    for letter in chain.letters:
+        low, high = ranges.get(letter, (0.0, 360.0) if letter == chain.turning else (-90.0, 90.0))
+        step = STEPS_DEG[letter == chain.turning]
+        count = 2 * int(np.ceil((high - low) / (2 * step))) + 1
+        at[f"{letter.lower()}_deg"] = tuple(np.linspace(low, high, count).tolist())
+    return Workspace(**at)
+
+
+def _span(name: str, values: Floats) -> str:
+    return f"{name} {values[0]:g} to {values[-1]:g}".replace("-", "−")
 
 
 def pose_grid(setup: Setup, nodes: Mapping[str, Floats]) -> Floats:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from trunnion.base.arguments import checked
 from trunnion.base.output import check_new, whole_file
-from trunnion.base.report import SHOWN, Cell, Result, Shown, Table, left_text
+from trunnion.base.report import SHOWN, Cell, Result, Shown, Table
+from trunnion.compensation.forecast import Left, before_and_after
 
 SETTINGS = "settings.csv"
 """Name of the file with every setting, for people."""
@@ -69,8 +70,8 @@ class ControlFiles(Result):
     settings
         Every number, where it goes, old and new.
     before_um, after_um
-        Largest volumetric error of the machine as estimated, over the range of the rotary axes,
-        without the files and with them.
+        Largest volumetric error of the machine as estimated over the work space, without the files
+        and with them.
     interval_um
         Interval that holds the largest error after, for the uncertainty of the estimate; None
         where that has no covariance.
@@ -81,6 +82,15 @@ class ControlFiles(Result):
     between_nodes
         Table → largest error that its interpolation leaves between nodes, with rounding: µm for
         lengths, arcsec for angles. It comes on top of `after_um`.
+    rms_um
+        Root mean square of the volumetric error over the solid box and the rotary positions,
+        without the files and with them.
+    direction_arcsec
+        Largest error of the tool direction that stays.
+    space
+        The work space in words.
+    errors, std_errors
+        Location errors of the estimate and their standard uncertainties, µm and arcsec.
     """
 
     control: str
@@ -92,18 +102,22 @@ class ControlFiles(Result):
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     between_nodes: Mapping[str, float] | None = None
+    rms_um: tuple[float, float] = (0.0, 0.0)
+    direction_arcsec: float = 0.0
+    space: str = ""
+    errors: Mapping[str, float] = field(default_factory=dict)
+    std_errors: Mapping[str, float] = field(default_factory=dict)
+
+    def left(self) -> tuple[Left, Left]:
+        """Return what is there without the files, and what they leave."""
+        before = Left("without the files", self.before_um, self.rms_um[0], self.direction_arcsec)
+        after = replace(before, name="with the files", max_um=self.after_um, rms_um=self.rms_um[1])
+        return before, replace(after, max_interval_um=self.interval_um)
 
     def sentences(self) -> Sequence[str]:
         """What it leaves, what it cannot hold, what to do."""
-        lines = [
-            f"{self.control}: largest volumetric error {self.before_um:.2f} µm before, "
-            f"{left_text(self.after_um)} µm after if the machine is as estimated."
-        ]
-        if self.interval_um is not None:
-            low, high = self.interval_um
-            lines.append(
-                f"With the uncertainty of the estimate: {low:.3g} to {high:.3g} µm (95 %)."
-            )
+        lines = [f"{self.control}. {before_and_after(*self.left(), 'the files')}"]
+        lines.append(f"Work space: {self.space}.")
         for name, left in (self.between_nodes or {}).items():
             if left < SHOWN:
                 continue

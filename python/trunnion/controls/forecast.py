@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import unit_of
 from trunnion.compensation.control import Compensation, ControlModel, ModelCompensation
+from trunnion.compensation.forecast import Left
 from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.compensation.uncertainty import residual_interval
-from trunnion.compensation.volumetric import volumetric_error
+from trunnion.compensation.workspace import Workspace, work_space
 from trunnion.controls.axis_tables import AxisTable
 from trunnion.controls.files import SETTINGS, ControlFiles, Setting, settings_text
-from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 
@@ -74,12 +73,10 @@ def control_files(
     remaining: Errors that a compensation meets, tables having taken off the others; None: all.
     """
     compensation = ModelCompensation(held) if isinstance(held, MachineErrors) else held
-    rotary = rotary_range(setup)
-    before = volumetric_error(setup, known, **rotary, points=(3, 3, 2)).max_um
-    after = volumetric_error(
-        setup, remaining or known, compensation=compensation, **rotary, points=(3, 3, 2)
-    ).max_um
-    interval = _interval(setup, estimate, remaining or known, compensation, rotary, seed)
+    where = work_space(setup)
+    before = Left.by("", setup, known, None, where)
+    after = Left.by("", setup, remaining or known, compensation, where)
+    interval = _interval(setup, estimate, remaining or known, compensation, where, seed)
     why = f"{control.partition(' (')[0]} has no place for it"
     every = [*known.effects, *(effect.id for effect in known.own)]
     if isinstance(held, MachineErrors):
@@ -92,8 +89,11 @@ def control_files(
     left = [*left_out, *(f"{x} ({(reasons or {}).get(x, why)})" for x in every)]
     made = {**files, SETTINGS: settings_text(settings)}
     return ControlFiles(
-        control, made, tuple(settings), before, after, interval, tuple(left), tuple(notes),
+        control, made, tuple(settings), before.max_um, after.max_um, interval,
+        tuple(left), tuple(notes),
         {name: size for name, size in (between or {}).items() if size > 0} or None,
+        (before.rms_um, after.rms_um), after.direction_arcsec, where.in_words(setup),
+        dict(known.errors), dict(estimate.std_errors) if isinstance(estimate, Estimate) else {},
     )  # fmt: skip
 
 
@@ -102,7 +102,7 @@ def _interval(
     estimate: Known,
     meets: MachineErrors,
     compensation: Compensation,
-    rotary: Mapping[str, Any],
+    where: Workspace,
     seed: int,
 ) -> tuple[float, float] | None:
     """Interval of the largest error left, 95 %.
@@ -120,21 +120,10 @@ def _interval(
     from_residuals = setup.probe.repeatability_um == 0 and np.isfinite(estimate.degrees_of_freedom)
     freedom = estimate.degrees_of_freedom if from_residuals else None
     return residual_interval(
-        setup, replace(meets, effects=zero), **rotary, compensation=compensation,
+        setup, replace(meets, effects=zero), **where.arguments(), compensation=compensation,
         covariance=estimate.covariance, names=estimate.names, degrees_of_freedom=freedom,
         draws=1000, seed=seed,
     ).max_um  # fmt: skip
-
-
-def rotary_range(setup: Setup) -> dict[str, Any]:
-    """Rotary positions for the forecast: the stated ranges, else ±90°, a turn of the table."""
-    ranges, chain = setup.axis_ranges(), Chain(setup)
-    out: dict[str, Any] = {"a_deg": 0, "b_deg": None}
-    for letter in chain.letters:
-        low, high = ranges.get(letter, (0.0, 360.0) if letter == chain.turning else (-90.0, 90.0))
-        count = min(int((high - low) / 15) + 2, 36)
-        out[f"{letter.lower()}_deg"] = tuple(np.linspace(low, high, count).tolist())
-    return out
 
 
 def location_settings(known: MachineErrors, where: str) -> list[Setting]:

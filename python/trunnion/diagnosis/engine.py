@@ -13,7 +13,9 @@ Algorithm
    (:mod:`.scan`), which then competes with the causes (:mod:`.explain`).
 5. Readings set aside are tried again as readings: a point or a face of its own looks like a few
    outliers, and costs less to explain as what it is. The choice with the best score wins.
-6. The named causes, every other set of causes that explains the readings about as well, and the
+6. Where readings of one direction scatter more than others, all is repeated with each weighed by
+   its own (:mod:`.scatter`), and kept if the likelihood of all readings is larger.
+7. The named causes, every other set of causes that explains the readings about as well, and the
    cross-validated gain are reported (:mod:`.report`, :mod:`.cross_validation`).
 
 The levels add up to less than 5 %: causes 2 %, structure without a name 1 %, repeats 0.5 %,
@@ -41,6 +43,7 @@ from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
 
 LOG = logging.getLogger("trunnion.diagnosis")
@@ -56,6 +59,7 @@ MAX_SUSPECTS = 12
 SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be found
 FAR_SIGMAS = 4.0
+SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
 WORSE = "sets of causes that fit better by the noise leave a larger rms than the plain model"
@@ -111,9 +115,50 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
         case, choice = again, _choose(again)
         if set(choice[1].fit.effects) == before:
             break
+    case, choice = _with_scatter(case, choice)
     if _worse(case, choice):
         case, choice = _without_causes(case, choice)
     return case, choice[1], choice[2]
+
+
+def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
+    """Explain with the scatter of each direction of its own, where that explains better.
+
+    It is sought in what the plain model leaves, and the choice: causes make a direction loud, and
+    loud readings look like outliers.
+    """
+    best, n = (case, choice), len(case.rows)
+    directions = Directions.of(case.model) if case.whiten is identity else None
+    if directions is None or case.exact(choice[1].fit):
+        return best
+    for f, bad in ((case.plain, np.zeros(0, dtype=np.intp)), (choice[1].fit, choice[2])):
+        at, last = case, np.inf
+        for _ in range(MAX_ROUNDS):
+            scatter = directions.scatter(at, f, np.flatnonzero(kept_rows(n, bad)))
+            if scatter is None:
+                break
+            quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
+            if case.grid is not None and case.grid.matters(quiet):
+                break
+            at = _whitened(case.model, case.plain, case.grid, scatter)
+            at.given = case.given
+            found = _choose(at)
+            score = _likelihood(at, found)
+            if score < _likelihood(*best):
+                best = at, found
+            if score >= last - SAME_LIKELIHOOD:
+                break
+            f, bad, last = found[1].fit, found[2], score
+    return best
+
+
+def _likelihood(case: Case, choice: Choice) -> float:
+    """-2 ln L of a choice with all that it costs, comparable between weights of the readings."""
+    _, found, bad = choice
+    n = len(case.rows)
+    used = np.flatnonzero(kept_rows(n, bad))
+    score = float(case.floor.deviance(found.rss, case.plain.dof)) + found.penalty
+    return score + out.outlier_penalty(n) * len(bad) + price(case, used)
 
 
 def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:

@@ -29,6 +29,7 @@ from trunnion.diagnosis.records import (
 )
 from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -146,7 +147,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or case.plain, f, rows),
         reservation=model.reservation,
-        notes=(*model.remarks, *_notes(case, variance), *_notes_of_causes(kept, f, variance)),
+        notes=(*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
         none_probability=e.probabilities.none,
@@ -208,7 +209,24 @@ def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
     return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
 
 
-def _notes(case: Case, variance: float) -> tuple[str, ...]:
+def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
+    """Say how much readings of each direction scatter, where they scatter differently."""
+    if not isinstance(case.whiten, Scatter):
+        return ()
+    unit = units_of(case.model.readings)[0][0]
+    sizes = ", ".join(
+        f"{name} {with_unit(f'{sigma * size:.2g}', unit)}"
+        for name, size in case.whiten.sizes.items()
+    )
+    return (f"Readings scatter by direction (1 σ): {sizes}. Each is weighed by its own.",)
+
+
+def _notes(case: Case, variance: float, sigma: float) -> tuple[str, ...]:
+    """Remarks of the model; what the readings say of their own noise."""
+    return (*case.model.remarks, *_notes_of_scatter(case, sigma), *_notes_of_steps(case, variance))
+
+
+def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
     """Say in which steps the readings are recorded, where that is what limits them."""
     readings, floor = case.model.readings, case.floor.variance
     if case.grid is None or floor < MIN_SHARE * variance:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from trunnion.base.report import Cell, Result, Shown, Table, measured, number, significant
+from trunnion.base.units import without_unit
 from trunnion.diagnosis.records import chance, with_unit
 
 MAX_NAMED = 8  # in a sentence
+_SHAPES = {"a2": "bow", "a3": "S-shape"}
+_HARMONIC = re.compile(r"([ab])\d*")
 FEW = 8  # measurements, below which control limits say little
 
 
@@ -157,7 +161,7 @@ class MachineComparison(Result):
 
     def title(self) -> str:
         """Name the result."""
-        return "What changed"
+        return f"Comparison of {len(self.names)} measurements"
 
     @property
     def changes(self) -> dict[str, tuple[float, float]]:
@@ -234,6 +238,17 @@ class MachineComparison(Result):
                 title += f" (limits of {len(self.names)} measurements say little)"
             tables.append(Table.of(title, heads, lines))
         return tuple(tables)
+
+
+def meaning(effect: str, parameter: str, named: Sequence[str]) -> str:
+    """Say what a parameter of several is: a2 of a straightness → "bow (a2)"."""
+    short = without_unit(parameter)
+    said = _SHAPES.get(short, "") if effect.startswith("straightness") else ""
+    match = _HARMONIC.fullmatch(short)
+    if not said and match:
+        other = {"a": "b", "b": "a"}[match[1]] + parameter[1:]
+        said = {"a": "cosine part", "b": "sine part"}[match[1]] if other in named else ""
+    return f"{said} ({short})" if said else short
 
 
 def _row(q: Change) -> tuple[Cell, ...]:

@@ -21,14 +21,14 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Result
-from trunnion.base.units import Floats, unit_of, without_unit
+from trunnion.base.units import Floats, unit_of
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import Table
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
-from trunnion.models.changes import Change, MachineComparison, Trend
+from trunnion.models.changes import Change, MachineComparison, Trend, meaning
 from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
@@ -291,7 +291,8 @@ def _label(model: Model, name: str, effects: Mapping[str, Any], few: Sequence[st
     if effect not in effects:
         return ""
     alone = sum(n.partition(".")[0] == effect for n in few) == 1
-    return model.effect(effect).label + ("" if alone else f", {without_unit(parameter)}")
+    named = [n.partition(".")[2] for n in few if n.partition(".")[0] == effect]
+    return model.effect(effect).label + ("" if alone else f", {meaning(effect, parameter, named)}")
 
 
 def _models(diagnoses: Sequence[Diagnosis]) -> list[Model]:

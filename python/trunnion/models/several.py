@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.model import Model, Scaling
+from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.scatter import Directions
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel, Part
 
@@ -66,8 +67,13 @@ class Measured:
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
         kept = ~np.isin(of_row, self.alone.outliers)
         whiten = model.whitener(found.before[kept])
-        after = np.asarray(whiten(found.after[kept]))
         parameters = found.parameters + len(model.nuisance)
+        directions = Directions.of(model) if whiten is identity else None
+        if directions is not None:
+            n = int(np.sum(kept))
+            free = np.full(n, max(1.0 - parameters / n, 0.0))
+            whiten = directions.of_residuals(found.after[kept], free, np.arange(n)) or identity
+        after = np.asarray(whiten(found.after[kept]))
         size = np.sqrt(np.sum(after**2) / max(len(after) - parameters, 1))
         least = np.asarray(whiten(np.broadcast_to(model.readings.least, len(after)).astype(float)))
         size = float(max(size, np.sqrt(np.mean(least**2)), MIN_NOISE))

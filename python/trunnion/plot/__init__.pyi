@@ -17,6 +17,7 @@ from .contouring import plot_path as plot_path
 from .control import ball_verification_picture as ball_verification_picture
 from .control import control_files_pictures as control_files_pictures
 from .control import corrected_program_picture as corrected_program_picture
+from .control import forecast_picture as forecast_picture
 from .control import printed_zeros_pictures as printed_zeros_pictures
 from .control import removable_picture as removable_picture
 from .control import residual_interval_picture as residual_interval_picture

@@ -14,6 +14,7 @@ from trunnion.plot.style import BLUE, MUTED, VERMILLION
 
 MOST_SHOWN = 16
 MOST_PANELS = 6
+LEAST_REACH = 1.5
 REACH = 12.0  # half widths of the interval; what changed more stands at the edge
 
 
@@ -27,6 +28,7 @@ def changes_picture(comparison: MachineComparison) -> Picture:
     shown = comparison.quantities[:MOST_SHOWN]
     half = np.array([(q.high - q.change) or 1.0 for q in shown])
     size = np.clip(np.array([q.change for q in shown]) / half, -REACH, REACH)
+    reach = 1.15 * max(float(np.max(np.abs(size), initial=0.0)), LEAST_REACH)
     digits = np.clip(1 - np.floor(np.log10(np.abs(half))), 0, 6).astype(int)
     names = tuple(
         f"{q.called}: {number(q.change, d)} {q.unit}" for q, d in zip(shown, digits, strict=True)
@@ -37,8 +39,8 @@ def changes_picture(comparison: MachineComparison) -> Picture:
         if mask.any():
             series.append(bars(np.where(mask, size, np.nan), label, colour=colour))
     return Picture(
-        f"{comparison.names[0]} to {comparison.names[-1]}",
-        Axis("Change over half its interval", limits=(-REACH - 1, REACH + 1)),
+        f"Changes from {comparison.names[0]} to {comparison.names[-1]}",
+        Axis("Change over half its interval", limits=(-reach, reach)),
         Axis(names=names),
         tuple(series),
         note="Each change over the half width of its 95 % interval: within ±1 it may be none.",

@@ -9,6 +9,7 @@ import numpy as np
 
 from trunnion.base.report import SHOWN
 from trunnion.base.units import ARCSEC
+from trunnion.compensation.forecast import EXACT, MAP, NOTHING, PARAMETERS, CompensationForecast
 from trunnion.compensation.parameters import PrintedZeros, Removable
 from trunnion.compensation.uncertainty import ResidualInterval
 from trunnion.compensation.verification import BallVerification
@@ -67,6 +68,17 @@ def with_intervals(p: Picture, at: Mapping[int, tuple[float, float]], label: str
     x = Axis(p.x.label, p.x.unit, limits=(p.x.limits[0] if p.x.limits else 0.0, 1.15 * top))
     notes = tuple((max(x, at.get(int(y), (0.0, x))[1]), y, text) for x, y, text in p.notes_at)
     return replace(p, x=x, series=(*p.series, shown), notes_at=notes)
+
+
+def forecast_picture(found: CompensationForecast) -> Picture:
+    """Return the largest error that each way to compensate leaves, and its interval."""
+    ways = [one for one in found.left if one.name in (NOTHING, PARAMETERS, MAP, EXACT)]
+    values = {one.name: one.max_um if one.max_um >= SHOWN else 0.0 for one in ways}
+    p = bars_picture(
+        "Largest volumetric error left", "Largest volumetric error", "µm", values, digits=3
+    )
+    spans = {k: span for k, one in enumerate(ways) if (span := one.max_interval_um)}
+    return with_intervals(p, spans, "with its uncertainty, 95 %") if spans else p
 
 
 def residual_interval_picture(r: ResidualInterval) -> Picture:

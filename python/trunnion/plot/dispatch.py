@@ -26,6 +26,7 @@ PICTURES = {
     "ClosureDependence": "closure_picture",
     "CncParameters": "cnc_parameters_pictures",
     "Comparison": "methods_pictures",
+    "CompensationForecast": "forecast_picture",
     "CompensationTable": "compensation_table_picture",
     "Conformity": "conformity_picture",
     "Constraint": "constraint_picture",

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.conformity import Conformity, Decision
-from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.base.report import Cell, Result, Shown, Table, measured
+from trunnion.compensation.forecast import CompensationForecast
+from trunnion.controls.files import ControlFiles
 from trunnion.diagnosis.records import chance
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.estimate import Estimate
@@ -16,15 +18,14 @@ from trunnion.models.changes import MachineComparison
 from trunnion.plot.dispatch import PICTURES
 from trunnion.plot.statistics import correlation_picture, normal_picture, order_picture
 from trunnion.reports.budget import budget_section
+from trunnion.reports.compensation import compensation_document, control_document
 from trunnion.reports.diagnosis import diagnosis_document
 from trunnion.reports.document import Document, Item, Mark, Points, Section
 from trunnion.reports.results import (
-    EXPANDED,
     Figure,
     figures_table,
     location_errors,
     of_interest,
-    with_expanded,
 )
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
@@ -144,36 +145,67 @@ def _correlation(result: Estimate) -> list[Item]:
 
 def _comparison(result: MachineComparison, source: Source) -> Document:
     """What changed, with the change and its uncertainty before all else."""
-    sentences, tables = list(result.sentences()), list(result.tables())
-    changed = _changes(result)
+    first, *more = result.sentences()
+    tables = result.tables()
+    known = [one for one in more if not one.startswith(("Not changed", "Level"))]
     mark = Mark.DOUBT if result.changed else Mark.GOOD
     shown = drawn(result)
+    count = len(result.changed)
+    said = f"{count} of {len(result.quantities)} quantities changed" if count else "nothing changed"
     sections = (
-        Section("What else is known", (Points(tuple(sentences[1:])),)),
+        Section("Measurements", (_measurements(result, source),)),
+        Section("What else is known", (Points(tuple(known)),) if known else ()),
         Section("Pictures", tuple(shown[1:])),
-        Section("Over time", tuple(tables[1:])),
+        Section("Over time", tables[1:]),
         source.section(),
     )
-    return Document(
-        result.title(), source.subtitle(), mark, sentences[0], (changed, *shown[:1]), sections
-    )
+    top = (_changes(result), *shown[:1], _by_noise(result))
+    return Document(f"Comparison: {said}", source.subtitle(), mark, first, top, sections)
 
 
 def _changes(result: MachineComparison) -> Table:
-    """Each quantity before and after, with U (k = 2) of the change."""
+    """Each quantity before and after, with the half width of the 95 % interval of the change."""
     rows = []
     for q in result.quantities:
-        value, expanded = with_expanded(q.change, q.std_error)
-        ends = (significant(q.before, 4), significant(q.after, 4))
+        value, half = measured(q.change, q.high - q.change)
         p = Shown(q.p_value, chance(q.p_value).removeprefix("p ").removeprefix("= "))
-        rows.append((q.called, *ends, value, expanded, q.unit, p, "yes" if q.changed else "no"))
-    heads = ("", result.names[0], result.names[-1], "change", EXPANDED, "unit", "p", "changed")
-    return Table.of("What changed", heads, rows)
+        rows.append((q.called, *q.ends, value, half, q.unit, p, "yes" if q.changed else "no"))
+    ends = (one.replace("-", "\u2011") for one in (result.names[0], result.names[-1]))
+    heads = ("", *ends, "change", "±\u00a0(95\u00a0%)", "unit", "p", "changed")
+    return Table.of("Changes", heads, rows)
+
+
+def _by_noise(result: MachineComparison) -> str:
+    """Say what p and the decision rest on."""
+    return (
+        "p: how often noise alone makes a change as large, over all quantities together (Holm); "
+        f"below {result.level:g} it counts as changed. Errors that all measurements share cancel."
+    )
+
+
+def _measurements(result: MachineComparison, source: Source) -> Table:
+    """Label, date and file of each measurement."""
+    rows: list[tuple[Cell, ...]] = []
+    for k, name in enumerate(result.names):
+        one = source.data[k] if len(source.data) == len(result.names) else None
+        file = ", ".join(one.origin.names) if one is not None and one.origin else ""
+        day = f"{result.days[k]:g} days after the first" if k else "the first"
+        rows.append(
+            (
+                name,
+                day if result.dated else "not stated (--dates)",
+                file,
+                None if one is None else len(one),
+            )
+        )
+    return Table.of("Measurements, in order of time", ("", "date", "file", "rows"), rows)
 
 
 BUILDERS: tuple[tuple[type[Any], Callable[[Any, Source], Document]], ...] = (
     (Diagnosis, diagnosis_document),
     (MachineComparison, _comparison),
     (Estimate, _estimate),
+    (CompensationForecast, compensation_document),
+    (ControlFiles, control_document),
 )
 """Class of a result → what makes its document; any other result has a general one."""

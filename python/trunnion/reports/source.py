@@ -35,6 +35,7 @@ CALLS = {
     "Iso2302Rotary": "iso230_2",
     "Iso2304": "trunnion.iso230_4",
     "CncParameters": "trunnion.cnc_parameters",
+    "CompensationForecast": "trunnion.compensation.compensation_forecast",
     "VolumetricError": "trunnion.volumetric_error",
     "ResidualInterval": "trunnion.residual_interval",
     "BallVerification": "trunnion.verify_ball",

@@ -56,6 +56,7 @@ def in_space(result: Result, source: Source) -> list[Item]:
         return ["The view in space would make this page heavy: `trunnion view FILES` shows it."]
     figure = json.loads(text)
     layout = {k: v for k, v in figure["layout"].items() if k not in ("title", "template", "height")}
+    layout["margin"] = {"l": 10, "r": 10, "t": 5, "b": 5}  # the title stands above it
     said = (figure["layout"].get("title") or {}).get("text", "")
     said = html.unescape(re.sub(r"<[^>]*>", "", said.replace("<br>", ": ")))
     note = f"{said}. {TURN}" if said else TURN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 from itertools import pairwise
 from typing import Any
@@ -30,6 +31,10 @@ from trunnion.setup.write import size_of
 
 MAX_POSTURES = 24
 """Steps of the slider: of more postures some are shown, and the title says so."""
+NEAR = 1.25  # of the farthest touch: where the table is cut beside residuals
+LONG = 2.0  # times as long as arrows of other views: they stand beside an artefact
+ORDINARY, CUT = 0.9, 1.5
+"""Of residuals: arrows are cut at so many times this quantile, so that outliers do not hide all."""
 
 
 def machine_view(setup: Setup, at: Posture) -> View:
@@ -77,27 +82,40 @@ def touches_view(
         raise InputError(
             f"residuals_um: got shape {values.shape}, expected one a touch, ({len(touches)},)"
         )
+    if values is not None:  # the table as far as it matters
+        near = NEAR * float(np.max(np.linalg.norm(touches.position_mm, axis=1)))
+        small = replace(setup.table, radius_mm=min(near, setup.table.radius_mm))
+        setup = replace(setup, table=small)
     reach = setup.table.radius_mm
     _, size = extent(touches.position_mm)
     drawing = _Drawing(touches, setup, values, 0.0, size, probe_path)
     title, below = f"{len(touches)} touches, machine frame", ""
     bar: list[Trace] = []
     if values is not None:
-        largest = float(np.abs(values).max(initial=0.0))
-        drawing.scale = arrow_scale(largest, size, magnification)
+        lengths = np.abs(values)
+        largest = float(lengths.max(initial=0.0))
+        drawing.top = min(largest, CUT * float(np.quantile(lengths, ORDINARY)))
+        if magnification is not None or drawing.top == 0:
+            drawing.top = largest
+        drawing.scale = arrow_scale(drawing.top, LONG * size, magnification)
         corner = np.array([-reach, -1.25 * reach, touches.position_mm[:, 2].min()])
-        bar, below = scale_bar(corner, drawing.scale, largest)
+        bar, below = scale_bar(corner, drawing.scale, drawing.top)
+        if more := int(np.sum(lengths > drawing.top)):
+            below += f"; {more} beyond {drawing.top:.2g} µm no longer than that"
         title = f"Residuals of {len(touches)} touches, largest {largest:.3g} µm"
     if len(shown) < len(found):
         below += f"{'; ' if below else ''}{len(shown)} of {len(found)} postures"
-    view = View(titled(title, below), step_name="Posture", zoom=1.3 if values is None else 2.2)
+    view = View(titled(title, below), step_name="Posture", zoom=1.3 if values is None else 1.15)
     view.add(bar)
+    if values is not None:
+        view.axes = False
+        view.add(linear_traces(np.array([-reach, -1.25 * reach, -1.3 * reach]), 0.3 * reach))
     at_each = [Posture(chain, rotary[first[k]]) for k in shown]
     for k, at in zip(shown, at_each, strict=True):
         label = at.label if at.label not in view.steps else f"{at.label} ({len(view.steps)})"
         view.steps[label] = drawing.posture(at, np.flatnonzero(which == k))
     if values is not None:
-        view.layout["coloraxis"] = colour_axis("residual (µm)", np.abs(values).max(initial=1e-9))
+        view.layout["coloraxis"] = colour_axis("residual (µm)", max(drawing.top, 1e-9))
     return view
 
 
@@ -115,6 +133,7 @@ class _Drawing:
     ) -> None:
         self.touches, self.setup, self.values = touches, setup, values
         self.scale, self.size, self.probe_path = scale, size, probe_path
+        self.top = np.inf  # µm; a longer arrow is cut
 
     def posture(self, at: Posture, rows: Integers) -> list[Trace]:
         centre = self.touches.position_mm[rows]
@@ -125,7 +144,8 @@ class _Drawing:
         shown += probe_traces(self.setup, start[0])
         texts = [self._text(int(row)) for row in rows]
         hover = {"text": texts, "hovertemplate": "%{text}<extra></extra>"}
-        shown.append(dots(contact, colour=VERMILLION, size=4, name="touch", **hover))
+        dot = 4.0 if self.values is None else 2.5
+        shown.append(dots(contact, colour=VERMILLION, size=dot, name="touch", **hover))
         if self.values is None:
             back = contact - start - self.setup.probe.ball_radius_mm * direction
             shown += arrows(
@@ -133,9 +153,11 @@ class _Drawing:
             )
         else:
             values = self.values[rows]
+            drawn = (self.scale * np.clip(values, -self.top, self.top))[:, None] * direction
+            # outside the body: towards its surface, or away from it
             shown += arrows(
-                contact,
-                (self.scale * values)[:, None] * direction,
+                contact - np.where(values[:, None] > 0, drawn, 0.0),
+                drawn,
                 size_mm=self.size,
                 values=np.abs(values),
                 texts=texts,

@@ -30,6 +30,7 @@ class View:
 
     title: What is shown. traces: always shown. steps: label → traces, of which one is chosen.
     layout: Further parts of Plotly's layout. zoom: of the camera; 1 shows the whole scene.
+    axes: whether a box with scales in mm stands around it.
     """
 
     title: str
@@ -38,6 +39,7 @@ class View:
     layout: dict[str, Any] = field(default_factory=dict)
     zoom: float = 1.0
     step_name: str = ""
+    axes: bool = True
 
     def add(self, *traces: Trace | Iterable[Trace]) -> None:
         """Add traces, or lists of them."""
@@ -53,7 +55,7 @@ class View:
             shown += [{**trace, "visible": number == 0} for trace in step]
         layout = {
             **base_layout(self.title),
-            "scene": scene_axes(shown, zoom=self.zoom),
+            "scene": scene_axes(shown, zoom=self.zoom, visible=self.axes),
             **self.layout,
         }
         if len(self.steps) > 1:
@@ -90,7 +92,9 @@ def base_layout(title: str) -> dict[str, Any]:
     }
 
 
-def scene_axes(traces: Sequence[Trace], *, zoom: float = 1.0) -> dict[str, Any]:
+def scene_axes(
+    traces: Sequence[Trace], *, zoom: float = 1.0, visible: bool = True
+) -> dict[str, Any]:
     """Return axes in mm around traces, at one scale whatever is shown of them.
 
     zoom: of the camera, which looks from the front, right and above; 1 shows the whole scene.
@@ -106,6 +110,7 @@ def scene_axes(traces: Sequence[Trace], *, zoom: float = 1.0) -> dict[str, Any]:
         "zerolinecolor": "rgba(128,128,128,0.5)",
         "showspikes": False,
         "nticks": 6,
+        "visible": visible,
     }
     axes: dict[str, Any] = {
         f"{x}axis": {
