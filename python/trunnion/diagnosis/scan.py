@@ -313,4 +313,4 @@ def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object]
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:
     """Return cosine and sine of each multiple, shape (m, 2, n)."""
     angle = np.multiply.outer(np.asarray(rates, dtype=np.float64), x)
-    return cosine_sine(angle).transpose(1, 0, 2)
+    return np.ascontiguousarray(cosine_sine(angle).transpose(1, 0, 2))
