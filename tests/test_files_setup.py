@@ -3,6 +3,7 @@
 
 import copy
 import dataclasses
+import json
 import pickle
 import re
 import tomllib
@@ -15,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import trunnion as tn
+from trunnion.base.stored import plain, structured
 from trunnion.contouring import LinearAxis
 from trunnion.models.ballbar import BallbarSettings
 from trunnion.models.diameters import Conditions
@@ -79,7 +81,8 @@ HOSTILE = {
     "linear axis": (f"{CROSS}[axes.X]\npoint_mm = [3, 0, 0]\n", ":4:12: axes.X.point_mm: got [3.0, 0.0, 0.0], expected none"),
     "key of a vise": (f"{CROSS}vise = {{jaw = 3}}\n", ":3:15: artefact.vise: got 'jaw', expected one of jaw_mm, thickness_mm"),
     "size of a vise": (f"{CROSS}vise = '130'\n", ":3:8: artefact.vise: got '130', expected one of 125, 80, 160"),
-    "depth of a grip": (f"{CROSS}[artefact.vise]\ngrip_mm = 200\n", ":4:11: artefact.vise.grip_mm: got 200, expected at most height_mm = 100"),
+    "depth of a grip": (f"{CROSS}[artefact.vise]\ngrip_mm = 200\n", ":4:11: artefact.vise.grip_mm: got 200, expected at most height_mm less bed_mm = 25"),
+    "height of a bed": (f"{CROSS}vise.bed_mm = 200\n", ":3:15: artefact.vise.bed_mm: got 200, expected at most height_mm = 100"),
     "opening of a vise": (f"{CROSS}vise.opening_mm = 80\n", ":3:19: artefact.vise.opening_mm: got 80, expected at least 100, the length of the artefact"),
     "vise of a sphere": ('[artefact]\nkind = "sphere"\ndiameter_mm = 9\ncentre_mm = [0, 0, 9]\nvise = true\n', ":5:8: artefact.vise.opening_mm: missing, expected the distance between the jaws"),
     "place in a vise": (f"{CROSS}vise = true\nplace_mm = [0, 0, 20]\n", ":4:12: artefact.place_mm: got (0.0, 0.0, 20.0), expected Z of 0 (where it sits) or of at least 75"),
@@ -366,3 +369,9 @@ def test_tables_of_processes_are_checked_when_a_file_is_read(
     path.write_text(text + before)
     with pytest.raises(tn.FileFormatError, match=re.escape(str(path)) + message):
         tn.read_setup(path)
+
+
+@pytest.mark.parametrize("vise", [True, "80", {"size": "160", "grip_mm": 15.0}])
+def test_a_set_up_with_a_vise_is_stored_and_comes_back(vise: Any) -> None:
+    setup = tn.Setup(tn.Artefact("cross", vise=vise))
+    assert structured(json.loads(json.dumps(plain(setup))), tn.Setup) == setup

@@ -92,7 +92,7 @@ def random_holder(rng: np.random.Generator, kind: str) -> dict[str, Any]:
     """A vise, a chuck or a plate: of a usual size, or with some dimensions stated."""
     name = str(rng.choice(["vise", "chuck", "plate"]))
     stated: dict[str, Any] = (
-        {"height_mm": float(rng.uniform(95, 125))} if rng.uniform() < 0.5 else {}
+        {"height_mm": float(rng.uniform(100, 125))} if rng.uniform() < 0.5 else {}
     )
     if name == "plate":
         stated = {"height_mm": float(rng.uniform(5, 40)), "margin_mm": float(rng.uniform(1, 40))}

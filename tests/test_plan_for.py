@@ -1,7 +1,9 @@
 """Plans made for given errors: they identify them, within the limits, better than other plans."""
 
+import re
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from typer.testing import CliRunner
 import trunnion as tn
 from trunnion.base.units import Floats
 from trunnion.cli import app
+from trunnion.machine.chain import Chain
 from trunnion.probing.design import candidates
 from trunnion.probing.model import TouchModel
 
@@ -112,12 +115,46 @@ def test_what_a_plan_lacks_is_found_by_trying() -> None:
     short = tn.Setup(artefact=CROSS.artefact, axes={"A": tn.AxisSetup(range_deg=(-50.0, 50.0))})
     (said,) = tn.observability(tn.plan(short, a_deg=()), short).missing_positions
     assert "add A = ±30°" in said
+    # A trunnion that tilts to one side: that side.
+    one_side = tn.Setup(artefact=CROSS.artefact, axes={"A": tn.AxisSetup(range_deg=(-120.0, 5.0))})
+    (said,) = tn.observability(tn.plan(one_side, a_deg=()), one_side).missing_positions
+    assert said == "This plan does not identify EB0A, EC0A, EY0A, EZ0A: add A = -60°."
     # No position helps an artefact that cannot tell: EC0A of a sphere on the axes' intersection.
     centre = tn.Setup(artefact=tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(0.0, 0.0, 60.0)))
     (said,) = tn.observability(tn.plan(centre), centre).missing_positions
     assert "EB0C" in said
     with pytest.raises(tn.DataError, match=r"errors: got EB0C"):
         tn.plan_for(centre, ("EB0C",))
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize(
+    "preset", ["trt-ca", "trt-bc", "tt-ab", "nutating-table", "head-b-table-c"]
+)
+def test_what_is_said_of_any_tilting_axis_is_so(preset: str, sense: int) -> None:
+    """The sentence names the axis, and touches with it identify what it says, and no less."""
+    machine = tn.Machine(preset=preset)
+    axes = {x: tn.AxisSetup(sense=sense) for x in machine.description().core(150.0).letters}
+    setup = tn.Setup(artefact=CROSS.artefact, machine=machine, axes=axes)
+    tilting = Chain(setup).tilting
+    assert tilting is not None
+    key = f"{tilting.lower()}_deg"
+    level: dict[str, Any] = {key: ()}
+    seen = tn.observability(tn.plan(setup, **level), setup)
+    (said,) = seen.missing_positions
+    words = (
+        r"This plan does not identify ([\w, ]+): add (\w) = (.+)°(?:, which leaves ([\w, ]+))?\."
+    )
+    found = re.fullmatch(words, said)
+    assert found is not None, said
+    assert found[2] == tilting
+    text, left = found[3], found[4]
+    tilts = [float(text[1:]), -float(text[1:])] if text[0] == "±" else map(float, text.split(", "))
+    more: dict[str, Any] = {key: list(tilts), "all_faces": True}
+    then = tn.observability(tn.plan(setup, **more), setup)
+    blind = [name for name in Chain(setup).location_errors if np.isinf(then.std_errors[name])]
+    assert sorted(blind) == sorted(left.split(", ") if left else [])
+    assert set(blind) < set(found[1].split(", "))
 
 
 def test_the_rotation_of_a_sphere_is_no_unknown() -> None:

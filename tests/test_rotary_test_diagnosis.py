@@ -80,8 +80,9 @@ def test_an_effect_changes_the_readings_as_the_twin_has_it(name: str) -> None:
     plain = twin_displacement(plan, {}, ERRORS)
     model = model_of(readings(plain, plan, 0.0, 1), SETUP)
     effect = model.effect(name)
-    for parameter in effect.parameters:
-        values = {p.name: 10.0 * (p is parameter) for p in effect.parameters}
+    shape = {p.name: 3.0 for p in effect.parameters if p.grid}  # minutes of a warm-up
+    for parameter in (p for p in effect.parameters if not p.grid):
+        values = {p.name: 10.0 * (p is parameter) for p in effect.parameters} | shape
         change = (twin_displacement(plan, {name: values}, ERRORS) - plain).ravel()
         ours = np.asarray(effect.change(effect.values(values.values())))
         assert np.abs(change).max() > 1e-2
@@ -92,7 +93,7 @@ def test_every_effect_of_the_machine_is_in_the_catalogue() -> None:
     on_touches = tn.catalogue(tn.Setup(tn.Artefact("cross")))
     machine = {e.id for e in on_touches if str(e.owner) == "machine"}
     assert machine <= set(model_effects())
-    assert {"drift_x", "drift_y", "drift_z"} <= set(model_effects())
+    assert {"drift_x", "drift_y", "drift_z", "warmup_z"} <= set(model_effects())
 
 
 CAUSES = {
@@ -231,9 +232,55 @@ def test_a_test_on_a_machine_with_a_head(tmp_path: Path) -> None:
     assert [c.id for c in d.causes] == ["c_positioning_2"]
 
 
+ACTING = {
+    "a_backlash": {"b_arcsec": 9.0},
+    "c_backlash": {"b_arcsec": 5.0},
+    "backlash_x": {"b_um": 3.0},
+    "backlash_z": {"b_um": -4.0},
+    "drift_y": {"rate_um_h": 30.0},
+    "warmup_z": {"amplitude_um": 8.0, "tau_min": 4.0},
+    "c_positioning": {"a1_arcsec": 3.0, "b1_arcsec": 7.0},
+}
+
+
+@pytest.mark.parametrize("names", [*((name,) for name in ACTING), tuple(ACTING)])
+def test_simulated_readings_are_the_twins_with_backlash_drift_and_warm_up(
+    names: tuple[str, ...],
+) -> None:
+    effects = {name: ACTING[name] for name in names}
+    made = tn.simulate_rotary_test(r_test(), SETUP, BALL, ERRORS, effects=effects)
+    ours = np.asarray(made.displacement_um)
+    twin = twin_displacement(r_test(), effects, ERRORS)
+    plain = twin_displacement(r_test(), {}, ERRORS)
+    assert np.abs(twin - plain).max() > 1.0
+    assert np.abs(ours - twin).max() < 1e-3 * np.abs(twin - plain).max()
+    lengths = tn.simulate_rotary_test(
+        r_test(), SETUP, (190.0, 20.0, 60.0), effects=effects, bar=True
+    )
+    bare = tn.simulate_rotary_test(r_test(), SETUP, (190.0, 20.0, 60.0), bar=True)
+    assert np.abs(np.asarray(lengths.length_mm) - np.asarray(bare.length_mm)).max() > 1e-4
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_warm_up_is_named_and_not_a_drift(axis: str) -> None:
+    hidden = {f"warmup_{axis}": {"amplitude_um": 9.0, "tau_min": 1.2}}
+    made = tn.simulate_rotary_test(
+        r_test(), SETUP, BALL, ERRORS, effects=hidden, noise_um=0.3, seed=11
+    )
+    (cause,) = tn.diagnose(made, SETUP).causes
+    assert cause.id == f"warmup_{axis}"
+    assert cause.parameters["amplitude_um"] == pytest.approx(9.0, abs=0.5)
+    assert cause.parameters["tau_min"] == pytest.approx(1.2, abs=0.3)
+
+
 def test_an_effect_that_a_simulation_cannot_make_is_refused() -> None:
-    for name in ("c_backlash", "drift_z", "probe_radius"):
+    for name in ("b_backlash", "drift_a", "probe_radius"):
         with pytest.raises(tn.UnknownNameError, match=f"effect: got '{name}'"):
             tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={name: {}})
+    untimed = tn.plan_rotary_test(SETUP, BALL, TURNS)
+    with pytest.raises(tn.InputError, match=r"time_s: got no such .*expected it for drift_z"):
+        tn.simulate_rotary_test(untimed, SETUP, BALL, effects={"drift_z": {"rate_um_h": 5.0}})
+    with pytest.raises(tn.InputError, match=r"warmup_z.tau_min: got 0"):
+        tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"warmup_z": {"amplitude_um": 5.0}})
     with pytest.raises(tn.UnknownNameError, match="parameter of effect 'scale_x': got 'um'"):
         tn.simulate_rotary_test(r_test(), SETUP, BALL, effects={"scale_x": {"um": 1.0}})

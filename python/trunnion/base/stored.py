@@ -102,7 +102,14 @@ def _converter() -> Converter:
         lambda kind: sum(map(is_dataclass, _options(kind))) > 1,
         lambda value, kind: converter.structure(value, _fitting(value, kind)),
     )
+    converter.register_structure_hook_func(_is_plain_choice, lambda value, _: value)
     return converter
+
+
+def _is_plain_choice(kind: Any) -> bool:
+    """Whether a field takes a word, a switch or a mapping: as stored, and checked by its class."""
+    options = [get_origin(o) or o for o in _options(kind)]
+    return Mapping in options and not any(map(is_dataclass, options))
 
 
 def _options(kind: Any) -> tuple[Any, ...]:

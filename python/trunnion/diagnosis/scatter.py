@@ -6,10 +6,8 @@ the loud ones is taken for causes and outliers, and uncertainties are those of n
 directions are those in which a disturbance enters the readings (`Model.components`): a reading that
 feels the components c_k of independent disturbances has the variance sum of c_k² v_k.
 
-What an explanation leaves says how much each direction scatters. A test says whether to believe it:
-that of the likelihood, allowing for tails (its statistic divided by what the kurtosis makes of it:
-Layard 1973, Robust large-sample tests for homogeneity of variances, JASA 68). The likelihood of all
-readings then says whether the explanation found with these weights is the better one.
+What an explanation leaves says how much each direction scatters (:mod:`trunnion.base.scatter`). The
+likelihood of all readings then says whether the explanation found with these weights is better.
 """
 
 from collections.abc import Mapping
@@ -17,20 +15,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.optimize import nnls
 
+from trunnion.base.scatter import LEVEL, variances_by_direction
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model, Scaling
 
-LEVEL = 1e-2  # of the test of equal variances
 LEAST_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
-MAX_RATIO = 10.0  # of the scatter of two directions, that weights allow for
-ROUNDS = 20  # of weighing squares by the variances found
-SETTLED = 1e-3
 MIN_FREE = 1e-6
-TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,33 +74,12 @@ class Directions:
         if np.any(self.shares[rows].T @ np.maximum(free, 0.0) < LEAST_FREEDOM):
             return None
         square = np.square(left[kept]) / free[kept]
-        found = _variances(self.shares[rows][kept], square, free[kept], least)
+        found = variances_by_direction(self.shares[rows][kept], square, free[kept], least)
         if found is None:
             return None
         mean = float(np.mean(self.shares @ found))
         sizes = dict(zip(self.names, np.sqrt(found / mean).tolist(), strict=True))
         return Scatter(np.sqrt(self.shares @ found / mean), sizes)
-
-
-def _variances(shares: Floats, square: Floats, free: Floats, least: float) -> Floats | None:
-    """Variance of each direction (k,), of at least ``least``; None: they are all alike.
-
-    ``square``: squares of residuals over what the fit leaves free of each reading, ``free`` (n,).
-    """
-    pooled = float(free @ square) / float(free.sum())
-    found = np.full(shares.shape[1], pooled)
-    for _ in range(ROUNDS):
-        weight = np.sqrt(free) / (shares @ found)
-        before, found = found, nnls(shares * weight[:, None], square * weight)[0]
-        found = np.maximum(found, max(least, found.max() / MAX_RATIO**2, TINY))
-        if np.all(np.abs(found - before) <= SETTLED * found):
-            break
-    variance = shares @ found
-    unit = square / variance
-    statistic = float(free @ (np.log(pooled) + square / pooled - np.log(variance) - unit))
-    excess = float(np.mean(unit**2) / np.mean(unit) ** 2) - 3.0
-    chance = special.chdtrc(len(found) - 1, statistic / max(1.0, 1.0 + excess / 2.0))
-    return found if chance <= LEVEL else None
 
 
 def price(case: Case, rows: Integers) -> float:

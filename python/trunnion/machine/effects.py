@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
+
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 
@@ -191,3 +193,10 @@ def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect
         if names.count(name) > 1:
             raise InputError(f"effects: got {name!r} twice, expected each once")
     return ids, own
+
+
+def senses(place: Floats) -> Floats:
+    """Sense of the last move before each row, by the order of rows: +1, -1, 0 before the first."""
+    step = np.concatenate([[0.0], np.sign(np.diff(place))])
+    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), 0))
+    return np.asarray(step[last])

@@ -7,7 +7,7 @@ direction of approach.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,6 @@ from trunnion.diagnosis.effect import (
     Parameter,
     drift,
     for_compensation,
-    gridded,
     linear,
     periodic,
     with_own,
@@ -38,6 +37,7 @@ from trunnion.diagnosis.model import (
 )
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.models.warming import warmup
 
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
@@ -48,7 +48,6 @@ MIN_TARGETS_OF_A_HARMONIC = 4
 MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
-DURATIONS = 10
 SAME_COUNTER_UM = 0.5
 APPROACH = ((1.0, "forward ↑"), (-1.0, "backward ↓"))
 ONE_AXIS = "positioning of one axis: write a compensation table of it"
@@ -299,23 +298,10 @@ def _of_time(data: Positioning, unit: str) -> list[Effect]:
         return []
     seconds = np.asarray(data.time_s) - float(np.min(data.time_s))
     ones = np.ones(len(data))
-    length = float(seconds.max()) / 60.0
-    tau = Parameter("tau_min", "min", tuple(np.geomspace(length / 20, 1.5 * length, DURATIONS)))
-    parameters = [Parameter(f"amplitude_{unit}"), tau]
     return [
         drift("drift", f"rate_{unit}_h", seconds / 3600.0, ones, "drift with time"),
-        gridded("warmup", parameters, _Warming(seconds / 60.0), "warm-up of the axis"),
+        warmup("warmup", f"amplitude_{unit}", seconds / 60.0, ones, "warm-up of the axis"),
     ]
-
-
-@dataclass(frozen=True, eq=False)
-class _Warming:
-    """1 - exp(-t/τ) at times in minutes."""
-
-    minutes: Floats
-
-    def __call__(self, values: Mapping[str, float]) -> Floats:
-        return np.asarray(1 - np.exp(-self.minutes / values["tau_min"]))[:, None]
 
 
 def build(

@@ -8,7 +8,7 @@ those on touches: with the same id, parameters and sign, from the same model of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,11 +38,12 @@ from trunnion.diagnosis.model import (
     Uncertainty,
     repeats,
 )
-from trunnion.machine.effects import EffectInfo, Owner
+from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
 from trunnion.models.ballbar.effects import ballbar_length
 from trunnion.models.ballbar.model import MIN_REACH
-from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods, senses
+from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
+from trunnion.models.warming import warmup
 from trunnion.probing.rotary_readings import (
     Relation,
     RotaryReadings,
@@ -224,17 +225,24 @@ class _Catalogue:
         made = [self._of_machine(info) for info in machine_effects(chain).values()]
         for number, letter in enumerate((*AXES, *chain.letters)):
             made += self._of_axis(number, letter)
-        if data.time_s is not None:
-            hours = np.repeat((data.time_s - np.min(data.time_s)) / 3600.0, 3 // self._narrow)
-            for name, row in zip("xyz", np.eye(3), strict=True):
-                label = f"drift along {name.upper()} between tool and ball"
-                enters = self.enters(-row)
-                made.append(
-                    drift(f"drift_{name}", "rate_um_h", hours, enters, label, owner=Owner.TIME)
-                )
+        if data.time_s is not None and np.ptp(data.time_s) > 0:
+            made += self._of_time(data.time_s - np.min(data.time_s))
         if self._bar is not None and self._known.bar_is_known:
             made.append(ballbar_length(len(data)))
         return made
+
+    def _of_time(self, seconds: Floats) -> Iterator[Effect]:
+        """Drift and warm-up along X, Y, Z."""
+        hours = np.repeat(seconds / 3600.0, 3 // self._narrow)
+        for name, row in zip("xyz", np.eye(3), strict=True):
+            along, enters = f"along {name.upper()} between tool and ball", self.enters(-row)
+            yield drift(
+                f"drift_{name}", "rate_um_h", hours, enters, f"drift {along}", owner=Owner.TIME
+            )
+            yield warmup(
+                f"warmup_{name}", "amplitude_um", 60.0 * hours, enters, f"warm-up {along}",
+                owner=Owner.TIME,
+            )  # fmt: skip
 
     @property
     def _narrow(self) -> int:

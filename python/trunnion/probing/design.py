@@ -244,23 +244,23 @@ def missing_positions(touches: Touches, setup: Setup) -> list[str]:
     before = blind(_fit(touches, setup), model, model.error_names)
     if not before:
         return []
-    best: tuple[int, str] = (len(before), "")
+    best, advice = before, ""
     for text, arguments in _trials(setup):
         try:
             more = plan(setup, all_faces=True, **arguments)
         except TrunnionError:  # out of reach, or of the range of an axis
             continue
         left = blind(_fit(touches, setup, more), model, before)
-        if len(left) < best[0]:
-            best = (len(left), text)
+        if len(left) < len(best):
+            best, advice = left, text
         if not left:
             break
     names = ", ".join(before)
-    if not best[1]:
+    if not advice:
         reachable = "no position that is tried with this artefact identifies them"
         return [f"This plan does not identify {names}: {reachable}."]
-    rest = "" if not best[0] else f", which identifies all but {best[0]} of them"
-    return [f"This plan does not identify {names}: add {best[1]}{rest}."]
+    rest = f", which leaves {', '.join(best)}" if best else ""
+    return [f"This plan does not identify {names}: add {advice}{rest}."]
 
 
 def _trials(setup: Setup) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -273,12 +273,15 @@ def _trials(setup: Setup) -> Iterator[tuple[str, dict[str, Any]]]:
         yield around, _angles(chain, turns, ())
     for tilt in (60.0, 90.0, 30.0) if tilting else ():
         both = (level + tilt, level - tilt)
-        text = f"{tilting} = ±{tilt:g}°" if not level else f"{tilting} = {both[0]:g}, {both[1]:g}°"
-        yield text, _angles(chain, (), both)
-        if turning:
-            yield f"{text} and {around}", _angles(chain, turns, both)
-            pairs = [(t, c) for t in both for c in turns]
-            yield f"{text} at {around}", {**_angles(chain, (), ()), "positions_deg": pairs}
+        # One of them alone where an axis tilts further to one side.
+        for tilts in (both, both[:1], both[1:]):
+            said = ", ".join(f"{each:g}" for each in tilts)
+            text = f"{tilting} = {said if level or len(tilts) == 1 else f'±{tilt:g}'}°"
+            yield text, _angles(chain, (), tilts)
+            if turning:
+                yield f"{text} and {around}", _angles(chain, turns, tilts)
+                pairs = [(t, c) for t in tilts for c in turns]
+                yield f"{text} at {around}", {**_angles(chain, (), ()), "positions_deg": pairs}
 
 
 def _fit(touches: Touches, setup: Setup, more: Touches | None = None) -> LinearFit:

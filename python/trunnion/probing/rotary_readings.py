@@ -80,10 +80,14 @@ class Relation:
         data: RotaryTest,
         errors: Mapping[str, float],
         effects: Sequence[tuple[str, Sequence[float]]] = (),
+        behind: Floats | None = None,
     ) -> Relation:
-        """Return that of a machine with location errors and effects, senses of travel left out."""
+        """Return that of a machine with location errors and effects, senses of travel left out.
+
+        behind: How far each axis is behind its command, mm and degrees, (n, 3 + rotary axes).
+        """
         machine = chain.machine(errors)
-        axes = commanded(chain, data)
+        axes = commanded(chain, data) - (0.0 if behind is None else behind)
         tool = machine.forward(axes)[:, :3]
         step = np.eye(3, axes.shape[1])
         ahead = [machine.forward(axes + one)[:, :3] - tool for one in step]

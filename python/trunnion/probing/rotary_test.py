@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import array, choose, numbers, point, positive, whole
+from trunnion.base.checks import array, point, positive, whole
 from trunnion.base.errors import InputError
 from trunnion.base.report import Table
 from trunnion.base.statistics import LinearFit, linear_fit
@@ -22,12 +22,8 @@ from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate, named_combination
-from trunnion.probing.rotary_readings import (
-    Relation,
-    RotaryReadings,
-    RotaryTestSettings,
-    machine_effects,
-)
+from trunnion.probing.rotary_acting import Acting
+from trunnion.probing.rotary_readings import Relation, RotaryReadings, RotaryTestSettings
 from trunnion.setup import Setup
 
 MAX_STEPS = 20
@@ -174,7 +170,9 @@ def simulate_rotary_test(
     errors
         Location errors, µm and arcsec; those of the set-up where not given.
     effects
-        Effects of the machine as on touches, id to parameter to value; not its backlash.
+        Id to parameter to value: effects of the machine as on touches, its backlash
+        (``backlash_x``, ``c_backlash``, by the order of the readings), and with `time_s` in the
+        plan ``drift_x`` and ``warmup_x`` (and y, z) between tool and ball.
     bar
         Whether a ball-bar reads lengths; else an R-test reads displacements.
     tool_offset_um
@@ -185,7 +183,7 @@ def simulate_rotary_test(
     Raises
     ------
     InputError, UnknownNameError
-        Noise without a seed, an error or an effect that the machine lacks.
+        Noise without a seed, an error or an effect that the machine lacks, a drift without times.
 
     Examples
     --------
@@ -203,28 +201,15 @@ def simulate_rotary_test(
     chain = Chain(setup)
     offset = np.array(point("tool_offset_um", tool_offset_um))
     balls = np.broadcast_to(point("ball_mm", ball_mm), (len(plan), 3))
-    acting = _acting(chain, effects or {})
-    apart = Relation.of(chain, plan, chain.named_errors(errors), acting).apart_um(balls) - offset
+    acting = Acting.of(chain, plan, effects or {})
+    there = Relation.of(chain, plan, chain.named_errors(errors), acting.machine, acting.behind)
+    apart = there.apart_um(balls) - offset - acting.moved_um
     rng = np.random.default_rng(None if seed is None else whole("seed", seed, 0))
     noise = rng.normal(0.0, 1.0, apart.shape) * noise_um
     if bar:
         lengths = 1e-3 * (np.linalg.norm(apart, axis=1) + noise[:, 0])
         return plan.with_columns(length_mm=lengths)
     return plan.with_columns(**dict(zip(READINGS, (apart + noise).T, strict=True)))
-
-
-def _acting(
-    chain: Chain, effects: Mapping[str, Mapping[str, float]]
-) -> list[tuple[str, list[float]]]:
-    """Effects with the values of their parameters in order."""
-    known, found = machine_effects(chain), []
-    for name, values in effects.items():
-        parameters = [p.name for p in known[choose("effect", name, known)].parameters]
-        sizes = numbers(name, values)
-        for parameter in sizes:
-            choose(f"parameter of effect {name!r}", parameter, parameters)
-        found.append((name, [sizes.get(parameter, 0.0) for parameter in parameters]))
-    return found
 
 
 @checked

@@ -75,12 +75,13 @@ class Holder:
                 choose(what, name, (*found, *self.more))
                 takes = LENGTH if name != "grip_mm" else Number(0.0, 1e5)
                 found[name] = takes(f"{what}.{name}", length)
-        for name, limit in (("bed_mm", "height_mm"), ("grip_mm", "height_mm")):
+        top, bed = found["height_mm"], found.get("bed_mm", 0.0)
+        for name, most in (("bed_mm", top), ("grip_mm", top - bed)):
             with entry(name):
-                if found.get(name, 0.0) > found[limit]:
+                if found.get(name, 0.0) > most:
+                    below = "height_mm" if name == "bed_mm" or not bed else "height_mm less bed_mm"
                     raise InputError(
-                        f"{what}.{name}: got {found[name]:g}, expected at most {limit} = "
-                        f"{found[limit]:g}"
+                        f"{what}.{name}: got {found[name]:g}, expected at most {below} = {most:g}"
                     )
         return FrozenMapping(found)
 

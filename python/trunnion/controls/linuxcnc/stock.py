@@ -35,7 +35,7 @@ def check_stock(setup: Setup) -> None:
         raise InputError(
             f"{STOCK[letters]}: got axes of different senses, expected one: it has one pin for both"
         )
-    other = [f"axes.{letter}.sense" for letter in "XYZ" if setup.sense(letter) < 0]
+    other = [f"axes.{x}.sense" for x in "XYZ" if Chain(setup).sense_of(x) < 0]
     if other:
         raise InputError(
             f"{STOCK[letters]}: got {', '.join(other)} = -1, expected 1: it turns about axes that "

@@ -12,7 +12,7 @@ import numpy as np
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import Parameter, wave
-from trunnion.machine.effects import Owner
+from trunnion.machine.effects import Owner, senses
 
 MOTIONS = ("EX", "EY", "EZ", "EA", "EB", "EC")  # µm, µm, µm, arcsec, arcsec, arcsec
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
@@ -57,13 +57,6 @@ class Conditions:
         """Return positions alone: no time passes, and nothing is reversed."""
         none = np.zeros(len(angle_deg))
         return cls(angle_deg, none, none, np.eye(3))
-
-
-def senses(angle_deg: Floats) -> Floats:
-    """Sense of the last turn before each row, by the order of rows: +1, -1, 0 before the first."""
-    step = np.concatenate([[0.0], np.sign(np.diff(angle_deg))])
-    last = np.maximum.accumulate(np.where(step != 0, np.arange(len(step)), 0))
-    return np.asarray(step[last])
 
 
 @dataclass(frozen=True)

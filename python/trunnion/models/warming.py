@@ -1,0 +1,40 @@
+"""Warm-up: a displacement that comes to its end exponentially."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trunnion.base.units import Floats
+from trunnion.diagnosis.effect import Effect, Parameter, gridded
+
+DURATIONS = 10
+"""Time constants tried, from a twentieth of the measurement to half more than all of it."""
+
+
+def warmup(
+    id_: str, amplitude: str, minutes: Floats, enters: Floats, label: str, **more: Any
+) -> Effect:
+    """Make an effect in proportion to 1 - exp(-t/τ), τ (`tau_min`) sought on a grid.
+
+    minutes: Time of each reading since the first, (n,), not all the same.
+    enters: Change of each reading per unit of displacement, (n,).
+    """
+    length = float(np.max(minutes))
+    tau = Parameter("tau_min", "min", tuple(np.geomspace(length / 20, 1.5 * length, DURATIONS)))
+    parameters = [Parameter(amplitude), tau]
+    return gridded(id_, parameters, _Warming(minutes, enters), label, **more)
+
+
+@dataclass(frozen=True, eq=False)
+class _Warming:
+    """1 - exp(-t/τ) at times in minutes, as it enters the readings."""
+
+    minutes: Floats
+    enters: Floats
+
+    def __call__(self, values: Mapping[str, float]) -> Floats:
+        return np.asarray(self.enters * (1 - np.exp(-self.minutes / values["tau_min"])))[:, None]
