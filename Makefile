@@ -109,6 +109,10 @@ lock: .venv/.installed  ## renew requirements.lock from pyproject.toml
 wheels: build  ## wheel (manylinux, every Python from 3.11) and source distribution, tried in fresh environments
 	@$(BIN)/python tools/wheels.py
 
+.PHONY: tutorials
+tutorials: build  ## every tutorial in a fresh environment, its pip lines too, as a new user follows it, five minutes
+	@$(BIN)/python tools/tutorials.py
+
 .PHONY: sbom
 sbom: build  ## what a wheel is made of: dist/sbom.json (CycloneDX), and a check of all licences
 	@$(BIN)/python tools/bom.py
@@ -116,6 +120,10 @@ sbom: build  ## what a wheel is made of: dist/sbom.json (CycloneDX), and a check
 .PHONY: audit
 audit: build  ## licences, advisories and withdrawn releases of all dependencies, a minute, into dist/audit.json
 	@$(BIN)/python tools/audit.py
+
+.PHONY: recipe
+recipe: build  ## the conda recipe rendered for each platform (rattler-build), nothing built
+	@$(BIN)/python tools/recipe.py
 
 .PHONY: release
 release: build  ## what is left to do for a release; changes nothing (tools/release.py --do does)

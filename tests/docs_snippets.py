@@ -7,7 +7,8 @@ print, with ``...`` for any lines, and numbers within two units of their last di
 
 ``python tests/docs_snippets.py PAGE...`` writes what is printed into the pages; the comment
 ``<!-- output: 12 lines -->`` in front of a ``text`` block keeps the first twelve, ``from WORD``
-those from the first line with this word.
+those from the first line with this word. ``--check`` follows pages as a new user does, with the
+trunnion that is installed: nothing is written, and the ``pip install`` lines in the text are run.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import importlib
 import io
 import os
 import re
@@ -41,6 +43,7 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 _PLAIN_COMMAND = re.compile(r"trunnion [^|&;<>$`*]*")
+_PIP = re.compile(r"`(pip install [^`]*)`")
 _NUMBER = re.compile(r"[-−+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -88,18 +91,16 @@ def blocks(page: str) -> Iterator[Block]:
 
 
 class Session:
-    """An empty folder with a shell and a Python session."""
+    """An empty folder with a shell and a Python session.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder / "work"
+    is_literal: Every command is a process of the trunnion that is installed.
+    """
+
+    def __init__(self, folder: Path, is_literal: bool = False) -> None:
+        self.folder, self.is_literal = folder / "work", is_literal
         self.folder.mkdir()
         self.names: dict[str, Any] = {"__name__": "__main__"}
-        commands = folder / "bin"
-        commands.mkdir()
-        for name, module in (("trunnion", "-m trunnion"), ("python", "")):
-            script = commands / name
-            script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {module} "$@"\n')
-            script.chmod(script.stat().st_mode | stat.S_IEXEC)
+        commands = Path(sys.executable).parent if is_literal else self._commands(folder / "bin")
         self.environment = {
             **os.environ,
             "PATH": f"{commands}{os.pathsep}{os.environ['PATH']}",
@@ -108,6 +109,23 @@ class Session:
             "NO_COLOR": "1",
             "COLUMNS": "110",
         }
+        if is_literal:
+            del self.environment["PYTHONPATH"]
+
+    @staticmethod
+    def _commands(commands: Path) -> Path:
+        commands.mkdir()
+        for name, module in (("trunnion", "-m trunnion"), ("python", "")):
+            script = commands / name
+            script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {module} "$@"\n')
+            script.chmod(script.stat().st_mode | stat.S_IEXEC)
+        return commands
+
+    def read(self, text: str) -> None:
+        """Install what a text between blocks says."""
+        for line in _PIP.findall(text) if self.is_literal else ():
+            self._shell(f"python -m {line}")
+            importlib.invalidate_caches()
 
     def run(self, block: Block) -> str:
         """What a block prints, errors and all."""
@@ -115,7 +133,7 @@ class Session:
 
     def _shell(self, text: str) -> str:
         lines = [x for x in text.replace("\\\n", " ").splitlines() if x and x[0] != "#"]
-        if all(_PLAIN_COMMAND.fullmatch(line) for line in lines):
+        if not self.is_literal and all(_PLAIN_COMMAND.fullmatch(line) for line in lines):
             return "".join(map(self._here, lines))
         done = subprocess.run(
             ["bash", "-e", "-c", text],
@@ -154,11 +172,14 @@ class Session:
         return out.getvalue()
 
 
-def results(page: str, folder: Path) -> Iterator[tuple[Block, str]]:
+def results(page: str, folder: Path, is_literal: bool = False) -> Iterator[tuple[Block, str]]:
     """Run a page; each ``text`` block behind a run one, with what was printed."""
-    session = Session(folder)
+    session = Session(folder, is_literal)
     printed: str | None = None
+    last = 0
     for block in blocks(page):
+        session.read(page[last : block.span[0]])
+        last = block.span[1]
         if block.title:
             target = session.folder / block.title
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -217,10 +238,17 @@ def written(page: str, folder: Path) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pages", nargs="+", type=Path)
-    for path in parser.parse_args().pages:
+    parser.add_argument("--check", action="store_true")
+    asked = parser.parse_args()
+    for path in asked.pages:
         with tempfile.TemporaryDirectory() as folder:
             text = path.read_text(encoding="utf-8")
-            path.write_text(written(text, Path(folder)), encoding="utf-8")
+            if not asked.check:
+                path.write_text(written(text, Path(folder)), encoding="utf-8")
+                continue
+            for block, printed in results(text, Path(folder), is_literal=True):
+                if found := differs(block.text, printed):
+                    sys.exit(f"{path.name}:{block.line}: {found}\n\n{printed}")
 
 
 if __name__ == "__main__":

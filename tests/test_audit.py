@@ -116,7 +116,7 @@ def test_what_was_not_asked_is_kept_and_left_to_do(
 ) -> None:
     """Without a network nothing but the licences is known; the list of a release says so."""
 
-    def no_tools() -> Path:
+    def no_tools(*_: Any) -> Path:
         raise audit.NotAskedError("pip-audit could not be installed")
 
     monkeypatch.setattr(audit, "PLACE", tmp_path / "target")

@@ -11,15 +11,19 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml  # type: ignore[import-untyped]
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 from packaging.requirements import Requirement
+from typer.testing import CliRunner
 
 import bom
 import release
+from trunnion.cli import app
 
 ROOT = Path(__file__).parent.parent
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT, BUILD = PYPROJECT["project"], PYPROJECT["build-system"]
 EXTRAS = PROJECT["optional-dependencies"]
 
 
@@ -39,18 +43,26 @@ def test_the_lock_file_is_of_no_machine_and_has_what_is_needed() -> None:
         assert need.name == "trunnion" or need.name.lower().replace("_", "-") in names, text
 
 
-def test_the_recipe_needs_what_the_package_needs() -> None:
-    text = (ROOT / "conda" / "recipe.yaml").read_text()
-    (run,) = re.findall(r"\n  run:\n((?:    - .*\n)+)", text)
-    there = {line.strip("- ").replace("_", "-") for line in run.splitlines()}
+def test_the_recipe_says_what_the_package_says() -> None:
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text())
     needs = {f"python {PROJECT['requires-python']}"}
     for need in map(Requirement, PROJECT["dependencies"]):
         name = "matplotlib-base" if need.name == "matplotlib" else need.name
         needs.add(f"{name} {need.specifier}")
-    assert there == needs
-    assert f'version: "{release.version()}"' in text
+    assert {line.replace("_", "-") for line in recipe["requirements"]["run"]} == needs
+    assert recipe["context"]["version"] == release.version()
     scripts = [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]
-    assert all(f"- {script}\n" in text for script in scripts)
+    assert recipe["build"]["python"]["entry_points"] == scripts
+    about, commands = recipe["about"], recipe["tests"][1]["script"]
+    assert (about["license"], about["summary"]) == (PROJECT["license"], PROJECT["description"])
+    assert set(about["license_file"]) == {*PROJECT["license-files"], "THIRDPARTY.yml"}
+    lowest = PROJECT["requires-python"].removeprefix(">=")
+    host = recipe["requirements"]["host"]
+    assert {f"python {lowest}.*", f"python-abi3 {lowest}.*"} <= set(host)
+    (build,) = (need.replace(">", " >", 1) for need in BUILD["requires"])
+    assert build in host
+    names = [command.split()[1:] for command in commands]
+    assert [CliRunner().invoke(app, words).exit_code for words in names] == [0] * len(names)
 
 
 @pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo is not on this machine")

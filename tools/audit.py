@@ -83,12 +83,11 @@ def licences() -> Answer:
     return Answer(f"licences of {len(entries)} dependencies", tuple(bom.refused(entries)))
 
 
-def tools() -> Path:
+def tools(place: Path, wanted: Sequence[str]) -> Path:
     """Return the folder of the tools' programs, after installing them if they are not there."""
-    wanted, marker = CONFIG["tools"]["packages"], PLACE / "installed.json"
-    programs = PLACE / "env" / ("Scripts" if os.name == "nt" else "bin")
+    marker, programs = place / "installed.json", place / "env" / "bin"
     if not marker.exists() or json.loads(marker.read_text()) != wanted:
-        venv.create(PLACE / "env", clear=True, with_pip=True)
+        venv.create(place / "env", clear=True, with_pip=True)
         done = run([programs / "python", "-m", "pip", "install", "--quiet", *wanted])
         if done.returncode:
             raise NotAskedError(f"{', '.join(wanted)} could not be installed")
@@ -234,7 +233,7 @@ def main() -> None:
     PLACE.mkdir(parents=True, exist_ok=True)
     answers = [licences()]
     try:
-        programs = tools()
+        programs = tools(PLACE, CONFIG["tools"]["audit"])
         answers += [*crates(programs, database), packages(programs), yanked_packages(programs)]
     except NotAskedError as why:
         answers.append(Answer("advisories and withdrawn releases", not_asked=str(why)))

@@ -113,10 +113,7 @@ def _deciding(found: Found) -> list[str]:
     if best.chance >= USEFUL:
         chance = f"it decides with a probability of {percent(best.chance)}"
         return [f"To decide it, measure: {what}; {chance} (trunnion diagnose --next plans it)."]
-    return [
-        f"Of {len(tests)} further tests that were tried none is likely to decide it (the best: "
-        f"{what}, {percent(best.chance)})."
-    ]
+    return [f"None of {len(tests)} further tests that were tried is likely to decide it."]
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -150,11 +147,14 @@ def known_of(d: Diagnosis) -> list[str]:
     lines = [] if d.reservation is None else [d.reservation]
     if d.causes or d.structure is not None:
         for g in (d.gain, *d.gain.others):
-            fitted = f"from {g.rms_before_um:.3g} to {with_unit(f'{g.rms_after_um:.3g}', g.unit)}"
+            before, after = f"{g.rms_before_um:.3g}", f"{g.rms_after_um:.3g}"
+            if before == after:
+                continue
             other = f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}"
             lines.append(
-                f"With the causes the rms of what is left falls {fitted}; of readings that were "
-                f"kept out of the fit and predicted, {other} (cross-validation)."
+                f"With the causes the rms of what is left goes from {before} to "
+                f"{with_unit(after, g.unit)}; of readings that were kept out of the fit and "
+                f"predicted, {other} (cross-validation)."
             )
     found = Found(d)
     lines += _widened(found)
