@@ -9,7 +9,7 @@ from playwright.sync_api import sync_playwright
 import trunnion as tn
 
 FIGURE = Path(__file__).parent / "figures" / "report.png"
-SIZE = {"width": 900, "height": 1060}
+SIZE = {"width": 1280, "height": 1000}
 QUIET = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 

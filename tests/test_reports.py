@@ -21,6 +21,7 @@ from trunnion.cli import app
 from trunnion.diagnosis.model import Covariate
 from trunnion.plot.coordinates import Coordinate, Weight, coordinate_of
 from trunnion.plot.diagnosis import Explained, cause_picture, diagnostics
+from trunnion.plot.dispatch import pictures
 from trunnion.plot.picture import Axis, Form, Picture, band
 from trunnion.plot.statistics import order_picture
 from trunnion.reports.hover import hovered
@@ -175,6 +176,62 @@ def test_commands_write_reports(command: list[str], tmp_path: Path) -> None:
     assert pages
     for page in pages:
         assert "trunnion" in page.read_text(encoding="utf-8")
+
+
+# --- one size, one probability, one sense
+
+
+def first_screen(d: Any, path: Path) -> tuple[str, dict[str, list[list[str]]]]:
+    """Return the sentence at the top, and the tables before the first heading: rows by title."""
+    text = d.to_html(path).read_text(encoding="utf-8").partition("<section>")[0]
+    tables = {}
+    for title, body in re.findall(r"<caption>(.*?)</caption>.*?<tbody>(.*?)</tbody>", text, re.S):
+        rows = re.findall(r"<tr>(.*?)</tr>", body, re.S)
+        cells = [re.findall(r"<t[hd].*?>(.*?)</t[hd]>", row, re.S) for row in rows]
+        plain = [[html.unescape(re.sub("<.*?>", "", c)) for c in row] for row in cells]
+        tables[html.unescape(title)] = plain
+    return verdict_on(path), tables
+
+
+@pytest.mark.parametrize("name", ["positioning/axis.csv", "ballbar/circle.csv", "levels/bed.csv"])
+def test_a_cause_has_one_size_and_one_probability_at_the_top(name: str, tmp_path: Path) -> None:
+    d = tn.diagnose(tn.read(tn.sample_path(name)))
+    said, tables = first_screen(d, tmp_path / "r.html")
+    rows = [*tables["What was found"], *tables.get("Found beside it, not the machine's", [])]
+    assert len(rows) == len(d.causes) > 1
+    for label, size, meaning, chance in rows:
+        assert f"{label[:1].lower()}{label[1:]}, {size} ({chance})" in said
+        assert meaning
+
+
+def test_the_zero_of_a_level_is_not_found_of_the_machine(tmp_path: Path) -> None:
+    d = tn.diagnose(tn.read(tn.sample_path("levels/bed.csv")))
+    _, tables = first_screen(d, tmp_path / "r.html")
+    assert "Zero of the level" not in [row[0] for row in tables["What was found"]]
+    assert [row[0] for row in tables["Found beside it, not the machine's"]] == ["Zero of the level"]
+
+
+@pytest.mark.parametrize("name", ["positioning/axis.csv", "ballbar/circle.csv"])
+def test_degrees_of_freedom_are_no_more_than_the_readings(name: str) -> None:
+    d = tn.diagnose(tn.read(tn.sample_path(name)))
+    freedom = [m.degrees_of_freedom for m in d.budget().measurands]
+    assert len(freedom) > 1
+    count = len(d.data) - len(d.model.names)
+    assert freedom == pytest.approx([count] * len(freedom))
+
+
+def test_both_senses_have_their_words_and_one_colour_in_every_picture() -> None:
+    d = tn.diagnose(tn.read_ballbar(tn.sample_path("ballbar/circle.csv")))
+    colours: dict[str, set[str]] = {}
+    for picture in (cause_picture(d, "backlash_y"), *pictures(d.data)):
+        for series in picture.series:
+            if series.label in ("clockwise", "counter-clockwise"):
+                colours.setdefault(series.label, set()).add(series.colour)
+    assert {label: len(found) for label, found in colours.items()} == {
+        "clockwise": 1,
+        "counter-clockwise": 1,
+    }
+    assert colours["clockwise"] != colours["counter-clockwise"]
 
 
 # --- each cause over its own coordinate

@@ -34,7 +34,7 @@ KINDS = (
     *("diagnosis points", "diagnosis sweep", "diagnosis diameters", "diagnosis ballbar"),
     *("diagnosis positioning", "diagnosis levels", "diagnosis axislog", "diagnosis of several"),
     *("diagnosis with outliers", "ClosedFormResult", "BallbarIdentification", "Iso2302", "Iso2304"),
-    *("Conformity", "Straightness", "Flatness", "MachineComparison", "CncParameters"),
+    *("Conformity", "Straightness", "Flatness", "MachineComparison", "CompensationForecast"),
     *("VolumetricError", "Observability"),
 )
 
@@ -180,11 +180,9 @@ def test_hover_highlight_and_zoom(opened: Callable[..., Opened]) -> None:
 def test_tables_sort_by_mouse_and_by_keyboard(opened: Callable[..., Opened]) -> None:
     page, _ = opened(EXAMPLES["IdentificationResult"]())
     table = page.locator("table").first
-    head = table.get_by_role("columnheader", name="new value")
+    head = table.get_by_role("columnheader", name="value")
     values = "cells => cells.map((c) => Number(c.dataset.value))"
-    column = [text.strip() for text in table.locator("thead th").all_inner_texts()].index(
-        "new value"
-    )
+    column = [text.strip() for text in table.locator("thead th").all_inner_texts()].index("value")
     cells = table.locator(f"tbody tr > :nth-child({column + 1})")
     plain = cells.evaluate_all(values)
     assert plain != sorted(plain)

@@ -75,7 +75,9 @@ DEPENDENT_INCOMPLETE = 1e-3
 NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
-BATCH_NUMBERS = 1 << 21  # numbers that are worked on at once
+BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
+AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
+MIN_ROWS = 2048  # readings of a step
 SINGLE_SUM = 4096  # products that are added up in single precision
 NONE = np.zeros(0, dtype=np.intp)
 
@@ -134,6 +136,7 @@ class Candidates:
     )  # candidates of one column that explain nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     _banned: frozenset[int] = frozenset()
+    _last: tuple[Floats, Floats] | None = None  # residuals and their products
 
     def _build(self, pieces: Iterable[Piece], count: int, numbers: int, basis: Floats) -> None:
         """Orthonormalise the columns of each block beside the basis; drop what is dependent."""
@@ -328,15 +331,17 @@ class Candidates:
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
+        if self._last is not None and self._last[0] is r:
+            return self._last[1]
         held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
         rounded = {kind: r.astype(kind, copy=False) for kind in {x.dtype for x in held}}
         found = [inner(x, rounded[x.dtype]) for x in held]
-        return np.concatenate(
-            [
-                part.weights @ x if isinstance(part, _Combined) else x
-                for part, x in zip(self._parts, found, strict=True)
-            ]
-        )
+        pairs = zip(self._parts, found, strict=True)
+        whole = [part.weights @ x if isinstance(part, _Combined) else x for part, x in pairs]
+        joined = np.concatenate(whole)
+        if r.ndim == 1:
+            self._last = r, joined
+        return joined
 
     def gains(self, r: Floats) -> Floats:
         """Gain in RSS of every block alone. ``r``: (n,) or (n, s); shape (b,) or (b, s)."""
@@ -383,10 +388,8 @@ def _unit_blocks(
     """Orthonormal columns of each block beside the basis, their rank, and where they start."""
     if isinstance(variants[0], Pencil):
         return _orthonormal_pencil(variants[0], basis)
-    arrays = [v for v in variants if not isinstance(v, Pencil)]
-    longest = np.sqrt(max(float(np.max(_squares(v), initial=0.0)) for v in arrays))
-    columns, rank, start = _orthonormal_blocks(arrays, basis, ROUNDING * longest)
-    return np.asarray(columns.astype(kind, copy=False)), rank, start
+    arrays = [v.transpose(0, 2, 1) for v in variants if not isinstance(v, Pencil)]
+    return _orthonormal_blocks(arrays, basis, kind)
 
 
 def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[_Combined, Integers, Integers]:
@@ -411,48 +414,64 @@ def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[_Combined, Integ
 
 
 def _orthonormal_blocks(
-    variants: Sequence[Floats], basis: Floats, least: float
+    variants: Sequence[Floats], basis: Floats, kind: type[np.float32 | np.float64]
 ) -> tuple[Floats, Integers, Integers]:
     """Orthonormalise the columns of each block beside the basis; drop what is dependent.
 
-    Columns no longer than ``least`` count as zero. Returns the columns, one a row, shape (M, n),
-    the rank of each block and where it starts.
+    ``variants``: columns one a row, (v, k, n). Returns the columns, one a row, shape (M, n), in
+    precision ``kind``, the rank of each block and where it starts.
     """
-    width = np.array([v.shape[2] for v in variants for _ in v], dtype=np.intp)
+    sizes = [np.sqrt(np.einsum("vkn,vkn->vk", v, v)) for v in variants]
+    least = ROUNDING * max(float(size.max(initial=0.0)) for size in sizes)
+    width = np.array([v.shape[1] for v in variants for _ in v], dtype=np.intp)
     rank = np.zeros(len(width), dtype=np.intp)
     start = np.zeros(len(width), dtype=np.intp)
     out: list[Floats] = []
     filled = 0
     for k in np.unique(width):
-        x = np.concatenate([v.transpose(0, 2, 1) for v in variants if v.shape[2] == k])
-        size = np.sqrt(np.einsum("bkn,bkn->bk", x, x))
-        x /= np.where(size > least, size, np.inf)[:, :, None]
-        x -= (x @ basis) @ basis.T
-        x, some = _orthonormal(x)
+        same = [i for i, v in enumerate(variants) if v.shape[1] == k]
+        x = _joined([variants[i] for i in same])
+        size = _joined([sizes[i] for i in same])
+        columns, some = _orthonormal(x, np.where(size > least, size, np.inf), basis, kind)
         rank[width == k] = some
         start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
-        out.append(x[np.arange(k) < some[:, None]])
-        filled += len(out[-1])
-    return np.concatenate(out) if out else np.zeros((0, len(basis))), rank, start
+        out.append(columns)
+        filled += len(columns)
+    return _joined(out) if out else np.zeros((0, len(basis)), dtype=kind), rank, start
 
 
-def _orthonormal(x: Floats) -> tuple[Floats, Integers]:
-    """Orthonormalise blocks of rows, shape (b, k, n), largest first; what is dependent last."""
-    if x.shape[1] == 1:
-        s2 = np.einsum("bkn,bkn->bk", x, x)
-        seen = s2 > DEPENDENT
-        x /= np.sqrt(np.where(seen, s2, 1.0))[:, :, None]
-        return x, seen.sum(axis=1)
-    w, u = np.linalg.eigh(x @ x.transpose(0, 2, 1))
+def _joined(parts: list[Floats]) -> Floats:
+    """Concatenate; one part as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _orthonormal(
+    x: Floats, size: Floats, basis: Floats, kind: type[np.float32 | np.float64]
+) -> tuple[Floats, Integers]:
+    """Orthonormalise blocks of rows x / size beside a basis; what is dependent is left out.
+
+    ``x``: (b, k, n); ``size``: (b, k). Returns the rows of all blocks (M, n), of each block largest
+    first, and its rank. Some readings are worked on at a time, which processors keep at hand.
+    """
+    b, k, n = x.shape
+    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
+    parts = [slice(first, first + most) for first in range(0, n, most)]
+    taken = x.reshape(-1, n) @ basis / size.reshape(-1, 1)
+    free = np.empty((b, k, n))
+    gram = np.zeros((b, k, k))
+    for some in parts:
+        own = free[:, :, some]
+        np.divide(x[:, :, some], size[:, :, None], out=own)
+        own -= (taken @ basis[some].T).reshape(own.shape)
+        gram += own @ own.transpose(0, 2, 1)
+    w, u = (gram[:, :, 0], np.ones_like(gram)) if k == 1 else np.linalg.eigh(gram)
     w, u = w[:, ::-1], u[:, :, ::-1]
     seen = w > DEPENDENT
-    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
-    return np.asarray((u * scale[:, None, :]).transpose(0, 2, 1) @ x), seen.sum(axis=1)
-
-
-def _squares(v: Floats) -> Floats:
-    """Squared length of every column of variants (v, n, k)."""
-    return np.asarray(np.einsum("vnk,vnk->vk", v, v))
+    weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
+    out: Floats = np.empty((int(seen.sum()), n), dtype=kind)
+    for some in parts:
+        out[:, some] = (weights @ free[:, :, some])[seen]
+    return out, seen.sum(axis=1)
 
 
 def inner(columns: Floats, r: Floats) -> Floats:

@@ -27,7 +27,9 @@ def changes(innovations: Floats) -> bool:
     count = len(innovations) // BLOCK
     if count <= 2 * DISTURBED:
         return False
-    squares = np.array([float(np.mean(b**2)) for b in np.array_split(innovations, count)])
+    start = np.array([b[0] for b in np.array_split(np.arange(len(innovations)), count)])
+    size = np.diff(np.append(start, len(innovations)))
+    squares = np.add.reduceat(innovations**2, start) / size
     ordered = np.sort(squares)
     return bool(ordered[-DISTURBED] > LARGER * np.median(ordered))
 

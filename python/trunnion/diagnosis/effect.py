@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
@@ -260,11 +261,11 @@ def gridded(
 def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
     turn = 2 * np.pi * place / period
-    out = np.zeros((len(turn), 3))
-    out[:, 0], out[:, 1] = np.cos(turn), np.sin(turn)
+    out = np.zeros((3, len(turn)))
+    out[:2] = cosine_sine(turn)
     if a or b:  # a search starts without size: then the period changes nothing
-        out[:, 2] = (a * out[:, 1] - b * out[:, 0]) * turn / period
-    return out
+        out[2] = (a * out[1] - b * out[0]) * turn / period
+    return out.T
 
 
 def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
@@ -298,7 +299,14 @@ class _Waves:
 
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
-        return np.asarray(sum(w[:, None] * wave(s, period, a, b) for s, w in self.parts))
+        out = np.zeros((3, len(self.parts[0][0])))
+        for place, enters in self.parts:
+            some = np.flatnonzero(enters)  # of many readings, those along its axis
+            if len(some) == len(enters):
+                out += enters * wave(place, period, a, b).T
+            else:
+                out[:, some] += enters[some] * wave(place[some], period, a, b).T
+        return out.T
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,7 +99,11 @@ def variant_columns(
 ) -> Array:
     """Columns of an effect's linear parameters at each of these values, shape (v, n, k)."""
     linear = [i for i, p in enumerate(effect.parameters) if p.linear]
-    return np.stack([model.effect_jacobian(nuisance, effect, v)[:, linear] for v in values])
+    # Columns one after the other in memory, as all that is done with them needs them.
+    out = np.empty((len(values), len(linear), len(model.readings)))
+    for own, at in zip(out, values, strict=True):
+        own[:] = model.effect_jacobian(nuisance, effect, at).T[linear]
+    return out.transpose(0, 2, 1)
 
 
 def confounded(plain: Fit, jacobian: Array, columns: Array) -> Array:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import BATCH_NUMBERS, ROUNDING, inner, storage
 from trunnion.diagnosis.fit import Fit, Whiten
@@ -312,4 +313,4 @@ def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object]
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:
     """Return cosine and sine of each multiple, shape (m, 2, n)."""
     angle = np.multiply.outer(np.asarray(rates, dtype=np.float64), x)
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return cosine_sine(angle).transpose(1, 0, 2)

@@ -115,16 +115,17 @@ def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Floats, Integers]:
     residual = np.stack([s.residual for s in states])
     gain = np.zeros((len(states), len(c.owner)))
     rank = np.zeros((len(states), len(c.owner)), dtype=np.intp)
+    free = 1.0 - np.einsum("skm,skm->sm", taken, taken)
     for k, blocks, index in c.by_rank:
         z = [residual[:, index[:, i]] for i in range(k)]
         if k > WIDE:
             for b in blocks:
                 gain[:, b], rank[:, b] = _wide_gain(taken, residual, c.span(int(b)))
             continue
-        t = [taken[:, :, index[:, i]] for i in range(k)]
+        t = [taken[:, :, index[:, i]] for i in range(k if k > 1 else 0)]
         # Cholesky of every block's k x k Gram matrix at once, dependent pivots left out
         a = [
-            [float(i == j) - np.einsum("skb,skb->sb", t[i], t[j]) for j in range(i + 1)]
+            [*(-np.einsum("skb,skb->sb", t[i], t[j]) for j in range(i)), free[:, index[:, i]]]
             for i in range(k)
         ]
         total = np.zeros((len(states), len(blocks)))
@@ -355,7 +356,7 @@ class Search:
         # the best variant of each candidate
         low = np.minimum.reduceat(total, c.first_of_leader, axis=1)
         for i, s in enumerate(states):  # once in a set is enough
-            low[i, [bool(s.mask >> int(j) & 1) for j in c.leaders]] = np.inf
+            low[i, np.searchsorted(c.leaders, c.owner[list(s.blocks)])] = np.inf
         order = np.argsort(low, axis=None, kind="stable")
         self.best = min(self.best, float(low.flat[order[0]]))
         last = np.append(c.first_of_leader[1:], len(c.owner))

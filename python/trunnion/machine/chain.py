@@ -229,6 +229,10 @@ class Chain:
 
     def catalogue(self) -> tuple[EffectInfo, ...]:
         """Every effect that can act on touches of this artefact on this machine."""
+        return self._catalogue
+
+    @cached_property
+    def _catalogue(self) -> tuple[EffectInfo, ...]:
         return self._effects(*artefact_dimensions(self.setup))
 
     @cached_property

@@ -41,25 +41,28 @@ def unnoticed(
     dict
         Id → ``2.1 µm/h of it can stay unnoticed and would shift EZ0A by +0.6 µm``.
     """
-    found: dict[str, tuple[float, str]] = {}
+    known = [i for i, error in enumerate(names) if np.isfinite(std.get(error, np.inf))]
+    if not known:
+        return {}
+    least = np.array([max(std[names[i]], ROUNDING) for i in known])
+    found: dict[str, tuple[float, str, float, int, float]] = {}
     for parameter, x in columns.items():
-        effect, name = parameter.split(".", 1)
-        unit = unit_of(name)
         along = cofactor @ (jacobian.T @ x)
         left = float(np.linalg.norm(x - jacobian @ along))
         if left <= absorbed * float(np.linalg.norm(x)):
             continue
-        for error, row in zip(names, along, strict=True):
-            least = max(std.get(error, np.inf), ROUNDING)
-            if not np.isfinite(least):
-                continue
-            size = min(NOTICED / left, ASSUMED_SIZE.get(unit, 1.0))
-            ratio = abs(row) * size / least
-            if ratio > max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
-                shift = f"{row * size:+.2g} {unit_of(error)}".rstrip()
-                what = "it" if sum(k.startswith(f"{effect}.") for k in columns) == 1 else name
-                amount = f"{size:.2g} {unit} of {what}"
-                text = f"{amount} can stay unnoticed and would shift {error} by {shift}"
-                found[effect] = ratio, text
-    worst = sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]
-    return {effect: found[effect][1] for effect in worst}
+        effect, name = parameter.split(".", 1)
+        size = min(NOTICED / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
+        ratio = np.abs(along[known]) * size / least
+        worst = int(np.argmax(ratio))
+        if ratio[worst] > max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
+            shift = float(along[known[worst]]) * size
+            found[effect] = float(ratio[worst]), name, size, known[worst], shift
+    out = {}
+    for effect in sorted(found, key=lambda k: -found[k][0])[:MAX_STATED]:
+        _, name, size, place, shift = found[effect]
+        what = "it" if sum(k.startswith(f"{effect}.") for k in columns) == 1 else name
+        amount = f"{size:.2g} {unit_of(name)} of {what}"
+        moved = f"{names[place]} by {f'{shift:+.2g} {unit_of(names[place])}'.rstrip()}"
+        out[effect] = f"{amount} can stay unnoticed and would shift {moved}"
+    return out

@@ -263,6 +263,11 @@ class _Cause:
             raise DataError(f"coolant: got {unknown[0]!r}, expected one that was measured: {known}")
         return [labels == label for label in self.classes]
 
+    @cached_property
+    def _cuts(self) -> list[Floats]:
+        """Cuts of each class."""
+        return [self.cuts[rows] for rows in self._blocks] if self.classes else [self.cuts]
+
     def _evaluate(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
         cuts = self.cuts
         numbers = [float(value) for value in values.values()]
@@ -272,19 +277,17 @@ class _Cause:
         blocks = self._blocks
         shared = numbers[own * len(blocks) :]
         change = np.zeros(len(cuts))
-        slopes = np.zeros((len(cuts), len(numbers)))
-        for i, rows in enumerate(blocks):
-            mine = numbers[own * i : own * (i + 1)]
-            error, slope = turning_cause(
-                self.name,
-                cuts[rows],
-                self.conditions.overhang_mm,
-                [scale * v for v in mine] + shared,
-            )
-            change[rows] = error
-            slopes[rows, own * i : own * (i + 1)] = scale * slope[:, :own]
-            slopes[rows, own * len(blocks) :] = slope[:, own:]
-        return change, slopes
+        slopes = np.zeros((len(numbers), len(cuts)))
+        for i, (rows, some) in enumerate(zip(blocks, self._cuts, strict=True)):
+            mine = [scale * v for v in numbers[own * i : own * (i + 1)]]
+            overhang = self.conditions.overhang_mm
+            change[rows], slope = turning_cause(self.name, some, overhang, mine + shared)
+            for place, column in enumerate(slope.T):
+                if place < own:
+                    slopes[own * i + place, rows] = scale * column
+                else:
+                    slopes[own * len(blocks) + place - own, rows] = column
+        return change, slopes.T
 
     def change(self, values: Mapping[str, float]) -> Floats:
         """Change of each reading, µm on the diameter."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -46,7 +47,7 @@ TOUCHED = 0.02  # of the largest change: readings that a cause changes
 LIMIT = 1.15
 CLASS_WIDTH = 0.3
 MAX_SETS = 8
-MAX_CORRELATED = 40
+MAX_CORRELATED, MIN_CORRELATED = 40, 0.3  # how many, and from which size they are drawn
 
 
 def plot_diagnosis(d: Diagnosis, *, ax: Any = None, cause: str | None = None) -> Any:
@@ -273,7 +274,7 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
     title = f"What is left of the readings: {v.name}"
     if d.unexplained and covariate is None:
         title = f"What the model does not explain: {v.name}"
-    y = Axis("Residual", record.unit, limits=(-1.05 * limit, 1.05 * limit))
+    y = Axis("What is left", record.unit, limits=(-1.05 * limit, 1.05 * limit))
     return Picture(title, Axis(_capital(v.name), v.unit, names), y, tuple(series))
 
 
@@ -315,8 +316,11 @@ def _called(d: Diagnosis, causes: frozenset[str]) -> list[str]:
     return sorted(d.labels.get(i) or i.replace("_", " ") for i in causes)
 
 
-def diagnostics(d: Diagnosis) -> list[Picture]:
-    """Return residuals in order and against normal noise, and the correlation of the estimates."""
+def diagnostics(d: Diagnosis, name: Callable[[str], str] = str) -> list[Picture]:
+    """Return residuals in order and against normal noise, and the correlation of the estimates.
+
+    Correlations only where there are some. name: What people call a parameter of an effect.
+    """
     record = record_of(d)
     out: list[Picture] = []
     for i, unit in enumerate(record.units):
@@ -326,17 +330,25 @@ def diagnostics(d: Diagnosis) -> list[Picture]:
         rows, left = record.rows[mine], record.after[mine]
         order = np.argsort(rows, kind="stable")
         several = f" ({with_unit('readings in', unit)})" if len(record.units) > 1 else ""
-        title = f"Residuals in the order of the file{several}"
+        title = f"What is left, in the order of the file{several}"
         out += [
             order_picture(left[order], unit, rows=rows[order], title=title),
             normal_picture(left, unit, rows=rows),
         ]
     model = d.model
     if isinstance(model, Estimate) and model.names:
-        known = np.flatnonzero(np.diag(model.covariance) > 0)
-        if 2 <= len(known) <= MAX_CORRELATED:
-            names = [model.names[i] for i in known]
-            out.append(correlation_picture(names, model.covariance[np.ix_(known, known)]))
+        known = [
+            i
+            for i in np.flatnonzero(np.diag(model.covariance) > 0).tolist()
+            if "." in model.names[i] or error_label(model.names[i]) != model.names[i]
+        ]
+        covariance = model.covariance[np.ix_(known, known)]
+        size = np.sqrt(np.diag(covariance))
+        beside = np.abs(covariance / np.outer(size, size)) - np.eye(len(known))
+        if beside.max(initial=0.0) > MIN_CORRELATED and len(known) <= MAX_CORRELATED:
+            given = [model.names[i] for i in known]
+            names = [name(one) if "." in one else one for one in given]
+            out.append(correlation_picture(names, covariance))
     return out
 
 

@@ -157,6 +157,7 @@ def following_picture(runs: Sequence[_Run], axis: str) -> Picture:
         Axis("Time in the run", "s"),
         Axis("Commanded less actual", unit),
         tuple(series),
+        note="Most of it is the lag of the loop at speed, no fault: see the next picture.",
     )
 
 

@@ -36,7 +36,7 @@ def order_picture(
     *,
     rows: Integers | None = None,
     hover: Sequence[str] = (),
-    title: str = "Residuals in the order of measurement",
+    title: str = "What is left, in the order of measurement",
 ) -> Picture:
     """Residuals (n,) one after the other, with ± 2 standard deviations."""
     n = len(residuals)
@@ -46,10 +46,10 @@ def order_picture(
     return Picture(
         title,
         Axis("Reading, in the order of measurement"),
-        Axis("Residual", unit),
+        Axis("What is left", unit),
         (
             points(at, residuals, "reading", rows=rows, hover=tuple(hover)),
-            line(ends, [two, two], "± 2 rms", colour=MUTED, dash="dash"),
+            line(ends, [two, two], "± 2 standard deviations", colour=MUTED, dash="dash"),
             line(ends, [-two, -two], colour=MUTED, dash="dash"),
         ),
     )
@@ -68,14 +68,14 @@ def normal_picture(
     texts = tuple(hover[i] for i in order) if hover else ()
     mine = None if rows is None else rows[order]
     return Picture(
-        "Residuals against normal noise",
-        Axis("Quantile of normal noise", "σ"),
-        Axis("Residual", unit),
+        "Is what is left normal noise?",
+        Axis("Expected of normal noise", "standard deviations"),
+        Axis("What is left", unit),
         (
             points(expected, residuals[order], "reading", rows=mine, hover=texts),
             line(ends, mean + size * ends, "normal noise", colour=PURPLE, dash="dash"),
         ),
-        note="Points on the line: the residual is normal noise; ends that leave it: outliers.",
+        note="Points on the line: it is; ends that leave the line: outliers.",
     )
 
 

@@ -54,7 +54,8 @@ def to_do(found: Found, source: Source) -> Points:
         ]
         more = f" and {len(d.outliers) - len(named)} more" if len(d.outliers) > MAX_NAMED else ""
         lines.append(f"Clean probe and artefact and measure again: {', '.join(named)}{more}.")
-    unseen = [found.quantity(k) for k in d.not_identifiable if k not in d.errors_after]
+    known = {*d.errors_after, *(i for ids in found.doubtful() for i in ids)}
+    unseen = [found.quantity(k) for k in d.not_identifiable if k not in known]
     if unseen:
         more = f" and {len(unseen) - MAX_NAMED} more" if len(unseen) > MAX_NAMED else ""
         lines.append(f"Not seen by these readings: {', '.join(unseen[:MAX_NAMED])}{more}.")
@@ -84,7 +85,7 @@ def _doubtful(found: Found) -> list[str]:
     names = list(dict.fromkeys(found.label(i) for ids in sets for i in ids))
     advice = [{found.family(i).advice for i in ids} for ids in sets]
     first = advice[0]
-    named = names[:MAX_NAMED]
+    named = names if len(names) <= MAX_NAMED else [*names[: MAX_NAMED - 1], "others"]
     shown = " or ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
     deciding = _deciding(found)
     if len(first) == 1 and all(one == first for one in advice):
@@ -113,10 +114,7 @@ def _deciding(found: Found) -> list[str]:
     if best.chance >= USEFUL:
         chance = f"it decides with a probability of {percent(best.chance)}"
         return [f"To decide it, measure: {what}; {chance} (trunnion diagnose --next plans it)."]
-    return [
-        f"Of {len(tests)} further tests that were tried none is likely to decide it (the best: "
-        f"{what}, {percent(best.chance)})."
-    ]
+    return [f"None of {len(tests)} further tests that were tried is likely to decide it."]
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -150,11 +148,14 @@ def known_of(d: Diagnosis) -> list[str]:
     lines = [] if d.reservation is None else [d.reservation]
     if d.causes or d.structure is not None:
         for g in (d.gain, *d.gain.others):
-            fitted = f"from {g.rms_before_um:.3g} to {with_unit(f'{g.rms_after_um:.3g}', g.unit)}"
+            before, after = f"{g.rms_before_um:.3g}", f"{g.rms_after_um:.3g}"
+            if before == after:
+                continue
             other = f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}"
             lines.append(
-                f"With the causes the rms of what is left falls {fitted}; of readings that were "
-                f"kept out of the fit and predicted, {other} (cross-validation)."
+                f"With the causes the rms of what is left goes from {before} to "
+                f"{with_unit(after, g.unit)}; of readings that were kept out of the fit and "
+                f"predicted, {other} (cross-validation)."
             )
     found = Found(d)
     lines += _widened(found)

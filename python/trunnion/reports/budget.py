@@ -9,12 +9,13 @@ import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Shown, Table, significant
-from trunnion.machine.budget import Budget, freedom
+from trunnion.machine.budget import Budget, Line, Measurand, freedom
 from trunnion.reports.document import Item, Section
 from trunnion.reports.results import with_expanded
 from trunnion.setup.names import called
 
 MAX_ROWS = 40
+MIN_SHARE = 1e-3  # of the variance of a quantity
 
 
 def budget_section(result: Any, name: Callable[[str], str] = called) -> Section:
@@ -35,11 +36,13 @@ def budget_section(result: Any, name: Callable[[str], str] = called) -> Section:
 
 def _table(found: Budget, name: Callable[[str], str]) -> Table:
     """One quantity a row: value, U, and what of U each source contributes."""
-    sources = list(dict.fromkeys(line.source for m in found.measurands for line in m.lines))
+    sources = list(
+        dict.fromkeys(x.source for m in found.measurands for x in m.lines if _counts(x, m))
+    )
     rows: list[tuple[Cell, ...]] = []
     for m in found.measurands[:MAX_ROWS]:
-        parts = {line.source: found.coverage_factor * line.contribution for line in m.lines}
-        each = [significant(parts[s]) if s in parts else None for s in sources]
+        parts = {x.source: found.coverage_factor * x.contribution for x in m.lines if _counts(x, m)}
+        each = [significant(parts[s], 2) if s in parts else None for s in sources]
         rows.append(
             (name(m.name), *with_expanded(m.value, m.std), m.unit, *each, *_freedom(m.std, m))
         )
@@ -48,15 +51,21 @@ def _table(found: Budget, name: Callable[[str], str]) -> Table:
     return Table.of("What contributes to U", (*heads, "degrees of freedom"), rows)
 
 
-def _freedom(std: float, m: Any) -> tuple[Shown | None]:
+def _counts(x: Line, m: Measurand) -> bool:
+    """Whether a source is more than a thousandth of the variance."""
+    return bool(x.contribution**2 > MIN_SHARE * m.std**2) and bool(np.isfinite(m.std))
+
+
+def _freedom(std: float, m: Measurand) -> tuple[Shown | None]:
     return (freedom(m.degrees_of_freedom) if np.isfinite(std) else None,)
 
 
 def _more(found: Budget) -> list[str]:
     """Explain the columns."""
     said = [
-        "Contributions add as squares. Degrees of freedom: how many independent readings the "
-        "uncertainty itself rests on (GUM, G.4); ∞ where it was stated."
+        "Contributions add as squares; those below a thousandth of the variance are left out. "
+        "Degrees of freedom: how many independent readings the uncertainty itself rests on (GUM, "
+        "G.4); ∞ where it was stated."
     ]
     more = len(found.measurands) - MAX_ROWS
     return [*said, f"{more} more quantities are not listed."] if more > 0 else said

@@ -51,6 +51,10 @@ NOT_TOLD = (
     "If one of these acts, these readings do not show it. Where amounts are stated, so much of it "
     "would make an error of the machine wrong by so much."
 )
+AS_THEY_ARE = (
+    "Figures of the standard take the readings as they are, with all causes in them: their U is "
+    "another than that of a cause beside which the others are taken off."
+)
 NOT_JUDGED = "No limits are stated for these sizes: whether they matter is not judged here."
 LEFT = "What is left after the causes"
 
@@ -85,6 +89,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
             *((errors,) if errors.rows else ()),
             *shown,
             *judged,
+            *((AS_THEY_ARE,) if judged and d.causes else ()),
         ),
         (
             Section("Each cause" if d.causes else "Pictures", tuple(causes)),
@@ -93,7 +98,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
             Section("What else would explain the data", tuple(_alternatives(found))),
             Section("What else is known", (Points(tuple(known)),) if known else ()),
             Section("Outliers", tuple(_outliers(d, source))),
-            Section(LEFT if d.causes else "What is left", tuple(_diagnostics(d, source))),
+            Section(LEFT if d.causes else "What is left", tuple(_diagnostics(found, source))),
             Section("In space", tuple(in_space(d, source))),
             Section("What these data do not identify", tuple(_lost(found))),
             budget_section(d.model, found.quantity),
@@ -113,9 +118,9 @@ def _in_short(found: Found) -> str:
     if d.verdict in ("consistent", "unexplained"):
         return {"consistent": "nothing beyond noise"}.get(d.verdict, "no known cause explains it")
     sure, doubt = len(found.certain), len(d.evidence) > 1
-    count = f"{sure or 'no'} cause{'' if sure == 1 else 's'}"
+    count = f"{sure} cause{'' if sure == 1 else 's'}"
     if doubt:
-        return f"{count} certain, more in doubt"
+        return f"{count} certain, more in doubt" if sure else "causes in doubt"
     return f"{count} found" if d.causes else "nothing but outliers"
 
 
@@ -228,7 +233,8 @@ def _alternatives(found: Found) -> list[Item]:
     heads = ("set of causes", "probability", "fits", f"rms of what is left ({unit})")
     note = (
         "Of sets that fit as well the one with fewer causes is the more probable: beforehand, a "
-        "further cause is taken for unlikely."
+        "further cause is taken for unlikely. The probability of a cause, above, is the sum over "
+        "all sets that hold it, those that are not listed, too."
     )
     return [picture, Table.of("Sets of causes", heads, rows), note]
 
@@ -246,11 +252,14 @@ def _outliers(d: Diagnosis, source: Source) -> list[Item]:
     return [table, *([f"{more} more are not listed."] if more > 0 else [])]
 
 
-def _diagnostics(d: Diagnosis, source: Source) -> list[Item]:
+def _diagnostics(found: Found, source: Source) -> list[Item]:
+    d = found.d
     if d.residuals is None:
         return []
-    shown = [residual_picture(d)] if d.causes else []
-    return [hovered(p, source.data) for p in (*shown, *diagnostics(d))]
+    shown = [residual_picture(d)] if d.causes and not d.gain.others else []
+    own = diagnostics(d, found.quantity)
+    twice = shown and any(v.sequence and v.name in shown[0].title for v in record_of(d).covariates)
+    return [hovered(p, source.data) for p in (*shown, *own[1 if twice else 0 :])]
 
 
 def _lost(found: Found) -> list[Item]:
@@ -267,4 +276,4 @@ def _names(found: Found) -> list[Item]:
     """Ids of what the page calls by its label."""
     ids = dict.fromkeys([*(c.id for c in found.d.causes), *found.d.labels])
     rows = [(capital(found.label(i)), i) for i in ids]
-    return [Table.of("Names in programs", ("", "name"), rows)] if rows else []
+    return [Table.of("What commands and Python call them", ("", "name"), rows)] if rows else []

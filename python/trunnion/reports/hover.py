@@ -13,7 +13,7 @@ from trunnion.plot.picture import MAX_COLUMNS, Form, Picture, Series
 
 MAX_SHOWN = 8
 """Columns beside a reading."""
-LEFT_OUT = frozenset({"dir_x", "dir_y", "dir_z"})
+LEFT_OUT = ("dir_x", "dir_y", "dir_z")
 
 
 def hovered(picture: Picture, data: Sequence[Table]) -> Picture:
@@ -52,8 +52,15 @@ def _of_row(row: int, data: Sequence[Table]) -> str:
 
 def columns_of(data: Table, row: int) -> list[str]:
     """Say the first columns of a row."""
-    names = [name for name in data.columns if name not in LEFT_OUT][:MAX_SHOWN]
-    return [_said(name, data.columns[name][row]) for name in names]
+    names = [
+        name for name in data.columns if name not in LEFT_OUT and not name.startswith("start_")
+    ][:MAX_SHOWN]
+    said = [_said(name, data.columns[name][row]) for name in names]
+    if not set(LEFT_OUT) <= set(data.columns):
+        return said
+    along = [float(data.columns[name][row]) for name in LEFT_OUT]
+    k = int(np.argmax(np.abs(along)))
+    return [*said, f"approach {'−+'[along[k] > 0]}{'XYZ'[k]}"]
 
 
 def _said(name: str, value: object) -> str:

@@ -26,7 +26,9 @@ POLICY = (
 )
 """The page itself forbids every connection."""
 
-_QUANTITY = re.compile(r"[+−]?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)")
+_QUANTITY = re.compile(
+    r"(?:&[lg]t; )?[+−]?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)"
+)
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
 <head>

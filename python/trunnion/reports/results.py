@@ -53,7 +53,7 @@ def figures_table(
     A value keeps its tolerance where its size does (ISO 14253-1).
     """
     listed = list(figures)
-    has_old = any(f.old is not None for f in listed)
+    has_old = any(f.old for f in listed)
     judged = any(f.name in tolerance for f in listed)
     decisions: list[Decision] = []
     rows = []
@@ -72,7 +72,12 @@ def figures_table(
                 decisions.append(decide(abs(f.value), std, upper=limit))
                 row += [Shown(limit, f"± {limit:g}"), str(decisions[-1])]
         rows.append(row)
-    heads = ["", *(["old value"] if has_old else []), "new value" if has_old else "value", EXPANDED]
+    heads = [
+        "",
+        *(["old value (set-up)"] if has_old else []),
+        "new value" if has_old else "value",
+        EXPANDED,
+    ]
     heads += ["unit", *(["tolerance", "ISO 14253-1"] if judged else [])]
     return Table.of(title, heads, rows), decisions
 

@@ -18,6 +18,9 @@ from trunnion.plot.statistics import estimates_picture
 from trunnion.reports.document import Item
 from trunnion.reports.results import Figure
 
+FIRST = ("accuracy", "systematic", "repeatability", "reversal", "mean_reversal")
+"""Figures of ISO 230-2 in the order in which an acceptance asks for them."""
+
 
 def standard_results(data: Table) -> tuple[Result, ...]:
     """Return what the standard of a kind of data says of it; none where it does not apply."""
@@ -36,11 +39,18 @@ def figures_of(result: Any) -> list[Figure]:
     if not isinstance(std, Mapping):
         return []
     labels: Mapping[str, str] = result.labels() if hasattr(result, "labels") else {}
-    return [
+    found = [
         Figure(name, labels.get(name, name), float(getattr(result, name)), float(s), unit_of(name))
         for name, s in std.items()
         if isinstance(getattr(result, name, None), int | float) and not isinstance(s, Mapping)
     ]
+    return sorted(found, key=_rank)
+
+
+def _rank(figure: Figure) -> tuple[int, bool]:
+    """What an acceptance asks for stands first, of both directions before those of one."""
+    heads = [k for k, head in enumerate(FIRST) if figure.name.startswith(head)]
+    return heads[0] if heads else len(FIRST), "ward_" in figure.name
 
 
 def drawn(of: Result | Table, **options: Any) -> list[Item]:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import UnknownNameError
@@ -50,6 +51,7 @@ _ROTARY = re.compile(
 )
 
 
+@lru_cache(maxsize=1024)
 def iso_codes(effect: str) -> tuple[str, ...]:
     """Return the ISO 230-1 codes of the errors that an effect of this id is part of, if any.
 

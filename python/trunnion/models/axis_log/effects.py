@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
+from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis, Servo, varied
 from trunnion.diagnosis.effect import Effect, Parameter, gridded, linear
@@ -128,8 +129,7 @@ class CyclicColumns:
 
 def _waves(axis: AxisSignal, pitch: float) -> Floats:
     """Cosine and sine over the modelled position by row, (rows, 2)."""
-    angle = 2 * np.pi * axis.predicted / pitch
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.ascontiguousarray(cosine_sine(2 * np.pi * axis.predicted / pitch).T)
 
 
 @dataclass(frozen=True)

@@ -169,13 +169,13 @@ class PointsModel(Model):
     ) -> Floats:
         """Exact derivative by an effect's parameters: its columns, turned by the placement."""
         n, d = self.data.nominal_mm.shape
-        columns = effect.columns(values).reshape(n, d, -1)
+        columns = np.ascontiguousarray(effect.columns(values).T).reshape(-1, n, d)
         out = np.empty_like(columns)
         for g in range(len(self._frames)):
             mine = self._group == g if len(self._frames) > 1 else slice(None)
             turn = rotation(self._own_part(nuisance, g)[d:])[0]
-            out[mine] = np.moveaxis(np.tensordot(columns[mine], turn, ([1], [1])), -1, 1)
-        return out.reshape(n * d, -1)
+            out[:, mine] = columns[:, mine] @ turn.T
+        return out.reshape(-1, n * d).T
 
     def _shifted(self, effects: EffectValues) -> Floats:
         """Where the features are on the part, mm."""
