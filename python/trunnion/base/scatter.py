@@ -70,5 +70,5 @@ def _chance(shares: Floats, square: Floats, free: Floats, least: float) -> float
     variance = shares @ found
     unit = square / variance
     statistic = float(free @ (np.log(pooled) + square / pooled - np.log(variance) - unit))
-    excess = float(np.mean(unit**2) / max(np.mean(unit), TINY) ** 2) - 3.0
+    excess = float(np.mean(unit**2) / np.maximum(np.mean(unit), TINY) ** 2) - 3.0
     return float(special.chdtrc(len(found) - 1, statistic / max(1.0, 1.0 + excess / 2.0)))
