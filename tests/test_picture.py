@@ -3,12 +3,17 @@
 import re
 
 import matplotlib as mpl
+import matplotlib.pyplot as plt
 import numpy as np
 import plotly.graph_objects as go
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.text import Text
 
+from result_examples import EXAMPLES
 from trunnion.base.errors import InputError
 from trunnion.plot import picture as p
+from trunnion.plot.dispatch import thumbnail
 
 mpl.use("agg")
 
@@ -113,8 +118,40 @@ def _luminance(colour: str) -> float:
     return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
+def _contrast(first: str, second: str) -> float:
+    high, low = sorted((_luminance(first), _luminance(second)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize(
+    "name", ["IdentificationResult", "Iso2302", "Iso2304", "MachineComparison"]
+)
+def test_a_picture_is_readable_in_a_dark_style(name: str) -> None:
+    """Texts at 4.5:1, lines of data at 3:1, on the ground of the style."""
+    with plt.style.context("dark_background"):
+        drawn = EXAMPLES[name]().plot()
+    figure = getattr(drawn, "figure", None) or drawn
+    ground = to_hex(figure.get_facecolor())
+    assert ground == "#000000"
+    texts = [t for t in figure.findobj(Text) if t.get_text().strip() and t.get_visible()]
+    assert texts
+    assert all(_contrast(to_hex(t.get_color()), ground) >= 4.5 for t in texts)
+    lines = [x for ax in figure.axes for x in ax.get_lines()]
+    patches = [x for ax in figure.axes for x in ax.patches]
+    assert lines or patches
+    assert all(_contrast(to_hex(x.get_color()), ground) >= 3.0 for x in lines)
+    assert all(_contrast(to_hex(x.get_facecolor()), ground) >= 3.0 for x in patches)
+    plt.close("all")
+
+
+def test_the_small_picture_of_a_page_is_the_same_in_a_dark_style() -> None:
+    result = EXAMPLES["Iso2302"]()
+    plain = thumbnail(result)
+    with plt.style.context("dark_background"):
+        assert thumbnail(result) == plain
+
+
 @pytest.mark.parametrize("colour", [*p.PALETTE, p.MUTED])
 def test_colours_are_seen_on_white_and_on_dark(colour: str) -> None:
     for ground in ("#ffffff", "#16181d"):
-        high, low = sorted((_luminance(colour), _luminance(ground)), reverse=True)
-        assert (high + 0.05) / (low + 0.05) >= 3.0
+        assert _contrast(colour, ground) >= 3.0

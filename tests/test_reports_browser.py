@@ -34,7 +34,7 @@ KINDS = (
     *("diagnosis points", "diagnosis sweep", "diagnosis diameters", "diagnosis ballbar"),
     *("diagnosis positioning", "diagnosis levels", "diagnosis axislog", "diagnosis of several"),
     *("diagnosis with outliers", "ClosedFormResult", "BallbarIdentification", "Iso2302", "Iso2304"),
-    *("Conformity", "Straightness", "Flatness", "MachineComparison", "CncParameters"),
+    *("Conformity", "Straightness", "Flatness", "MachineComparison", "CompensationForecast"),
     *("VolumetricError", "Observability"),
 )
 

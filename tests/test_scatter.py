@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
+import pytest
 
 import trunnion as tn
 from power.study import ground
@@ -58,6 +60,19 @@ def test_uncertainties_are_those_of_the_direction() -> None:
     quiet = np.median([d.errors_std["EX0C"] for d, _ in studied()])
     loud = np.median([d.errors_std["EZ0A"] for d, _ in studied()])
     assert quiet < 0.6 * loud
+
+
+@pytest.mark.parametrize("method", [tn.identify, tn.closed_form])
+def test_estimates_allow_for_the_scatter_of_each_direction(method: Any) -> None:
+    z = []
+    for seed in range(60):
+        rng = np.random.default_rng([seed, 29])
+        made, setup, _, read = ground("paper")
+        truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+        measured = measure(made, setup, truth, noise_um=0.0, tick_um=0.0, seed=seed)
+        fit = method(noisy(tn.Touches(measured.columns), rng), read)
+        z += [(fit.errors[k] - true) / fit.std_errors[k] for k, true in truth.errors.items()]
+    assert np.mean(np.abs(z) < 2) > 0.88  # by one noise for all: 0.81
 
 
 def test_what_each_direction_scatters_is_said() -> None:

@@ -23,13 +23,14 @@ class _Interrupted:
     """
 
     def __init__(self) -> None:
-        self.came = False
+        self.came = self.is_due = False
 
     def note(self, _signal: int, _frame: FrameType | None) -> None:
-        self.came = True
+        self.came = self.is_due = True
 
     def find_spec(self, *_: Any) -> None:
-        if self.came and threading.current_thread() is threading.main_thread():
+        if self.is_due and threading.current_thread() is threading.main_thread():
+            self.is_due = False  # once: a traceback imports modules, too
             raise KeyboardInterrupt
 
 
@@ -62,17 +63,17 @@ def answer_interrupts_between_imports() -> None:
     def answer(_signal: int, frame: FrameType | None) -> None:
         while frame is not None:
             if frame.f_code.co_filename == IMPORTS:
-                interrupted.came = True
+                interrupted.is_due = True
                 again = threading.Timer(RETRY_S, retry)
                 again.daemon = True
                 again.start()
                 return
             frame = frame.f_back
-        interrupted.came = False
+        interrupted.is_due = False
         raise KeyboardInterrupt
 
     def retry() -> None:
-        if interrupted.came:
+        if interrupted.is_due:
             signal.raise_signal(signal.SIGINT)
 
     signal.signal(signal.SIGINT, answer)

@@ -12,6 +12,8 @@ from trunnion.base.units import Floats
 
 LEVEL = 1e-2  # of the test of equal variances
 MAX_RATIO = 10.0  # of the scatter of two directions, that is allowed for
+FAR = 5.0  # times the scatter of the others of its direction: one reading is no scatter
+FALSE = 0.02  # share of the readings that the test does without
 ROUNDS = 20
 SETTLED = 1e-3
 TINY = 1e-300
@@ -37,17 +39,36 @@ def variances_by_direction(
     least:
         Variance that no direction goes below.
     """
-    pooled = float(free @ square) / float(free.sum())
-    found = np.full(shares.shape[1], pooled)
+    felt = shares * square[:, None]
+    others = (felt.sum(axis=0) - felt.max(axis=0)) / np.maximum(shares.sum(axis=0) - 1.0, TINY)
+    if not np.any(square > least) or np.any(felt.max(axis=0) > FAR**2 * others):
+        return None
+    found = _fitted(shares, square, free, least)
+    # A false reading makes no direction loud: the test is of the others.
+    size = square / (shares @ found)
+    kept = np.argsort(size)[: len(size) - max(1, int(FALSE * len(size)))]
+    shares, square, free = shares[kept], square[kept], free[kept]
+    return found if _chance(shares, square, free, least) <= LEVEL else None
+
+
+def _fitted(shares: Floats, square: Floats, free: Floats, least: float) -> Floats:
+    """Variances of the directions (k,) by least squares on the squares, weighed by themselves."""
+    found = np.full(shares.shape[1], float(free @ square) / float(free.sum()))
     for _ in range(ROUNDS):
-        weight = np.sqrt(free) / (shares @ found)
+        weight = np.sqrt(free) / (shares @ np.maximum(found, TINY))
         before, found = found, nnls(shares * weight[:, None], square * weight)[0]
         found = np.maximum(found, max(least, found.max() / MAX_RATIO**2, TINY))
         if np.all(np.abs(found - before) <= SETTLED * found):
             break
+    return np.asarray(found)
+
+
+def _chance(shares: Floats, square: Floats, free: Floats, least: float) -> float:
+    """Probability of readings like these where all directions scatter alike."""
+    found = _fitted(shares, square, free, least)
+    pooled = max(float(free @ square) / float(free.sum()), least, TINY)
     variance = shares @ found
     unit = square / variance
     statistic = float(free @ (np.log(pooled) + square / pooled - np.log(variance) - unit))
-    excess = float(np.mean(unit**2) / np.mean(unit) ** 2) - 3.0
-    chance = special.chdtrc(len(found) - 1, statistic / max(1.0, 1.0 + excess / 2.0))
-    return found if chance <= LEVEL else None
+    excess = float(np.mean(unit**2) / np.maximum(np.mean(unit), TINY) ** 2) - 3.0
+    return float(special.chdtrc(len(found) - 1, statistic / max(1.0, 1.0 + excess / 2.0)))

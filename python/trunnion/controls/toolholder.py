@@ -27,7 +27,8 @@ PLACES = 9
 CARRIER = Need(
     "vector_sign", ("1", "-1"),
     "1: V of an axis of the table is the direction about which it turns right-handed for a "
-    "positive position, -1: the opposite",
+    "positive position, as in the examples of W1 (6FC5397-0BP10-0BA0, 2.5.4 and 4.1), -1: the "
+    "opposite; try one: at +45° about V = +Y a point above the axis goes towards +X",
 )  # fmt: skip
 NUMBERS = {
     "I1": (1, 2, 3), "I2": (4, 5, 6), "V1": (7, 8, 9), "V2": (10, 11, 12), "I3": (15, 16, 17),

@@ -40,7 +40,7 @@ def changes_picture(comparison: MachineComparison) -> Picture:
             series.append(bars(np.where(mask, size, np.nan), label, colour=colour))
     return Picture(
         f"Changes from {comparison.names[0]} to {comparison.names[-1]}",
-        Axis("Change over half its interval", limits=(-reach, reach)),
+        Axis("Change / half interval", limits=(-reach, reach)),
         Axis(names=names),
         tuple(series),
         note="Each change over the half width of its 95 % interval: within ±1 it may be none.",

@@ -178,14 +178,16 @@ def thumbnail(result: Any) -> str:
         return ""
     if not found:
         return ""
+    from matplotlib import rc_context, rcParamsDefault
     from matplotlib.figure import Figure
 
-    picture = found[0]
-    figure = Figure(figsize=size_of(picture), layout="constrained", facecolor="white")
-    polar = "polar" if picture.kind is Kind.POLAR else None
-    picture.draw(figure.add_subplot(projection=polar))
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=THUMBNAIL_DPI, metadata={"Software": None})
+    picture, buffer = found[0], io.BytesIO()
+    colours = {k: v for k, v in rcParamsDefault.items() if k.endswith("color")}
+    with rc_context(colours):  # dark on white, whatever the style of the notebook
+        figure = Figure(figsize=size_of(picture), layout="constrained", facecolor="white")
+        polar = "polar" if picture.kind is Kind.POLAR else None
+        picture.draw(figure.add_subplot(projection=polar))
+        figure.savefig(buffer, format="png", dpi=THUMBNAIL_DPI, metadata={"Software": None})
     image = base64.b64encode(buffer.getvalue()).decode()
     alt = html.escape(picture.description, quote=True)
     return f'<img alt="{alt}" src="data:image/png;base64,{image}">'

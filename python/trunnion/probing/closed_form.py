@@ -11,12 +11,12 @@ import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
-from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import TouchModel, known_sigma_um
 from trunnion.probing.result import ClosedFormResult, PerPosition
+from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup
 
 PER_C = ("c_deg", "EA", "EB_C", "EC", "EX", "EY_C", "EZ")
@@ -84,7 +84,7 @@ def closed_form(
     is_printed = choose("method", method, ("printed", "separating")) == "printed"
     with mistakes_named(data, setup):
         result = _solved(data, setup, method, is_printed=is_printed)
-    return replace(result, notes=likely_mistakes(result, data, setup))
+    return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
 def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> ClosedFormResult:
@@ -97,8 +97,11 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
     start = model.values()
     # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
     # (Fitted whatever is known: touches off the modelled surface are refused here.)
-    scatter = _scatter_um(model, moves, start)
-    sigma = known_sigma_um(setup, data) or scatter
+    fit = model.core.fit(moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS)
+    sigma = known_sigma_um(setup, data) or fit["sigma_um"]
+    jacobian = model.core.linearise(moves, fit["values"])[1]
+    scattered = scatter_um(setup, data, jacobian, fit["residuals_um"])
+    each, said = (sigma, ()) if scattered is None else (scattered[0], scattered[1:])
     printed, per_c, per_a, operator = model.core.printed(moves, labels)
     per_position = PerPosition(
         c=tuple(dict(zip(PER_C, row, strict=True)) for row in per_c.tolist()),
@@ -113,7 +116,7 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         # The variance of ζ is 35/48 of that of one reading.
         checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
     names = model.names[: count if is_printed else len(values)]
-    covariance = sigma**2 * operator @ operator.T
+    covariance = (each * operator) @ (each * operator).T
     spread = np.sqrt(np.diag(covariance))
     found = dict(zip(model.names, map(float, values), strict=True))
     return ClosedFormResult(
@@ -132,10 +135,5 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         checks_um={name: (value, share * sigma) for name, (value, share) in checks.items()},
         sees=SEES_PRINTED if is_printed else SEES_SEPARATING,
         slips=tuple(_core.closed_form_slips()) if is_printed else (),
+        notes=said,
     )
-
-
-def _scatter_um(model: TouchModel, moves: _core.Moves, start: Floats) -> float:
-    """Scatter of a reading about the least-squares fit."""
-    fit = model.core.fit(moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS)
-    return fit["sigma_um"]

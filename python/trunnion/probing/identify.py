@@ -32,6 +32,7 @@ from trunnion.probing.model import (
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
+from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup
 
 MAX_STEPS = 50
@@ -144,9 +145,25 @@ def _identified(
     if not own and np.any(ticks_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found, known)
     problem = TouchProblem(model, data, moves, own)
+    found, said = (found, ()) if knee else _beside_scatter(problem, plain, found)
     sources = _sources(problem, plain, found, known, is_known=how.sigma_um > 0)
     result = replace(_result(model, data, own, found, knee, errors), sources=sources)
-    return replace(result, notes=_of_the_certificate(result, stated, how, priors))
+    return replace(result, notes=(*said, *_of_the_certificate(result, stated, how, priors)))
+
+
+def _beside_scatter(
+    problem: TouchProblem, plain: Found, found: Found
+) -> tuple[Found, tuple[str, ...]]:
+    """Covariance where touches of one direction scatter more than of another, and a note on it."""
+    jacobian = problem.jacobian(found.values)
+    scattered = scatter_um(problem.model.setup, problem.data, jacobian, found.residuals_um)
+    if scattered is None:
+        return found, ()
+    each, note = scattered
+    gain = plain.covariance @ jacobian.T / plain.sigma_um**2
+    covariance = (gain * each**2) @ gain.T
+    std = np.where(np.isfinite(found.std_errors), np.sqrt(np.diag(covariance)), np.inf)
+    return replace(found, covariance=covariance, std_errors=std), (note,)
 
 
 def _by_priors(

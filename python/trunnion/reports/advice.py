@@ -54,7 +54,8 @@ def to_do(found: Found, source: Source) -> Points:
         ]
         more = f" and {len(d.outliers) - len(named)} more" if len(d.outliers) > MAX_NAMED else ""
         lines.append(f"Clean probe and artefact and measure again: {', '.join(named)}{more}.")
-    unseen = [found.quantity(k) for k in d.not_identifiable if k not in d.errors_after]
+    known = {*d.errors_after, *(i for ids in found.doubtful() for i in ids)}
+    unseen = [found.quantity(k) for k in d.not_identifiable if k not in known]
     if unseen:
         more = f" and {len(unseen) - MAX_NAMED} more" if len(unseen) > MAX_NAMED else ""
         lines.append(f"Not seen by these readings: {', '.join(unseen[:MAX_NAMED])}{more}.")
@@ -84,7 +85,7 @@ def _doubtful(found: Found) -> list[str]:
     names = list(dict.fromkeys(found.label(i) for ids in sets for i in ids))
     advice = [{found.family(i).advice for i in ids} for ids in sets]
     first = advice[0]
-    named = names[:MAX_NAMED]
+    named = names if len(names) <= MAX_NAMED else [*names[: MAX_NAMED - 1], "others"]
     shown = " or ".join([", ".join(named[:-1]), named[-1]] if len(named) > 1 else named)
     deciding = _deciding(found)
     if len(first) == 1 and all(one == first for one in advice):

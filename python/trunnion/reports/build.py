@@ -149,17 +149,16 @@ def _comparison(result: MachineComparison, source: Source) -> Document:
     tables = result.tables()
     known = [one for one in more if not one.startswith(("Not changed", "Level"))]
     mark = Mark.DOUBT if result.changed else Mark.GOOD
-    shown = drawn(result)
     count = len(result.changed)
     said = f"{count} of {len(result.quantities)} quantities changed" if count else "nothing changed"
     sections = (
+        Section("Pictures", tuple(drawn(result))),
         Section("Measurements", (_measurements(result, source),)),
         Section("What else is known", (Points(tuple(known)),) if known else ()),
-        Section("Pictures", tuple(shown[1:])),
         Section("Over time", tables[1:]),
         source.section(),
     )
-    top = (_changes(result), *shown[:1], _by_noise(result))
+    top = (_changes(result), _by_noise(result))
     return Document(f"Comparison: {said}", source.subtitle(), mark, first, top, sections)
 
 

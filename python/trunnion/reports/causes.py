@@ -24,6 +24,7 @@ from trunnion.setup.names import called
 MAX_PARAMETERS = 6  # of a cause: of more the largest change of a reading is stated
 SURE = 0.5  # a probability below it is a doubt
 _HARMONIC = re.compile(r"(a|cosine)([xyz]?\d*)(_.+)")
+_COEFFICIENT = re.compile(r"a\d+_.+")
 _OTHER_HALF = {"a": "b", "cosine": "sine"}
 WORDS = {"tau": "time constant", "hx": "along X", "hy": "along Y"}
 
@@ -112,7 +113,7 @@ class Found:
 
     def size(self, c: Cause) -> str:
         """Say the size of a cause with U (k = 2)."""
-        if len(c.parameters) <= MAX_PARAMETERS:
+        if not _is_curve(c):
             return said(c.parameters, c.std_errors, root_of(self.d, c))
         of, at, most = self._largest(c)
         u = float(np.linalg.norm(of.spread[at]))
@@ -133,7 +134,7 @@ class Found:
             travel = float(np.ptp(data.target))
         family = self.family(c.id)
         text = "" if family in OWNED.values() else meaning(c.id, c.parameters, travel)
-        if len(c.parameters) > MAX_PARAMETERS:
+        if _is_curve(c):
             return text or "not the same at every place: see its picture"
         if text and not family.grows:
             return text
@@ -164,6 +165,13 @@ class Found:
             )
             if causes
         ]
+
+
+def _is_curve(c: Cause) -> bool:
+    """Whether the parameters are coefficients of a curve, which say nothing one by one."""
+    names = list(c.parameters)
+    lone = [n for n in names if _COEFFICIENT.fullmatch(n) and f"b{n[1:]}" not in names]
+    return len(names) > MAX_PARAMETERS or len(lone) > 1
 
 
 def said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) -> str:

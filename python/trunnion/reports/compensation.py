@@ -49,9 +49,11 @@ def compensation_document(result: Result, source: Source) -> Document:
         todo.append(_sign_test(result.sign_test))
     todo += [VERIFY, NAMED]
     top: list[Item] = [errors, _to_set(set_), TAKEN_UP] if set_.settings() else [errors]
-    top += [Points(tuple(todo), "What to do"), *pictures(result)[:1]]
+    top.append(Points(tuple(todo), "What to do"))
     sections = (
-        Section("What can be reached", (Points(_reached(result)), result.tables()[0])),
+        Section(
+            "What can be reached", (Points(_reached(result)), result.tables()[0], *pictures(result))
+        ),
         Section("Files written", tuple(_files(result.files))),
         source.section(),
     )
@@ -78,11 +80,11 @@ def control_document(result: Result, source: Source) -> Document:
     shown: tuple[Item, ...] = tuple(pictures(result))
     sections = (
         Section("What else is known", (Points(tuple(known)),)),
-        Section("Pictures", shown[1:]),
+        Section("Pictures", shown),
         Section("Files written", tuple(_files(_sums(result.files)))),
         source.section(),
     )
-    top = (errors, _settings(result.settings), todo, *shown[:1])
+    top = (errors, _settings(result.settings), todo)
     title = f"Compensation: {result.control}"
     return Document(title, source.subtitle(), _mark(failed), f"{first} {space}", top, sections)
 

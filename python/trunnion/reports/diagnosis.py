@@ -118,9 +118,9 @@ def _in_short(found: Found) -> str:
     if d.verdict in ("consistent", "unexplained"):
         return {"consistent": "nothing beyond noise"}.get(d.verdict, "no known cause explains it")
     sure, doubt = len(found.certain), len(d.evidence) > 1
-    count = f"{sure or 'no'} cause{'' if sure == 1 else 's'}"
+    count = f"{sure} cause{'' if sure == 1 else 's'}"
     if doubt:
-        return f"{count} certain, more in doubt"
+        return f"{count} certain, more in doubt" if sure else "causes in doubt"
     return f"{count} found" if d.causes else "nothing but outliers"
 
 
