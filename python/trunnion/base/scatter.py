@@ -12,6 +12,7 @@ from trunnion.base.units import Floats
 
 LEVEL = 1e-2  # of the test of equal variances
 MAX_RATIO = 10.0  # of the scatter of two directions, that is allowed for
+ALIKE = 1.2  # times the scatter of another direction: weights would change nothing
 FAR = 5.0  # times the scatter of the others of its direction: one reading is no scatter
 FALSE = 0.02  # share of the readings that the test does without
 ROUNDS = 20
@@ -44,6 +45,8 @@ def variances_by_direction(
     if not np.any(square > least) or np.any(felt.max(axis=0) > FAR**2 * others):
         return None
     found = _fitted(shares, square, free, least)
+    if found.max() < ALIKE**2 * found.min():
+        return None
     # A false reading makes no direction loud: the test is of the others.
     size = square / (shares @ found)
     kept = np.argsort(size)[: len(size) - max(1, int(FALSE * len(size)))]

@@ -124,14 +124,14 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
 def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
     """Explain with the scatter of each direction of its own, where that explains better.
 
-    It is sought in what the plain model leaves, and the choice: causes make a direction loud, and
-    loud readings look like outliers.
+    Loud readings look like outliers: the scatter is that of all, and of those that were not.
     """
     best, n = (case, choice), len(case.rows)
     directions = Directions.of(case.model) if case.whiten is identity else None
     if directions is None or case.exact(choice[1].fit):
         return best
-    for f, bad in ((case.plain, np.zeros(0, dtype=np.intp)), (choice[1].fit, choice[2])):
+    every = [(case.plain, np.zeros(0, dtype=np.intp))] if len(choice[2]) else []
+    for f, bad in (*every, (choice[1].fit, choice[2])):
         at, last = case, np.inf
         for _ in range(MAX_ROUNDS):
             scatter = directions.scatter(at, f, np.flatnonzero(kept_rows(n, bad)))
@@ -140,8 +140,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
             if case.grid is not None and case.grid.matters(quiet):
                 break
-            at = _whitened(case.model, case.plain, case.grid, scatter)
-            at.given = case.given
+            at = replace(_whitened(case.model, case.plain, case.grid, scatter), given=case.given)
             found = _choose(at)
             score = _likelihood(at, found)
             if score < _likelihood(*best):

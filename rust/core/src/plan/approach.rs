@@ -12,7 +12,7 @@ use crate::moves::Moves;
 pub(super) struct Approach<'a> {
     /// The machine at the touch.
     pub posture: &'a Posture,
-    /// Where it starts, ball centre, machine frame.
+    /// Where the ball's centre really starts, machine frame: with what errors of a head do to it.
     pub start: Vector3<f64>,
     /// Unit direction.
     pub direction: Vector3<f64>,
@@ -108,7 +108,7 @@ pub fn blocked(
     let axes = arrangement.machine.rotary().len();
     let is_blocked = |row: usize, reach: f64| {
         let posture = arrangement.posture(&moves.rotary[axes * row..axes * (row + 1)]);
-        let start = Moves::vector(moves.point, row);
+        let start = Moves::vector(moves.point, row) + posture.head_shift;
         let direction = Moves::vector(moves.direction, row);
         let approach = Approach { posture: &posture, start, direction, reach, face: None };
         let travel = approaches.travel(&approach, None);

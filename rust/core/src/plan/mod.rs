@@ -369,8 +369,9 @@ impl Planner<'_> {
             return None;
         }
         let contact = posture.artefact.apply(&target.point) + normal * options.stylus.ball_radius;
+        // The errors of a head that are known take the ball off the control's place.
         let command = |point: Vector3<f64>| {
-            let linear = point - posture.head_nominal;
+            let linear = point - posture.head_shift - posture.head_nominal;
             linear.map(|value| round(value, options.linear_resolution)) + posture.head_nominal
         };
         let start = command(contact + normal * options.clearance);
@@ -379,20 +380,21 @@ impl Planner<'_> {
         // The first contact on the way is the one that is meant.
         let reach = options.clearance + options.overtravel;
         let face = self.arrangement.artefact.has_plane_faces().then_some(target.normal);
-        let approach = Approach { posture, start, direction, reach, face };
+        let from = start + posture.head_shift;
+        let approach = Approach { posture, start: from, direction, reach, face };
         let travel = self.approaches.travel(&approach, None)?;
         let slack = 2.0 * options.linear_resolution + 1e-9;
-        if (travel - (contact - start).norm()).abs() > slack {
+        if (travel - (contact - from).norm()).abs() > slack {
             return None;
         }
-        let contact = start + direction * travel;
-        self.approaches.is_free(&approach, &contact).then_some(PlannedTouch {
+        let way = direction * travel;
+        self.approaches.is_free(&approach, &(from + way)).then_some(PlannedTouch {
             rotary: [0.0; MAX_ROTARY],
             sense: [0.0; MAX_ROTARY],
             cycle: 0,
             label: target.label,
             start,
-            contact,
+            contact: start + way,
             direction,
             feed: 0.0,
         })
