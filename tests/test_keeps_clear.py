@@ -208,6 +208,12 @@ def test_no_move_of_any_program_enters_an_obstacle() -> None:
     assert sum(map(sum, touches.values())) > 500
 
 
+def test_known_errors_of_a_head_take_the_ball_along() -> None:
+    """A bore whose place is known to 2 µm, and a head that is off by 0.7 mm."""
+    family, touches = swept_machine(np.random.default_rng([100, 296]))
+    assert (family, touches > 0) == ("2h", True)
+
+
 @pytest.mark.power
 def test_no_move_on_five_hundred_machines_enters_an_obstacle() -> None:
     touches = sweep(800, 100)
