@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import trunnion as tn
 from trunnion.files.toml import TomlText
 
 TRICKY = (
@@ -99,7 +99,7 @@ values = st.recursive(
 @given(st.dictionaries(names, values, max_size=4))
 def test_every_value_of_a_written_file_is_found(tmp_path: Path, raw: dict[str, Any]) -> None:
     path = tmp_path / "setup.toml"
-    setup = tn.Setup(artefact=tn.Artefact("cross"), turning=raw)
-    path.write_text(setup.to_toml(), encoding="utf-8")
+    path.write_text(
+        tomli_w.dumps({"artefact": {"kind": "cross"}, "turning": raw}), encoding="utf-8"
+    )
     check(TomlText.read(path))
-    assert tn.read_setup(path) == setup
