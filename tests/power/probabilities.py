@@ -266,9 +266,9 @@ def main() -> int:
                 with given.store.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(asdict(one)) + "\n")
         cases.append(one)
+    report.write(page(cases, given.seed), given.out)
     if given.out:
         picture(cases, given.out.parent.parent / "figures" / "probabilities.png")
-    report.write(page(cases, given.seed), given.out)
     return 1 if calibration_error([s for c in cases for s in c.sets]) > LIMIT else 0
 
 
