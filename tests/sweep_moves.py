@@ -148,7 +148,8 @@ class Scene:
         a = self.setup.artefact
         if a.centres_mm:
             assert a.diameter_mm is not None
-            return tuple(max(abs(c[i]) for c in a.centres_mm) + a.diameter_mm / 2 for i in (0, 1))  # type: ignore[return-value]
+            along, across, _ = np.max(np.abs(a.centres_mm), axis=0) + a.diameter_mm / 2
+            return float(along), float(across)
         if a.kind == "ring":
             assert a.outer_diameter_mm is not None
             return a.outer_diameter_mm / 2, a.outer_diameter_mm / 2

@@ -308,12 +308,12 @@ def test_a_holder_that_the_plan_does_not_know_is_run_into(
     known = tn.Setup(tn.Artefact("cross", tolerance_mm=0.6, tolerance_deg=0.2, **held), probe=probe)
     place = known.artefact.effective_place_mm
     bare = tn.Setup(artefact=tn.Artefact("cross", place_mm=place), probe=probe)
-    angles = {"c_deg": (0.0, 90.0), "a_deg": (60.0, -90.0), "all_faces": True}
+    angles: dict[str, Any] = {"c_deg": (0.0, 90.0), "a_deg": (60.0, -90.0), "all_faces": True}
     scene, twin = Scene(known, Draw(np.zeros(3), 0.0)), Twin(known)
-    plan = tn.plan(known, **angles)  # type: ignore[arg-type]
+    plan = tn.plan(known, **angles)
     swept(approaches_of(plan, twin, known.plan.overtravel_mm), known, scene, twin)
     assert any(text in note for note in tn.plan_notes(plan, known))
-    blind = approaches_of(tn.plan(bare, **angles), twin, known.plan.overtravel_mm)  # type: ignore[arg-type]
+    blind = approaches_of(tn.plan(bare, **angles), twin, known.plan.overtravel_mm)
     with pytest.raises(AssertionError):
         swept(blind, known, scene, twin)
 

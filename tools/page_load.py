@@ -61,12 +61,13 @@ def opened(browser: Browser, page: Path) -> dict[str, float]:
     context = browser.new_context(viewport={"width": 1280, "height": 900})
     tab = context.new_page()
     tab.add_init_script(WATCH)
-    told = context.new_cdp_session(tab)
-    told.send("Performance.enable", {"timeDomain": "threadTicks"})
+    session = context.new_cdp_session(tab)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
     tab.goto(page.as_uri())
     tab.wait_for_function("window.at.all !== undefined")
     found: dict[str, float] = tab.evaluate("window.at")
-    metrics = {one["name"]: one["value"] for one in told.send("Performance.getMetrics")["metrics"]}
+    measured = session.send("Performance.getMetrics")["metrics"]
+    metrics = {one["name"]: one["value"] for one in measured}
     found["work"] = 1e3 * metrics["TaskDuration"]
     context.close()
     return found

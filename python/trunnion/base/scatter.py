@@ -15,15 +15,17 @@ MAX_RATIO = 10.0  # of the scatter of two directions, that is allowed for
 ALIKE = 1.2  # times the scatter of another direction: weights would change nothing
 FAR = 5.0  # times the scatter of the others of its direction: one reading is no scatter
 FALSE = 0.02  # share of the readings that the test does without
+LEAST_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
+MIN_FREE = 1e-6
 ROUNDS = 20
 SETTLED = 1e-3
 TINY = 1e-300
 
 
 def variances_by_direction(
-    shares: Floats, square: Floats, free: Floats, least: float = 0.0
+    shares: Floats, left: Floats, free: Floats, least: float = 0.0
 ) -> Floats | None:
-    """Return the variance of each direction (k,); None: they are all alike.
+    """Return the variance of each direction (k,); None: they are all alike, or too few say so.
 
     A test of the likelihood says so at the level `LEVEL`, allowing for tails: its statistic is
     divided by what the kurtosis makes of it (Layard 1973, Robust large-sample tests for homogeneity
@@ -33,13 +35,18 @@ def variances_by_direction(
     ----------
     shares:
         c_k² of each reading, (n, k).
-    square:
-        Squares of residuals over what the fit leaves free of each reading, (n,).
+    left:
+        Residuals, (n,).
     free:
-        That share, above 0, (n,).
+        Share of each reading that the fit leaves free, (n,).
     least:
         Variance that no direction goes below.
     """
+    if np.any(shares.T @ np.maximum(free, 0.0) < LEAST_FREEDOM):
+        return None
+    kept = free > MIN_FREE
+    shares, free = shares[kept], free[kept]
+    square = np.square(left[kept]) / free
     felt = shares * square[:, None]
     others = (felt.sum(axis=0) - felt.max(axis=0)) / np.maximum(shares.sum(axis=0) - 1.0, TINY)
     if not np.any(square > least) or np.any(felt.max(axis=0) > FAR**2 * others):
@@ -49,13 +56,15 @@ def variances_by_direction(
         return None
     # A false reading makes no direction loud: the test is of the others.
     size = square / (shares @ found)
-    kept = np.argsort(size)[: len(size) - max(1, int(FALSE * len(size)))]
-    shares, square, free = shares[kept], square[kept], free[kept]
-    return found if _chance(shares, square, free, least) <= LEVEL else None
+    inner = np.argsort(size)[: len(size) - max(1, int(FALSE * len(size)))]
+    return found if _chance(shares[inner], square[inner], free[inner], least) <= LEVEL else None
 
 
 def _fitted(shares: Floats, square: Floats, free: Floats, least: float) -> Floats:
-    """Variances of the directions (k,) by least squares on the squares, weighed by themselves."""
+    """Variances of the directions (k,) by least squares on the squares, weighed by themselves.
+
+    ``square``: squares of residuals over what is free of each.
+    """
     found = np.full(shares.shape[1], float(free @ square) / float(free.sum()))
     for _ in range(ROUNDS):
         weight = np.sqrt(free) / (shares @ np.maximum(found, TINY))

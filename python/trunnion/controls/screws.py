@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, unit_of
@@ -137,11 +138,8 @@ def _displacement(step: Step) -> Floats:
     out, i = np.eye(4), "XYZABC".index(step.key) % 3
     if step.key in "XYZ":
         out[i, 3] = step.value
-        return out
-    j, k, angle = (i + 1) % 3, (i + 2) % 3, np.radians(step.value)
-    out[j, j] = out[k, k] = np.cos(angle)
-    out[k, j] = np.sin(angle)
-    out[j, k] = -out[k, j]
+    else:
+        out[:3, :3] = Rotation.from_euler("xyz"[i], step.value, degrees=True).as_matrix()
     return out
 
 

@@ -297,9 +297,7 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         residual = y - q @ (q.T @ y)
 
         def gain(e: Effect = e, q: Array = q, residual: Array = residual) -> float:
-            x = columns(e)
-            x = linear_fit(x - q @ (q.T @ x), residual, basis=True).basis
-            return float(np.sum((x.T @ residual) ** 2))
+            return gain_beside(columns(e), q, residual)
 
         for p in e.parameters:
             if not p.linear:
@@ -308,6 +306,15 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         for p in e.parameters:
             if p.linear:
                 values[e.id][p.name] = 0.0
+
+
+def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
+    """Drop of the RSS of a residual by columns (n, k), beside an orthonormal basis (n, q).
+
+    ``residual``: what the basis leaves, (n,).
+    """
+    x = linear_fit(columns - basis @ (basis.T @ columns), residual, basis=True).basis
+    return float(np.sum((x.T @ residual) ** 2))
 
 
 def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:

@@ -15,7 +15,7 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.fit import Fit, gain_beside
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
@@ -50,8 +50,7 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
         for i, trial in enumerate(trials):
             at = Values({**fitted, name: float(trial)})
             x = case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
-            x = linear_fit(x - basis @ (basis.T @ x), y, basis=True).basis
-            out[i] = float(np.sum((x.T @ y) ** 2)) / variance
+            out[i] = gain_beside(x, basis, y) / variance
         return out
 
     found = {

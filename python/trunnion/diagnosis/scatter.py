@@ -16,14 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from trunnion.base.scatter import LEVEL, variances_by_direction
+from trunnion.base.scatter import LEAST_FREEDOM, LEVEL, variances_by_direction
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model, Scaling
-
-LEAST_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
-MIN_FREE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +67,7 @@ class Directions:
         ``left``, ``free``: residual of each of ``rows``, and the share of it that the fit leaves
         free. ``least``: variance. The mean square of all readings is 1.
         """
-        kept = free > MIN_FREE
-        if np.any(self.shares[rows].T @ np.maximum(free, 0.0) < LEAST_FREEDOM):
-            return None
-        square = np.square(left[kept]) / free[kept]
-        found = variances_by_direction(self.shares[rows][kept], square, free[kept], least)
+        found = variances_by_direction(self.shares[rows], left, free, least)
         if found is None:
             return None
         mean = float(np.mean(self.shares @ found))

@@ -98,9 +98,11 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
     # Scatter of a reading about the model that fits; what the printed forms leave is not noise.
     # (Fitted whatever is known: touches off the modelled surface are refused here.)
     fit = model.core.fit(moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS)
-    sigma = known_sigma_um(setup, data) or fit["sigma_um"]
-    jacobian = model.core.linearise(moves, fit["values"])[1]
-    scattered = scatter_um(setup, data, jacobian, fit["residuals_um"])
+    known = known_sigma_um(setup, data)
+    sigma, scattered = known or fit["sigma_um"], None
+    if not known:
+        jacobian = model.core.linearise(moves, fit["values"])[1]
+        scattered = scatter_um(setup, data, jacobian, fit["residuals_um"])
     each, said = (sigma, ()) if scattered is None else (scattered[0], scattered[1:])
     printed, per_c, per_a, operator = model.core.printed(moves, labels)
     per_position = PerPosition(

@@ -145,17 +145,19 @@ def _identified(
     if not own and np.any(ticks_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found, known)
     problem = TouchProblem(model, data, moves, own)
-    found, said = (found, ()) if knee else _beside_scatter(problem, plain, found)
-    sources = _sources(problem, plain, found, known, is_known=how.sigma_um > 0)
+    jacobian = problem.jacobian(found.values)
+    said: tuple[str, ...] = ()
+    if not (knee or how.sigma_um):
+        found, said = _beside_scatter(problem, jacobian, plain, found)
+    sources = _sources(problem, jacobian, plain, found, known, is_known=how.sigma_um > 0)
     result = replace(_result(model, data, own, found, knee, errors), sources=sources)
     return replace(result, notes=(*said, *_of_the_certificate(result, stated, how, priors)))
 
 
 def _beside_scatter(
-    problem: TouchProblem, plain: Found, found: Found
+    problem: TouchProblem, jacobian: Floats, plain: Found, found: Found
 ) -> tuple[Found, tuple[str, ...]]:
     """Covariance where touches of one direction scatter more than of another, and a note on it."""
-    jacobian = problem.jacobian(found.values)
     scattered = scatter_um(problem.model.setup, problem.data, jacobian, found.residuals_um)
     if scattered is None:
         return found, ()
@@ -203,6 +205,7 @@ def _of_the_certificate(
 
 def _sources(
     problem: TouchProblem,
+    jacobian: Floats,
     plain: Found,
     found: Found,
     known: tuple[Source, ...],
@@ -214,7 +217,7 @@ def _sources(
     ``known``: what was known beforehand; ``is_known``: whether the noise of a reading is.
     """
     model, data = problem.model, problem.data
-    weighted = problem.jacobian(found.values) * found.weights[:, None]
+    weighted = jacobian * found.weights[:, None]
     if plain.sigma_um > 0:
         cofactor = plain.covariance / plain.sigma_um**2
     else:

@@ -12,12 +12,10 @@ from trunnion.base.scatter import variances_by_direction
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.probing.model import known_sigma_um, ticks_um
+from trunnion.probing.model import ticks_um
 from trunnion.setup.parts import Setup
 
-LEAST_FREEDOM = 8.0  # degrees of freedom of a direction, from which its scatter is judged
 LEAST_UM = 1e-3  # scatter that is none
-MIN_FREE = 1e-6
 
 
 def scatter_um(
@@ -25,23 +23,19 @@ def scatter_um(
 ) -> tuple[Floats, str] | None:
     """Standard deviation of each touch (n,), and it in words; None: touches that scatter alike.
 
-    None, too, where the set-up states the repeatability, or where ticks are what limits touches.
-    ``jacobian`` (n, p), ``residuals_um`` (n,): of a least-squares fit of all touches alike.
+    None, too, where ticks are what limits touches. ``jacobian`` (n, p), ``residuals_um`` (n,): of a
+    least-squares fit of all touches alike, where the set-up does not state their repeatability.
     """
-    if known_sigma_um(setup, data) > 0:
+    shares = np.square(data.direction)
+    felt = shares.sum(axis=0) > 0
+    if felt.sum() < 2:
         return None
     basis = linear_fit(jacobian, np.zeros(len(jacobian)), basis=True).basis
     free = 1.0 - np.einsum("ij,ij->i", basis, basis)
-    shares = np.square(data.direction)
-    shares = shares[:, shares.sum(axis=0) > 0]
-    kept = free > MIN_FREE
-    if shares.shape[1] < 2 or np.any(shares.T @ np.maximum(free, 0.0) < LEAST_FREEDOM):
-        return None
-    square = np.square(residuals_um[kept]) / free[kept]
-    found = variances_by_direction(shares[kept], square, free[kept], LEAST_UM**2)
+    found = variances_by_direction(shares[:, felt], residuals_um, free, LEAST_UM**2)
     if found is None or np.sqrt(found.min()) < np.max(ticks_um(setup, data), initial=0.0):
         return None
-    names = np.array(["X", "Y", "Z"])[np.square(data.direction).sum(axis=0) > 0]
+    names = np.array(["X", "Y", "Z"])[felt]
     sizes = ", ".join(f"{k} {size:.2g} µm" for k, size in zip(names, np.sqrt(found), strict=True))
     note = f"Touches scatter by direction (1 σ): {sizes}. The uncertainties allow for it."
-    return np.sqrt(shares @ found), note
+    return np.sqrt(shares[:, felt] @ found), note

@@ -28,7 +28,7 @@ def check(setup: Setup) -> None:
 
 
 def _check_control(setup: Setup) -> None:
-    """Refuse what the control is told of something that is not there."""
+    """Refuse a key of `[control]` for what the machine has not."""
     control, machine = setup.control, setup.description().core(setup.probe.length_mm)
     usual = keys_of(type(control))["centre_tolerance_mm"].default
     with entry("control"):
