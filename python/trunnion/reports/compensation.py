@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from trunnion.base.report import Cell, Result, Shown, Table
+from trunnion.base.units import unit_of
 from trunnion.compensation.forecast import EXACT, CompensationForecast, SignTest
 from trunnion.compensation.parameters import MIN_LEFT, CncParameters
 from trunnion.controls.files import ControlFiles, Setting
@@ -101,7 +102,7 @@ def _errors(
 ) -> tuple[Table, bool]:
     """Errors with U, tolerance and where each goes; whether a tolerance is exceeded."""
     figures = [
-        Figure(name, called(name), value, std.get(name), _unit(name))
+        Figure(name, called(name), value, std.get(name), unit_of(name))
         for name, value in errors.items()
     ]
     table, decisions = figures_table(ERRORS, figures, source.tolerance)
@@ -109,10 +110,6 @@ def _errors(
         rows = [(*row, goes.get(name, "")) for name, row in zip(errors, table.rows, strict=True)]
         table = Table.of(ERRORS, (*table.columns, "goes to"), rows)
     return table, "fail" in decisions
-
-
-def _unit(name: str) -> str:
-    return "µm" if name[1] in "XYZ" else "arcsec"
 
 
 def _goes_to(name: str, set_: CncParameters) -> str:
