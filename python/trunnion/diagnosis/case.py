@@ -202,8 +202,9 @@ class Case:
     def growth(self, f: Fit, variance: float) -> Floats:
         """How many times their standard errors errors are.
 
-        By rounding (:func:`.resolution.growth`); by dependence of the residuals (:mod:`.dependence`). ``variance``:
-        of a white reading. Of the parameters of a fit, shape (p + k,).
+        By rounding (:func:`.resolution.growth`); by dependence of the residuals
+        (:mod:`.dependence`). ``variance``: of a white reading. Of the parameters of a fit, shape
+        (p + k,).
         """
         if self.dependent:
             jacobian = np.asarray(self.whiten(f.jacobian))[self.rows]
