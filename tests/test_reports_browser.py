@@ -55,7 +55,7 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
     """Return what opens the report of a result, and what the page complained of or asked for."""
     context = browser.new_context(viewport={"width": 1000, "height": 800})
 
-    def open_(result: Any, **more: Any) -> Opened:
+    def open_(result: Any, *, wait: bool = True, **more: Any) -> Opened:
         path = result.to_html(tmp_path / "report.html", **more)
         page, wrong = context.new_page(), []
         page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
@@ -75,8 +75,8 @@ def opened(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Opened]]:
                 route.abort()
 
         page.route("**/*", only_the_page)
-        page.goto(path.as_uri())
-        page.wait_for_selector("body[data-ready]")
+        page.goto(path.as_uri(), wait_until="load" if wait else "commit")
+        page.wait_for_selector("body[data-ready]" if wait else "#report-data", state="attached")
         return page, wrong
 
     yield open_
@@ -96,7 +96,7 @@ CLIPPED = """width => {
   }
   for (const plot of document.querySelectorAll(".plot")) {
     const around = box(plot);
-    for (const e of plot.querySelectorAll("svg.main-svg text")) {
+    for (const e of plot.querySelectorAll("svg.main-svg text, svg.still text")) {
       const b = box(e);
       const out = Math.max(b.right - around.right, around.left - b.left, b.bottom - around.bottom);
       if (b.width && out > 2)
@@ -107,14 +107,26 @@ CLIPPED = """width => {
 }"""
 
 
+PLACES = """() => [...document.querySelectorAll("main *:not(.plot *)")].map((e) => {
+  const b = e.getBoundingClientRect();
+  return [b.left + scrollX, b.top + scrollY, b.width, b.height].map(Math.round);
+}).filter((b) => b[3])"""
+
+
+def point_at_stills(page: Any) -> None:
+    """Have the reader point at every picture that waits for it."""
+    while page.locator(".plot .still").count():
+        page.locator(".plot:has(.still)").first.hover()
+        page.wait_for_timeout(50)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_report_opens_prints_and_can_be_read_by_everybody(
     kind: str, opened: Callable[..., Opened]
 ) -> None:
     page, wrong = opened(EXAMPLES[kind]())
     drawn = page.locator(".plot").count()
-    assert page.locator(".plot .main-svg").count() >= drawn
-    assert page.locator(".plot[data-drawn]").count() == drawn
+    assert page.locator(".plot:has(.still), .plot[data-drawn]:has(.main-svg)").count() == drawn
     found = axe.Axe().run(page, options={"runOnly": ["wcag2a", "wcag2aa"]}).response
     severe = [v for v in found["violations"] if v["impact"] in ("serious", "critical")]
     assert not severe, [(v["id"], v["nodes"][0]["html"][:200]) for v in severe]
@@ -122,6 +134,11 @@ def test_every_report_opens_prints_and_can_be_read_by_everybody(
     page.set_viewport_size({"width": A4_WIDTH, "height": 971})
     page.wait_for_function("width => document.body.clientWidth <= width", arg=A4_WIDTH)
     page.wait_for_timeout(100)  # the pictures follow the width
+    assert page.evaluate(CLIPPED, A4_WIDTH) == []
+    places = page.evaluate(PLACES)
+    point_at_stills(page)
+    assert page.locator(".plot[data-drawn]:has(.main-svg)").count() == drawn
+    assert page.evaluate(PLACES) == places
     assert page.evaluate(CLIPPED, A4_WIDTH) == []
     assert wrong == []
 
@@ -137,6 +154,7 @@ def test_hover_highlight_and_zoom(opened: Callable[..., Opened]) -> None:
     d = two_causes()
     assert d.named == {"drift_z", "backlash_x"}
     page, wrong = opened(d)
+    point_at_stills(page)
     shown = page.evaluate(
         """() => { const p = document.querySelectorAll(".plot")[0];
         const trace = p.data.findIndex((t) => t.text);
@@ -209,6 +227,7 @@ def test_texts_from_files_stay_texts(opened: Callable[..., Opened], tmp_path: Pa
     page, wrong = opened(d, made_by="tn.diagnose('</pre><script>window.hacked = 3</script>')")
     assert page.evaluate("() => window.hacked === undefined")
     assert page.locator("main img, main script, main b").count() == 0
+    point_at_stills(page)
     text = page.locator("main").inner_text()
     for told in (HOSTILE, "O'Neil & <b>Söhne</b>", "${body} {{7*7}}", name.name, "</pre><script>"):
         assert told in text
@@ -225,13 +244,46 @@ def test_texts_from_files_stay_texts(opened: Callable[..., Opened], tmp_path: Pa
 def test_the_page_follows_a_dark_screen_and_prints_on_white(opened: Callable[..., Opened]) -> None:
     page, wrong = opened(EXAMPLES["IdentificationResult"]())
     ground = "() => getComputedStyle(document.body).backgroundColor"
-    tick = "() => getComputedStyle(document.querySelector('.plot .ytick text')).fill"
+    tick = "() => getComputedStyle(document.querySelector('.plot text')).fill"
+    frame = "() => getComputedStyle(document.querySelector('.still path[style*=soft]')).stroke"
     page.emulate_media(color_scheme="dark")
     assert page.evaluate(ground) == "rgb(22, 24, 29)"
     assert page.evaluate(tick) == "rgb(232, 234, 237)"
+    assert page.evaluate(frame) == "rgb(169, 177, 186)"
     found = axe.Axe().run(page, options={"runOnly": ["color-contrast"]}).response
     assert found["violations"] == []
     page.emulate_media(color_scheme="dark", media="print")
     assert page.evaluate(ground) == "rgb(255, 255, 255)"
     assert page.evaluate(tick) == "rgb(0, 0, 0)"
+    point_at_stills(page)
+    tick = "() => getComputedStyle(document.querySelector('.plot .ytick text')).fill"
+    page.emulate_media(color_scheme="dark", media="screen")
+    assert page.evaluate(tick) == "rgb(232, 234, 237)"
+    page.emulate_media(color_scheme="dark", media="print")
+    assert page.evaluate(tick) == "rgb(0, 0, 0)"
+    assert wrong == []
+
+
+def test_the_first_pictures_are_seen_before_any_script_and_print_without_it(
+    browser: Any, tmp_path: Path
+) -> None:
+    path = two_causes().to_html(tmp_path / "report.html")
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    stills = page.locator(".top .plot .still")
+    assert stills.count() == page.locator(".top .plot").count() > 0
+    assert stills.locator("text", has_text="Time (s)").count() == 1
+    assert stills.first.locator("use").count() > 20
+    box = stills.first.bounding_box()
+    assert box["width"] > 300
+    assert box["height"] > 300
+    context.close()
+
+
+def test_a_page_printed_at_once_holds_every_picture(opened: Callable[..., Opened]) -> None:
+    """Print before the script had time: each picture is still or drawn by then."""
+    page, wrong = opened(two_causes(), wait=False)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator(".plot:not(:has(.still, .main-svg))").count() == 0
     assert wrong == []

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.base.statistics import LinearFit, linear_fit
+from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT
@@ -27,6 +27,7 @@ Whiten: TypeAlias = Callable[[Array], Array]
 
 MAX_STEPS = 12
 ABSORBED_SHARE = DEPENDENT**0.5
+GONE = 1e-12  # of a squared column, what rounding leaves of it
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
@@ -102,7 +103,8 @@ def variant_columns(
     # Columns one after the other in memory, as all that is done with them needs them.
     out = np.empty((len(values), len(linear), len(model.readings)))
     for own, at in zip(out, values, strict=True):
-        own[:] = model.effect_jacobian(nuisance, effect, at).T[linear]
+        rates = model.effect_jacobian(nuisance, effect, at).T
+        np.take(rates, linear, axis=0, out=own, mode="clip")
     return out.transpose(0, 2, 1)
 
 
@@ -313,8 +315,13 @@ def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
 
     ``residual``: what the basis leaves, (n,).
     """
-    x = linear_fit(columns - basis @ (basis.T @ columns), residual, basis=True).basis
-    return float(np.sum((x.T @ residual) ** 2))
+    whole, taken = columns.T @ columns, basis.T @ columns
+    left = whole - taken.T @ taken
+    own = left.diagonal()
+    size = np.sqrt(np.where(own > GONE * whole.diagonal(), own, np.inf))
+    share, ways = np.linalg.eigh(left / np.outer(size, size))
+    seen = share > RANK_TOLERANCE**2 * share.max(initial=GONE)
+    return float(np.sum((residual @ columns / size @ ways[:, seen]) ** 2 / share[seen]))
 
 
 def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:

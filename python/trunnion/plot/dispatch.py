@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import html
-import io
 from typing import Any
 
 import trunnion.plot
 from trunnion.base.errors import InputError, TrunnionError
-from trunnion.plot.picture import Kind, Picture
-from trunnion.plot.static import draw_all, size_of
-
-THUMBNAIL_DPI = 62
+from trunnion.plot.image import thumbnail_of
+from trunnion.plot.picture import Picture
+from trunnion.plot.static import draw_all
 
 PICTURES = {
     "AxisLog": "axis_log_pictures",
@@ -176,18 +172,4 @@ def thumbnail(result: Any) -> str:
         found = pictures(result)
     except TrunnionError:  # a field or readings that a result read from JSON does not hold
         return ""
-    if not found:
-        return ""
-    from matplotlib import rc_context, rcParamsDefault
-    from matplotlib.figure import Figure
-
-    picture, buffer = found[0], io.BytesIO()
-    colours = {k: v for k, v in rcParamsDefault.items() if k.endswith("color")}
-    with rc_context(colours):  # dark on white, whatever the style of the notebook
-        figure = Figure(figsize=size_of(picture), layout="constrained", facecolor="white")
-        polar = "polar" if picture.kind is Kind.POLAR else None
-        picture.draw(figure.add_subplot(projection=polar))
-        figure.savefig(buffer, format="png", dpi=THUMBNAIL_DPI, metadata={"Software": None})
-    image = base64.b64encode(buffer.getvalue()).decode()
-    alt = html.escape(picture.description, quote=True)
-    return f'<img alt="{alt}" src="data:image/png;base64,{image}">'
+    return thumbnail_of(found[0]) if found else ""

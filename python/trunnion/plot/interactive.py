@@ -103,15 +103,19 @@ def _heat(s: Series) -> dict[str, Any]:
         bar |= {"tickvals": list(at), "ticktext": [f"{10.0**k:g}" for k in at]}
         z = np.log10(np.maximum(z, low))
         low, high = np.log10(low), np.log10(high)
+    smooth = s.scale is not None and not s.log and not np.isnan(s.z).any()
+    # Colours of a contour end at the outermost values, those of a heat map half a cell beyond.
+    form: dict[str, Any] = {"type": "heatmap", "zsmooth": "best" if s.scale else False}
+    if smooth:
+        form = {"type": "contour", "contours": {"coloring": "heatmap"}, "line": {"width": 0}}
     return {
-        "type": "heatmap",
+        **form,
         "x": _short(s.x),
         "y": _short(s.y),
         "z": [_short(row) for row in z],
         "zmin": low,
         "zmax": high,
-        "zsmooth": "best" if s.scale else False,
-        "colorscale": MAGNITUDES if s.scale else symmetrical,
+        "colorscale": MAGNITUDES.capitalize() if s.scale else symmetrical,
         "colorbar": bar,
         "hoverinfo": "skip" if s.log else "x+y+z",
     }
@@ -147,12 +151,16 @@ def _layout(p: Picture) -> dict[str, Any]:
     if p.y.names:
         y["autorange"] = "reversed"
     if p.kind is Kind.MAP:
-        y |= {"scaleanchor": "x", "scaleratio": 1}
+        y |= {"scaleanchor": "x", "scaleratio": 1, "constrain": "domain"}
+        x["constrain"] = "domain"
     return {**out, "xaxis": x, "yaxis": y}
 
 
 def _plotly_axis(axis: Axis) -> dict[str, Any]:
-    out: dict[str, Any] = {"title": {"text": _text(axis.title)}, "automargin": True}
+    out: dict[str, Any] = {
+        "title": {"text": _text(axis.title), "font": {"size": 13}},
+        "automargin": True,
+    }
     if axis.limits is not None:
         out["range"] = list(axis.limits)
     if axis.log:

@@ -170,7 +170,7 @@ def _draw_heat(ax: Any, s: Series) -> None:
         colours = LinearSegmentedColormap.from_list("diverging", DIVERGING)
     shade = "gouraud" if s.scale is not None and not np.isnan(s.z).any() else "auto"
     norm = LogNorm(low, high, clip=True) if s.log else Normalize(low, high)
-    drawn = ax.pcolormesh(s.x, s.y, s.z, cmap=colours, norm=norm, shading=shade)
+    drawn = ax.pcolormesh(s.x, s.y, s.z, cmap=colours, norm=norm, shading=shade, rasterized=True)
     if s.label:
         ax.figure.colorbar(drawn, ax=ax, label=s.label, shrink=0.85)
 

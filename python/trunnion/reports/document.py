@@ -45,14 +45,6 @@ class Interactive(Protocol):
 
 
 @dataclass(frozen=True)
-class Still:
-    """A picture that does not move: SVG, with its alternative text."""
-
-    svg: str
-    alt: str
-
-
-@dataclass(frozen=True)
 class Listing:
     """Text that keeps its lines: a set-up file, a command."""
 
@@ -67,7 +59,7 @@ class Points:
     title: str = ""
 
 
-Item: TypeAlias = "str | Table | Interactive | Still | Listing | Points"
+Item: TypeAlias = "str | Table | Interactive | Listing | Points"
 
 
 @dataclass(frozen=True)

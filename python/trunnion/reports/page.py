@@ -15,10 +15,12 @@ from typing import Any
 
 from trunnion.base.conformity import Decision
 from trunnion.base.report import Cell, Table
+from trunnion.plot.image import still
 from trunnion.plot.picture import Kind, Picture
-from trunnion.reports.document import Document, Interactive, Item, Listing, Points, Section, Still
+from trunnion.reports.document import Document, Interactive, Item, Listing, Points, Section
 
 MIN_SORTED = 3  # rows, from which a table can be sorted
+TOP_WIDTH = 480  # pixels of a picture beside the results
 SHORT = 24  # characters of a first column that does not wrap
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
@@ -82,18 +84,19 @@ class _Writer:
         said = self._items(tuple(item for item in items if not _drawn(item)))
         if not shown:
             return said
-        return f'<div class="top"><div>{said}</div><div>{self._items(tuple(shown))}</div></div>'
+        pictures = self._items(tuple(shown), at_once=True)
+        return f'<div class="top"><div>{said}</div><div>{pictures}</div></div>'
 
-    def _items(self, items: tuple[Item, ...]) -> str:
+    def _items(self, items: tuple[Item, ...], *, at_once: bool = False) -> str:
         """Return items, pictures that follow each other side by side."""
         parts = []
         for drawn, group in groupby(items, _drawn):
-            inner = "\n".join(map(self.item, group))
+            inner = "\n".join(self.item(item, at_once=at_once) for item in group)
             parts.append(f'<div class="pair">{inner}</div>' if drawn else inner)
         return "\n".join(parts)
 
-    def item(self, item: Item) -> str:
-        """Return one item as HTML."""
+    def item(self, item: Item, *, at_once: bool = False) -> str:
+        """Return one item as HTML; at_once: A picture is seen before the script has run."""
         match item:
             case str():
                 return f"<p>{_escaped(item)}</p>"
@@ -105,19 +108,16 @@ class _Writer:
                 rows = "".join(f"<li>{_escaped(one)}</li>" for one in item.sentences)
                 head = f'<h2 class="small">{html.escape(item.title)}</h2>' if item.title else ""
                 return f"{head}<ul>{rows}</ul>"
-            case Still():
-                alt = html.escape(item.alt, quote=True)
-                still = f'<div class="still" role="img" aria-label="{alt}">{item.svg}</div>'
-                return f"<figure>{still}</figure>"
-        return self._figure(item)
+        return self._figure(item, at_once=at_once)
 
-    def _figure(self, picture: Interactive) -> str:
+    def _figure(self, picture: Interactive, *, at_once: bool) -> str:
+        number, height, seen = len(self.figures), _height(picture), ""
         if isinstance(picture, Picture):
+            if at_once:
+                seen = still(picture, TOP_WIDTH, height, f"figure {number}")
             picture = picture.thinned()
-        number = len(self.figures)
         self.figures.append(self._shared(picture.to_plotly()))
-        height = _height(picture)
-        note = f'<p class="note">{html.escape(picture.note)}</p>' if picture.note else ""
+        note = f'<p class="note">{_escaped(picture.note)}</p>' if picture.note else ""
         key = getattr(picture, "key", "")
         mine = self.document.groups.get(key)
         button = (
@@ -130,9 +130,10 @@ class _Writer:
         alt = html.escape(picture.description)
         kind = "" if isinstance(picture, Picture) else ' class="wide"'
         return (
-            f'<figure{kind}><figcaption id="caption{number}">{html.escape(picture.title)}{button}'
+            f'<figure{kind}><figcaption id="caption{number}">{_escaped(picture.title)}{button}'
             f'</figcaption><div class="plot" style="height:{height}px" data-figure="{number}">'
-            f'</div><p class="described">{alt}</p>{note}</figure>'
+            f"{seen}</div>"
+            f'<p class="described">{alt}</p>{note}</figure>'
         )
 
     def _shared(self, figure: dict[str, Any]) -> dict[str, Any]:
@@ -157,7 +158,8 @@ class _Writer:
         if self.figures:
             from plotly.offline import get_plotlyjs
 
-            parts.append(f"<script>{get_plotlyjs()}</script>")
+            # Not run before the page has been seen.
+            parts.append(f'<script type="text/plain" id="library">{get_plotlyjs()}</script>')
         return "\n".join([*parts, f"<script>{own}</script>"])
 
 

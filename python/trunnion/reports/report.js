@@ -6,14 +6,24 @@
     modeBarButtonsToRemove: ["select2d", "lasso2d", "toImage", "sendDataToCloud"] };
   let chosen = null;  // rows that are highlighted, or null
 
+  // The library takes a second to run: after the page has been seen, or when it is needed at once.
+  function library() {
+    if (window.Plotly) return;
+    const script = document.createElement("script");
+    script.textContent = document.getElementById("library").textContent;
+    document.head.append(script);
+  }
+
   function draw(plot) {
     if (plot.dataset.drawn) return;
     plot.dataset.drawn = "yes";
+    library();
     const figure = data.figures[plot.dataset.figure];
     for (const trace of figure.data)
       if (trace.meta === "rows") trace.text = trace.text.map((text, i) => `${data.rows[trace.customdata[i]]}<br>${text}`);
     const font = getComputedStyle(document.body).fontFamily;
     const layout = { ...figure.layout, autosize: true, font: { family: font, size: 13 } };
+    plot.replaceChildren();  // of the still picture
     Plotly.newPlot(plot, figure.data, layout, config).then(() => {
       plot.on("plotly_click", (event) => {
         const row = event.points[0] && event.points[0].customdata;
@@ -37,7 +47,7 @@
     chosen = rows;
     for (const button of document.querySelectorAll("[data-group]"))
       button.setAttribute("aria-pressed", String(Boolean(rows) && button.dataset.group === key));
-    plots.filter((plot) => plot.dataset.drawn).forEach(show);
+    for (const plot of plots) if (plot.dataset.drawn) show(plot); else draw(plot);
   }
 
   for (const button of document.querySelectorAll("[data-group]"))
@@ -65,13 +75,20 @@
   }
   for (const button of document.querySelectorAll("button.sort")) button.addEventListener("click", () => sort(button));
 
-  const all = () => plots.forEach(draw);
-  window.addEventListener("beforeprint", all);
-  plots.slice(0, 2).forEach(draw);
-  const rest = plots.slice(2);
-  const next = () => {
-    const plot = rest.shift();
-    if (plot) { draw(plot); setTimeout(next, 0); } else document.body.dataset.ready = "yes";
+  const isStill = (plot) => plot.querySelector(".still") !== null;
+  const inSpace = (plot) => plot.closest(".wide") !== null;
+  const inView = (plot) => {
+    const box = plot.getBoundingClientRect();
+    return box.bottom > 0 && box.top < window.innerHeight;
   };
-  setTimeout(next, 0);
+  for (const plot of plots.filter(isStill)) plot.addEventListener("pointerenter", () => draw(plot), { once: true });
+  window.addEventListener("beforeprint", () => plots.filter((plot) => !isStill(plot)).forEach(draw));
+
+  // One by one, so that the page answers in between: what is in view first, what is in space last.
+  function next() {
+    const left = plots.filter((plot) => !plot.dataset.drawn && !isStill(plot));
+    const plot = left.find(inView) || left.find((one) => !inSpace(one)) || left[0];
+    if (plot) { draw(plot); setTimeout(next, 0); } else document.body.dataset.ready = "yes";
+  }
+  requestAnimationFrame(() => setTimeout(() => { if (plots.length) library(); setTimeout(next, 0); }, 0));
 })();
