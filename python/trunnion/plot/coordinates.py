@@ -184,6 +184,9 @@ def weights_of(
             column = sense * np.asarray(enters, dtype=np.float64)
             out.append(Weight(along, unit, column, sense=sense))
     out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
+    for letter, enters in model.turning.items():
+        name = f"angle of {letter.upper()}, actual less commanded"
+        out.append(Weight(name, "arcsec", enters, 0.2))
     columns = model.jacobian(nuisance, {})
     for j, one in enumerate(model.nuisance):
         kind = "angular deviation" if one.unit == "arcsec" else "deviation"
