@@ -32,7 +32,7 @@ AMBIGUOUS = {
     "two marks": ("nominal_x_mm;nominal_y_mm;x_mm;y_mm\n1,5;2;1,5;2\n1;2;1;2.5\n", ":2:1: nominal_x_mm: got '1,5', but '2.5' in column y_mm, line 3, expected one decimal mark in the file"),
     "thousands with points": ("nominal_x_mm;nominal_y_mm;x_mm;y_mm\n1,5;2;1.234,5;2\n", ":2:7: x_mm: got '1.234,5', expected a finite number"),
     "commas twice": ("nominal_x_mm,nominal_y_mm,x_mm,y_mm\n1,5,2,5,1,5,2,5\n", "got 8 fields, expected 4: nominal_x_mm, nominal_y_mm, x_mm, y_mm (decimal commas? then"),
-    "quoted commas": ('nominal_x_mm,nominal_y_mm,x_mm,y_mm\n"1,5",2,1,2\n', ":2:1: nominal_x_mm: got '1,5', expected a finite number"),
+    "quoted thousands": ('nominal_x_mm,nominal_y_mm,x_mm,y_mm\n"1,234",2,1,2\n', ":2:1: nominal_x_mm: got '1,234', which may be 1.234 or 1234, expected a decimal mark that is sure"),
     "two separators": ("nominal_x_mm,nominal_y_mm,x_mm,y_mm,a;b\n1,2,1,2,3;4\n", "header: got commas and semicolons, either of which could separate the columns, expected one (separator= decides)"),
     "index with a gap in it": (",nominal_x_mm,nominal_y_mm,x_mm,y_mm\n0,1,2,1,2\n0,1,2,1,2\n", ":1:1: header: got an empty field"),
     "both cases": ("nominal_x_mm,nominal_y_mm,x_mm,X_MM,y_mm\n1,2,1,1,2\n", ":1:32: x_mm: got the column twice"),

@@ -202,8 +202,9 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
         return ""
     spellings = {each.lower(): each for each in known}
     text = name.lower()
-    near = [each for each in spellings if text and each.startswith(text + "_")]  # without its unit
-    near = near or get_close_matches(text, spellings, 1)
+    # Without its unit: the shortest, as "accuracy" is rather accuracy_um than accuracy_forward_um.
+    near = [each for each in spellings if text and each.startswith(text + "_")]
+    near = sorted(near, key=len) or get_close_matches(text, spellings, 1)
     return f"; did you mean {spellings[near[0]]}?" if near else ""
 
 

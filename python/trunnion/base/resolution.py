@@ -22,6 +22,7 @@ from trunnion.base.units import Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
 MAX_NOISE_STEPS = 1.0  # from here on errors of rounding are noise like any other
+ANY_PLACE = 1.0  # steps: machines that differ as much lie anywhere between two steps
 MAX_SIMULATED_STEPS = 0.5  # noise, in steps, from which rounding is as good as random
 MAX_DRAWS = 128
 MIN_DRAWS = 16
@@ -162,11 +163,13 @@ class Grid:
         jacobian: Floats,
         covariance: Floats,
         noise: float,
+        spread: float = 0.0,
     ) -> Floats | None:
         """Errors of rounding and noise of machines like a fitted one, all readings, shape (n, s).
 
         None where the noise is large beside the steps. The machine is drawn from the fit's
-        covariance; each of its readings is the step next to what it would be.
+        covariance; each of its readings is the step next to what it would be. ``spread``: the
+        readings of these machines differ by as many steps at least (rms); 0: as the fit says.
         """
         if not self.matters(noise):
             return None
@@ -177,6 +180,7 @@ class Grid:
         size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
         root = axes * np.sqrt(np.maximum(size, 0.0))
         off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
+        off *= max(1.0, spread * largest / max(float(np.sqrt(np.mean(off**2))), TINY))
         where = (values - residuals)[:, None] + off
         noisy = where + max(noise, MIN_NOISE_STEPS * largest) * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
@@ -257,12 +261,15 @@ class Repeats:
 
 
 def growth(off: Floats, variance: Floats) -> Floats:
-    """How many times larger than its standard error rounding makes an estimate's error, 1 at least.
+    """How many times its standard error rounding makes an estimate's error.
 
-    ``off``: errors of the estimates in draws, shape (p, s); ``variance``: as stated, shape (p,).
+    ``off``: errors of the estimates in draws from machines that lie anywhere between two steps
+    (`ANY_PLACE`), shape (p, s): around one place errors have a mean of their own. ``variance``: as
+    stated, shape (p,). Below 1 where steps happen to lie so that errors cancel.
     """
-    share = np.mean(off**2, axis=1) / np.where(variance > 0, variance, np.inf)
-    return np.asarray(np.sqrt(np.maximum(share, 1.0)))
+    known = variance > 0
+    share = np.mean(off**2, axis=1) / np.where(known, variance, 1.0)
+    return np.sqrt(np.where(known, share, 1.0))
 
 
 def inflation(gains: Floats, rank: Integers, noise: Floats) -> Floats:

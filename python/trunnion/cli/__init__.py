@@ -31,10 +31,12 @@ from trunnion.cli import (
     verify,
     view,
 )
+from trunnion.cli.command import Group
 
 __all__ = ["app"]
 
 app = typer.Typer(
+    cls=Group,
     name="trunnion",
     help="Geometric accuracy of machine tools: plan, simulate, estimate, diagnose, compensate.",
     no_args_is_help=True,

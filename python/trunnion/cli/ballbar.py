@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, save, sort_files
+from trunnion.cli.command import Answer, Group, command, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.hybrid import mechanism_of
 from trunnion.cli.schema import Of, Printed
@@ -32,6 +32,7 @@ class Circles(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="ballbar",
         help="Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.",
         no_args_is_help=True,

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Annotated, Any, NoReturn, ParamSpec
 
 import typer
+from typer.core import TyperGroup
 
 from trunnion.base.call import COMMAND
 from trunnion.base.errors import InputError, TrunnionError
@@ -134,6 +135,19 @@ def _text(block: Any) -> str:
     if hasattr(block, "to_rich"):  # a table
         return str(block.text())
     return str(block.summary()) if hasattr(block, "summary") else str(block)
+
+
+class Group(TyperGroup):
+    """A group of commands, which knows a file that stands where a command is expected."""
+
+    def resolve_command(
+        self, ctx: Any, args: list[str]
+    ) -> tuple[str | None, Any | None, list[str]]:
+        """Return the command that the first argument names."""
+        if args and args[0] not in self.commands and Path(args[0]).exists():
+            names = ", ".join(self.commands)
+            ctx.fail(f"Got the file {args[0]!r}, expected a command before it: {names}.")
+        return super().resolve_command(ctx, args)
 
 
 @dataclass(frozen=True)
@@ -317,16 +331,32 @@ def _warnings_as_notes() -> Iterator[None]:
 
 def _message(error: BaseException) -> str:
     if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {(error.strerror or str(error)).lower()}"
+        near = near_file(error.filename) if isinstance(error, FileNotFoundError) else ""
+        return f"{error.filename}: {(error.strerror or str(error)).lower()}{near}"
     if isinstance(error, MemoryError):
         return f"not enough memory: {error}" if str(error) else "not enough memory"
     return str(error)
+
+
+def near_file(path: str | Path) -> str:
+    """Say which file there is meant, if one has nearly this name."""
+    from trunnion.base.checks import did_you_mean
+
+    folder = Path(path).parent
+    names = [each.name for each in folder.iterdir()] if folder.is_dir() else []
+    near = did_you_mean(Path(path).name, names).removeprefix("; did you mean ")
+    return f"; did you mean {folder / near}" if near else ""
 
 
 def check_outputs(*paths: Path) -> None:
     """Refuse paths where files stand already, unless --force is given."""
     for path in paths:
         check_new(path, overwrite=_FORCED.get())
+
+
+def forced() -> bool:
+    """Whether --force is given."""
+    return _FORCED.get()
 
 
 def save(path: Path, write: Callable[[Path], object]) -> str:
@@ -367,7 +397,7 @@ def sort_files(
         )
     for file in files if exist else toml:
         if not file.exists():
-            raise InputError(f"{file}: no such file or directory")
+            raise InputError(f"{file}: no such file or directory{near_file(file)}")
     return found, toml
 
 

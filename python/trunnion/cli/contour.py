@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.command import Answer, Group, Output, command, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import named_values
@@ -48,6 +48,7 @@ class Runs(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="contour",
         no_args_is_help=True,
         help="Five-axis contouring: simulate the loop, diagnose an axis log.",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command
+from trunnion.cli.command import Answer, Group, command
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import exactly, names
 
@@ -27,6 +27,7 @@ SetupFile = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="hybrid",
         help="The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.",
         no_args_is_help=True,

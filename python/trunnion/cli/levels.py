@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Html, command, save
+from trunnion.cli.command import Answer, Group, Html, command, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Of, Printed
 
@@ -25,6 +25,7 @@ class Results(TypedDict, total=False):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="levels",
         help="Levels along a line or on a grid: results, diagnose.",
         no_args_is_help=True,

@@ -9,9 +9,10 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Html, command, save
+from trunnion.cli.command import Answer, Group, Html, command, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Of, Printed
+from trunnion.cli.values import named_values
 
 
 class Further(TypedDict, total=False):
@@ -24,6 +25,7 @@ class Further(TypedDict, total=False):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="positioning",
         help="Positioning by ISO 230-2: results, instruments, diagnose.",
         no_args_is_help=True,
@@ -68,7 +70,7 @@ def results(
     found = (data if instrument is None else data.instrument(instrument)).iso230_2()
     more: list[Any] = []
     if tolerance:
-        limits = dict(map(_limit, tolerance))
+        limits = named_values("--tolerance", tolerance)
         more.append(found.conformity(standard_uncertainty=standard_uncertainty, **limits))
     if table:
         more.append(found.compensation_table())
@@ -92,13 +94,3 @@ def instruments(
 ) -> Answer:
     """Say of each cause whether it is the axis' or an instrument's, of several on one move."""
     return Answer.of(tn.whose_error(tn.read_positioning(stops)))
-
-
-def _limit(text: str) -> tuple[str, float]:
-    from trunnion.files.columns import parse_number
-
-    name, _, value = text.partition("=")
-    number = parse_number(value)
-    if number is None:
-        raise tn.InputError(f"--tolerance: got {text!r}, expected NAME=VALUE (accuracy_um=20)")
-    return name.strip(), number

@@ -135,10 +135,30 @@ def touches(
 ) -> Answer:
     """Write the touches that a probing program logged, as data for every other command."""
     (plan, log), set_ups = sort_files(files, (2, 2), (0, 1), "plan and log")
+    if plan.suffix.lower() == ".log":
+        plan, log = log, plan
     planned = tn.read_touches(plan)
     measured = read_log(log, planned, tn.read_setup(set_ups[0]) if set_ups else None)
     values = {"touches": len(measured), "planned": len(planned), "columns": list(measured.columns)}
     if output is None:
         return Answer(values, (measured.to_csv().rstrip("\n"),))
-    said = f"{len(measured)} of {len(planned)} planned touches"
+    said = f"{len(measured)} of {len(planned)} planned touches{_missing(planned, measured)}"
     return Answer(values, (said, save(output, measured.save)))
+
+
+def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
+    """Say which touches of a plan are not in its log, and how its program goes on with them."""
+    there = {measured.place(row) for row in range(len(measured))}
+    numbers = [row + 1 for row in range(len(planned)) if planned.place(row) not in there]
+    if not numbers:
+        return ""
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    spans = ", ".join(" to ".join(map(str, run)) for run in runs)
+    rest = len(runs) == 1 and numbers[-1] == len(planned)
+    how = f"; the program goes on with #<_from> = {numbers[0]}" if rest and numbers[0] > 1 else ""
+    return f"; not in the log: {spans}{how}"

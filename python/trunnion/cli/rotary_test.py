@@ -9,7 +9,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.calibration import SetupFile
-from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
+from trunnion.cli.command import Answer, Group, Html, Output, command, one_set_up, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import exactly, numbers
@@ -31,6 +31,7 @@ class Planned(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="rotary-test",
         help="R-tests and ball-bar tests of rotary axes: plan, identify, diagnose.",
         no_args_is_help=True,

@@ -41,7 +41,8 @@ def init(
         typer.Option(help="trt-ca, trt-bc, table-c-head-b, tt-ab, head-bc, nutating-table, ..."),
     ] = "trt-ca",
     chain: Annotated[
-        str, typer.Option(help="kinematic code instead of a preset: \"[w C' A' b X Y Z (C) t]\"")
+        str,
+        typer.Option(help="kinematic code instead of a preset, such as \\[w C' A' b X Y Z (C) t]"),
     ] = "",
     artefact: Annotated[str, typer.Option(help="cross, cuboid or sphere")] = "cross",
     length_mm: Annotated[float, typer.Option(help="of cross or cuboid along X")] = 100.0,

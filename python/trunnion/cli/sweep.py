@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command
+from trunnion.cli.command import Answer, Output, command, forced
 from trunnion.cli.schema import Printed
 
 
@@ -56,28 +56,30 @@ def sweep(
     threads: Annotated[int | None, typer.Option(help="threads of the core; all cores")] = None,
     parameters: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="show what a built-in study can vary, and stop"),
+        typer.Option(
+            metavar="NAME",
+            help="show what a study can vary, and stop: calibration, compensation, identification "
+            "or diagnosis-power",
+        ),
     ] = None,
 ) -> Answer:
     r"""Run a parameter sweep, or go on with one that was interrupted.
 
     The result goes to --output (netCDF; STUDY.nc if absent).
 
-    The file has study (calibration, compensation or diagnosis-power),
-    samples, seed, and the tables \[grid] (name = list of values) and
-    \[fixed] (name = value). Ctrl-C keeps what is done; the same command
-    goes on from there.
+    The file has study (its name), samples, seed, and the tables \[grid]
+    (name = list of values) and \[fixed] (name = value). Ctrl-C keeps what
+    is done; the same command goes on from there.
     """
     if parameters is not None:
         return _parameters(parameters)
     if study is None:
         raise tn.InputError("STUDY: got none, expected the path of a TOML file")
-    from trunnion.studies.study_file import sweep_file
-
     target = output or study.with_suffix(".nc")
+    complete = target.exists()
     try:
         with _answering_interrupts(), _said_beforehand():
-            found = sweep_file(study, path=target, threads=threads)
+            found, anew = _swept(study, target, threads)
     except KeyboardInterrupt:
         typer.echo(
             f"interrupted: {target}.part has what is done; the same command goes on", err=True
@@ -85,9 +87,25 @@ def sweep(
         raise typer.Exit(130) from None
     except ImportError as error:
         raise tn.InputError(str(error)) from None
-    return Answer(
-        {"file": str(target), "sizes": dict(found.sizes)}, tuple(_described(target, found))
-    )
+    said = _described(target, found)
+    if complete and not anew:
+        said.append("It was complete: nothing was computed.")
+    return Answer({"file": str(target), "sizes": dict(found.sizes)}, tuple(said))
+
+
+def _swept(study: Path, target: Path, threads: int | None) -> tuple[Any, bool]:
+    """Return the result, and whether it took the place of another sweep (--force)."""
+    from trunnion.studies.description import AnotherSweepError
+    from trunnion.studies.study_file import sweep_file
+
+    try:
+        return sweep_file(study, path=target, threads=threads), False
+    except AnotherSweepError as error:
+        if not forced():
+            raise tn.DataError(f"{error} (--force begins anew)") from None
+    for path in (target, Path(f"{target}.part")):
+        path.unlink(missing_ok=True)
+    return sweep_file(study, path=target, threads=threads), True
 
 
 def _described(target: Path, found: Any) -> list[str]:

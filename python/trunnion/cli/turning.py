@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, save, sort_files
+from trunnion.cli.command import Answer, Group, Output, command, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 
@@ -42,6 +42,7 @@ class Text(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = typer.Typer(
+        cls=Group,
         name="turning",
         help="Probe a turned part, correct its finishing program, explain its diameter error.",
         no_args_is_help=True,

@@ -30,7 +30,8 @@ def named_values(what: str, texts: Iterable[str] | None) -> dict[str, float]:
         except ValueError:
             equals = ""
         if not equals:
-            raise InputError(f"{what}: got {text!r}, expected name=number")
+            mark = " with a decimal point" if "," in value else ""
+            raise InputError(f"{what}: got {text!r}, expected name=number{mark}")
     return found
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, command, save
+from trunnion.cli.command import Answer, command, near_file, save
 from trunnion.cli.schema import Printed
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def view(
     """Write one page with views in space that one can turn; it works without a network."""
     for file in files:
         if not file.exists():
-            raise tn.InputError(f"{file}: no such file or directory")
+            raise tn.InputError(f"{file}: no such file or directory{near_file(file)}")
     set_ups = [file for file in files if file.suffix.lower() == ".toml"]
     if len(set_ups) > 1:
         names = ", ".join(map(str, set_ups))

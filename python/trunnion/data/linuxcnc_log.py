@@ -27,7 +27,7 @@ from trunnion.base.errors import FileFormatError
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import parse_number
-from trunnion.files.text import decode
+from trunnion.files.text import Source, decode
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 COUNTS = {8: "eight", 9: "nine"}
@@ -53,6 +53,17 @@ ROTARY_TOLERANCE_DEG = 0.001
 
 DISTANCE_MM = 5.0
 """How far a touch may be from the planned one; the contract's limit for touches off the surface."""
+
+
+def refuse_probe_log(source: Source) -> None:
+    """Raise FileFormatError for a log of a probing program, which is no data without its plan."""
+    if source.lines[0].startswith(RUN):
+        raise source.error(
+            0,
+            0,
+            "got the log of a probing program, expected the touches that are made of it and its "
+            f"plan (tn.read_probe_log; trunnion touches PLAN {source.name} SETUP -o measured.csv)",
+        )
 
 
 @checked

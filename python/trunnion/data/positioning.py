@@ -1,6 +1,7 @@
 """Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 from os import PathLike
 from typing import Any
 
@@ -124,9 +125,10 @@ class Positioning(Table):
             ]
             few = [i for i, stops in enumerate(found[sense]) if len(stops) < 2]
             if few:
+                count = len(found[sense][few[0]])
                 raise DataError(
                     f"target {targets[few[0]]:g} {self._suffix} from direction {sense:+d}: got "
-                    f"{len(found[sense][few[0]])} stops, expected at least 2 (ISO 230-2: 5)"
+                    f"{'one stop' if count else 'no stop'}, expected at least 2 (ISO 230-2: 5)"
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
         return kind.of(targets, found[1], found[-1])
@@ -184,16 +186,8 @@ class Positioning(Table):
 
     def _check(self) -> None:
         for unit in ("mm", "deg"):
-            others = [n for n in self.columns if n.endswith(f"_{unit}") and n != f"target_{unit}"]
-            if f"target_{unit}" in self.columns and f"measured_{unit}" not in others and others:
-                raise ColumnError(
-                    f"target_{unit}",
-                    None,
-                    f"no measured_{unit} beside {', '.join(others)}",
-                    f"one of them as measured_{unit} (trunnion read --column "
-                    f"measured_{unit}={others[0]} --column {others[-1]}={others[-1]}: "
-                    "further instruments by their own names)",
-                )
+            if f"target_{unit}" in self.columns and f"measured_{unit}" not in self.columns:
+                raise self._not_measured(unit)
         self.all_or_none("target_mm", "measured_mm")
         self.all_or_none("target_deg", "measured_deg")
         if (self.target_mm is None) == (self.target_deg is None):
@@ -205,6 +199,24 @@ class Positioning(Table):
             row = int(np.argmax(self.axis != self.axis[0]))
             text = f"{self.axis[row]!s} after {self.axis[0]!s}"
             raise ColumnError("axis", row, text, "one axis a table")
+
+    def _not_measured(self, unit: str) -> ColumnError:
+        """Return the error of targets without a column of measured positions."""
+        measured = f"measured_{unit}"
+        others = [n for n in self.columns if n.endswith(f"_{unit}") and n != f"target_{unit}"]
+        if near := get_close_matches(measured, self.columns.keys() - self.kinds.keys(), 1, 0.8):
+            got, expected = f"no {measured}, but {near[0]}", f"the name {measured}"
+        elif others:
+            more = f" --column {others[-1]}={others[-1]}" * (len(others) > 1)
+            got = f"no {measured} beside {', '.join(others)}"
+            expected = (
+                f"one of them as {measured} (trunnion read --column {measured}={others[0]}{more}: "
+                "further instruments by their own names)"
+            )
+        else:
+            got = f"no {measured} beside it"
+            expected = f"{measured}: the target plus the deviation"
+        return ColumnError(f"target_{unit}", None, got, expected)
 
 
 def read_positioning(path: str | PathLike[str]) -> Positioning:

@@ -7,7 +7,16 @@ from functools import cached_property, partial
 import numpy as np
 from scipy import special
 
-from trunnion.base.resolution import MIN_STEP, NO_FLOOR, Floor, Grid, Repeats, growth, inflation
+from trunnion.base.resolution import (
+    ANY_PLACE,
+    MIN_STEP,
+    NO_FLOOR,
+    Floor,
+    Grid,
+    Repeats,
+    growth,
+    inflation,
+)
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import (
     BATCH_NUMBERS,
@@ -191,15 +200,16 @@ class Case:
         return [every[i] for i in self.whiten.dependent]
 
     def growth(self, f: Fit, variance: float) -> Floats:
-        """How many times larger than their standard errors errors are.
+        """How many times their standard errors errors are.
 
-        By rounding, 1 at least; by dependence of the residuals (:mod:`.dependence`). ``variance``:
-        of a white reading. Of the parameters of a fit, shape (p + k,).
+        By rounding (:func:`.resolution.growth`); by dependence of the residuals
+        (:mod:`.dependence`). ``variance``: of a white reading. Of the parameters of a fit, shape
+        (p + k,).
         """
         if self.dependent:
             jacobian = np.asarray(self.whiten(f.jacobian))[self.rows]
             return growth_by_dependence(jacobian, f.white, f.covariance, variance, self.segments)
-        drawn = self._drawn
+        drawn = self._errors_of_rounding(ANY_PLACE)
         if drawn is None:
             return np.ones(len(f.covariance))
         off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
@@ -207,6 +217,9 @@ class Case:
 
     @cached_property
     def _drawn(self) -> Floats | None:
+        return self._errors_of_rounding()
+
+    def _errors_of_rounding(self, spread: float = 0.0) -> Floats | None:
         """Errors of rounding and noise of machines like the likely one, white, shape (m, s)."""
         if self.grid is None:
             return None
@@ -220,6 +233,7 @@ class Case:
             of.jacobian,
             of.covariance * variance,
             self.grid.noise(used, of.dof),
+            spread,
         )
         return None if drawn is None else np.asarray(self.whiten(drawn))[self.rows]
 

@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.rotation import cosine_sine
-from trunnion.base.units import Floats, unit_of
+from trunnion.base.rows import at_hand
+from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
 from trunnion.setup.names import effect_ids, iso_codes
@@ -229,7 +230,7 @@ def periodic(
         Of a and b, as names spell it.
     """
     parameters = (Parameter(f"a_{unit}"), Parameter(f"b_{unit}"), period)
-    waves = _Waves(tuple(p.name for p in parameters), tuple(parts))
+    waves = _Waves.of(parameters, parts)
     return Effect(id_, parameters, waves.change, waves.jacobian, label, **more)
 
 
@@ -288,24 +289,30 @@ class _Fixed:
 
 @dataclass(frozen=True, eq=False)
 class _Waves:
-    """A wave over positions, entering the readings with weights."""
+    """A wave over positions, entering ``count`` readings with weights; parts: which, s, weights."""
 
     names: tuple[str, ...]
-    parts: tuple[tuple[Floats, Floats], ...]
+    count: int
+    parts: tuple[tuple[slice | Integers, Floats, Floats], ...]
+
+    @classmethod
+    def of(cls, named: Iterable[Parameter], parts: Sequence[tuple[Floats, Floats]]) -> _Waves:
+        """Keep of many readings those along each part's axis."""
+        kept = ((k := np.s_[:] if w.all() else np.flatnonzero(w), s[k], w[k]) for s, w in parts)
+        return cls(tuple(p.name for p in named), len(parts[0][0]), tuple(kept))
 
     def change(self, values: NamedValues) -> Floats:
-        size = np.array([values[name] for name in self.names[:2]])
+        size = [values[name] for name in self.names[:2]]
         return np.asarray(self.jacobian(values)[:, :2] @ size)
 
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
-        out = np.zeros((3, len(self.parts[0][0])))
-        for place, enters in self.parts:
-            some = np.flatnonzero(enters)  # of many readings, those along its axis
-            if len(some) == len(enters):
-                out += enters * wave(place, period, a, b).T
-            else:
-                out[:, some] += enters[some] * wave(place[some], period, a, b).T
+        out = np.zeros((3, self.count))
+        columns = np.s_[:] if a or b else np.s_[:2]
+        for own, place, enters in self.parts:
+            for some in at_hand(len(place)):
+                rows = some if isinstance(own, slice) else own[some]
+                out[columns][:, rows] += enters[some] * wave(place[some], period, a, b).T[columns]
         return out.T
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.base.statistics import LinearFit, linear_fit
+from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.candidates import DEPENDENT
@@ -27,6 +27,7 @@ Whiten: TypeAlias = Callable[[Array], Array]
 
 MAX_STEPS = 12
 ABSORBED_SHARE = DEPENDENT**0.5
+GONE = 1e-12  # of a squared column, what rounding leaves of it
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
@@ -58,6 +59,8 @@ class Fit:
         In which the parameters moved, shape (rank, p + k): those of the nuisance, then effects.
     basis:
         Orthonormal basis of the whitened jacobian along the directions, rows used.
+    judged:
+        What of the nuisance parameters the readings identify, at the model's start.
     """
 
     nuisance: Array
@@ -71,6 +74,7 @@ class Fit:
     combinations: Array
     directions: Array
     basis: Array
+    judged: LinearFit
 
     def std(self) -> Array:
         """Return standard errors per unit of noise; inf where a parameter is not identifiable."""
@@ -102,7 +106,8 @@ def variant_columns(
     # Columns one after the other in memory, as all that is done with them needs them.
     out = np.empty((len(values), len(linear), len(model.readings)))
     for own, at in zip(out, values, strict=True):
-        own[:] = model.effect_jacobian(nuisance, effect, at).T[linear]
+        rates = model.effect_jacobian(nuisance, effect, at).T
+        np.take(rates, linear, axis=0, out=own, mode="clip")
     return out.transpose(0, 2, 1)
 
 
@@ -125,12 +130,14 @@ def fit(
     start: Array,
     values: dict[str, Values],
     whiten: Whiten,
+    judged: LinearFit | None = None,
 ) -> Fit:
     """Gauss-Newton from ``start``; nonlinear parameters are first zoomed in on, one at a time.
 
-    ``rows``: readings used. ``whiten`` maps all readings.
+    ``rows``: readings used. ``whiten`` maps all readings. ``judged``: of another fit of the model
+    to the same rows with the same weights.
     """
-    problem = _Problem(model, rows, effects, whiten)
+    problem = _Problem(model, rows, effects, whiten, judged)
     at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
     if not all(e.linear for e in effects):
         _zoom(problem, at)
@@ -167,6 +174,7 @@ def fit(
         problem.combinations(solved),
         problem.directions[~solved.held],
         solved.basis,
+        problem.judged,
     )
 
 
@@ -182,13 +190,20 @@ class _Problem:
     """What stays the same during a fit."""
 
     def __init__(
-        self, model: Model, rows: IntArray, effects: Sequence[Effect], whiten: Whiten
+        self,
+        model: Model,
+        rows: IntArray,
+        effects: Sequence[Effect],
+        whiten: Whiten,
+        judged: LinearFit | None,
     ) -> None:
         self.model, self.rows, self.effects, self.whiten = model, rows, effects, whiten
         self.index = [(e, p) for e in effects for p in e.parameters]
         self.all_used = len(rows) == len(model.readings)
-        columns = self.used(model.jacobian(model.start, {}))
-        self.judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        if judged is None:
+            columns = self.used(model.jacobian(model.start, {}))
+            judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        self.judged = judged
         self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
 
     def used(self, a: Array) -> Array:
@@ -313,8 +328,13 @@ def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
 
     ``residual``: what the basis leaves, (n,).
     """
-    x = linear_fit(columns - basis @ (basis.T @ columns), residual, basis=True).basis
-    return float(np.sum((x.T @ residual) ** 2))
+    whole, taken = columns.T @ columns, basis.T @ columns
+    left = whole - taken.T @ taken
+    own = left.diagonal()
+    size = np.sqrt(np.where(own > GONE * whole.diagonal(), own, np.inf))
+    share, ways = np.linalg.eigh(left / np.outer(size, size))
+    seen = share > RANK_TOLERANCE**2 * share.max(initial=GONE)
+    return float(np.sum((residual @ columns / size @ ways[:, seen]) ** 2 / share[seen]))
 
 
 def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:

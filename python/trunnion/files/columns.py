@@ -35,6 +35,8 @@ _WHOLE = re.compile(r"0|-?[1-9][0-9]{0,18}")
 # Digits that a number would not keep: leading zeros, or more than a float has.
 _DIGITS = re.compile(r"[+-]?(?:0[0-9].*|[0-9]{16,})")
 _DECIMAL = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+# 15.3 as spreadsheets show it, or keep it, once they took it for a day.
+_DAY = re.compile(r"\d{1,2}[.-] ?[^\W\d]{3}\.?|[^\W\d]{3}-\d{2}|\d{4}-\d{2}-\d{2} 00:00:00")
 _BREAK = re.compile(r"[\n\r\0]")
 _STAMP = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9]{2}:[0-9]{2}.*")
 
@@ -123,7 +125,8 @@ class _Numeric(Column[T]):
         numbers = _floats(values)
         if numbers is None:
             bad = np.array([parse_number(value) is None for value in values], dtype=bool)
-            self.refuse(values, bad, self.expected)
+            likely = _likely(values[int(np.argmax(bad))]) if bad.any() else ""
+            self.refuse(values, bad, self.expected + likely)
             numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
         bad = ~np.isfinite(numbers)
         most = LARGEST.get(unit_of(self.name), np.inf)
@@ -265,6 +268,14 @@ def parse_number(value: object) -> float | None:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         return None
+
+
+def _likely(value: object) -> str:
+    """Say what a field that is no number probably was; empty where nothing is known."""
+    text = str(value).strip()
+    if _DAY.fullmatch(text):
+        return " (a number that a spreadsheet took for a date?)"
+    return " (a decimal comma?)" if _DECIMAL.fullmatch(text.replace(",", ".", 1)) else ""
 
 
 def _floats(values: NDArray[Any]) -> Floats | None:

@@ -127,7 +127,8 @@ class Delimited:
         if index:
             del columns[""]
             self.notes.append("The first column has no name and counts rows: it was left out.")
-        if self.separator != "," and any("," in self.lines[i] for i in self.data_lines):
+        sign = '"' if self.separator == "," else ","  # a comma in a field is in quotes there
+        if any(sign in self.lines[i] for i in self.data_lines):
             self._with_points(columns, numeric)
         return columns
 

@@ -57,7 +57,11 @@ class Recognised(Result):
         """Say format, kind and dialect, the columns, units and clock."""
         between = SEPARATORS.get(self.separator, repr(self.separator))
         mark = " and decimal commas" if self.decimal == "," else ""
-        said = [f"Read as {self.kind} from {self.format}: {self.encoding}, {between}{mark}."]
+        if self.encoding.startswith("UTF"):
+            said = [f"Read as {self.kind} from {self.format}: {self.encoding}, {between}{mark}."]
+        else:  # cells, which nothing separates
+            form = (self.encoding, self.format.removeprefix("CSV").strip())
+            said = [f"Read as {self.kind} from {', '.join(filter(None, form))}{mark}."]
         for what, pairs in (("Columns", self.columns), ("Units", self.units)):
             if pairs:
                 equal = " = " if what == "Columns" else ": "

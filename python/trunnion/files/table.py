@@ -193,7 +193,7 @@ class Table(Saved):
     @classmethod
     def expected_columns(cls) -> str:
         """Say what columns a table of the kind needs, for messages."""
-        return ", ".join(cls.required()) + (f" and {cls.choice}" if cls.choice else "")
+        return " and ".join(filter(None, (", ".join(cls.required()), cls.choice)))
 
     # --- frozen, picklable, compared by contents
 

@@ -38,7 +38,8 @@ def sheet_lines(name: str, raw: bytes, sheet: str | None) -> tuple[list[str], st
     if sheet not in sheets:
         got = f"the sheets {', '.join(filled)}" if filled else "no sheet with data"
         raise FileFormatError(
-            f"{name}:1:1: got {got}, expected one sheet, or sheet= with the name of one of them"
+            f"{name}:1:1: got {got}, expected one sheet, or sheet= (--sheet) with the name "
+            "of one of them"
         )
     return [",".join(map(_field, row)) for row in sheets[sheet]], f"xlsx, sheet {sheet!r}"
 

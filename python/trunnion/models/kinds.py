@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pkgutil import resolve_name
@@ -174,11 +175,36 @@ def kind_of_columns(names: Collection[str], kind: str | None = None) -> Kind:
     if best:
         may = ", ".join(each.name for each in best)
         raise InputError(f"got {got}, which may be {may}, expected one of these as kind=")
+    nearest, missing = _nearest(there)
+    if missing:
+        raise InputError(
+            f"got {got} without {missing}, expected those of {nearest}, or columns= (trunnion read "
+            "--column) that says which is which"
+        )
     raise InputError(
         f"got {got}, expected those of a kind of data ("
         + "; ".join(f"{each.name}: {each.known_by()}, ..." for each in _KINDS)
         + "), or columns= (trunnion read --column) that says which is which"
     )
+
+
+def _nearest(there: set[str]) -> tuple[str, str]:
+    """Return what the kind with most of these columns needs, and what is missing of it.
+
+    there: Names in lower case. Two empty texts where no kind has more of them than all others.
+    """
+    known = {each.name: getattr(resolve_name(each.data), "kinds", {}) for each in _KINDS}
+    counts = sorted((len(there & columns.keys()), name) for name, columns in known.items())
+    (second, _), (most, name) = counts[-2:]
+    if most == second:
+        return "", ""
+    kind = next(each for each in _KINDS if each.name == name)
+    missing = [one for one in kind.columns if not there & set(one.split("|"))]
+    others = [each for each in there if each not in known[name]]
+    near = ((each, get_close_matches(each, others, 1)) for each in missing)
+    said = [f"{each} (is it {found[0]}?)" if found else each for each, found in near]
+    needed = resolve_name(kind.data).expected_columns()
+    return f"{name} ({needed})", " and ".join(said)
 
 
 def table_of(columns: Any, kind: str | None = None) -> Any:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -14,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
-from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.units import conversion, unit_of
-from trunnion.files.columns import ColumnError, is_numeric, scaled
+from trunnion.data.linuxcnc_log import refuse_probe_log
+from trunnion.files.columns import ColumnError, is_numeric, scaled, shown_field
 from trunnion.files.csv_file import Options, options_in_force, read_table
 from trunnion.files.delimited import Delimited
 from trunnion.files.foreign import FORMATS, Channels
@@ -27,6 +29,9 @@ from trunnion.models.kinds import Kind, kind_of_columns
 
 Given: TypeAlias = str | tuple[str, str | float] | float | ArrayLike
 """What a column is made of: a channel, a channel with its unit (or a factor), or values."""
+
+MAX_TITLE_LINES = 20
+"""Lines above a header among which it is looked for, for the message."""
 
 
 @checked
@@ -97,6 +102,7 @@ def read(
     if Path(data).suffix.lower() == ".toml":
         raise InputError(f"{data}: got a set-up (.toml), expected measured data (tn.read_setup)")
     source = Source.of(data, options.sheet)
+    refuse_probe_log(source)
     found = next((each for each in FORMATS if each.matches(source)), None)
     if found is None and columns is None:
         return _plain(data, source, kind, options)
@@ -121,19 +127,32 @@ def read(
 def _plain(path: Any, source: Source, kind: str | None, options: Options) -> Table:
     """Return a file whose columns have the names of a kind of data."""
     file = Delimited(source, options)
-    found = _kind(source.name, file.header_line, file.header, kind)
+    found = _kind(file, kind)
     if options == Options():
         return found.read(path)  # type: ignore[no-any-return]
     return read_table(source, resolve_name(found.data), options)  # type: ignore[no-any-return]
 
 
-def _kind(name: str, line: int, columns: Sequence[str], kind: str | None) -> Kind:
+def _kind(file: Delimited, kind: str | None) -> Kind:
     if kind is not None:
-        return kind_of_columns(columns, kind)
+        return kind_of_columns(file.header, kind)
     try:
-        return kind_of_columns([column for column in columns if column])
+        return kind_of_columns([column for column in file.header if column])
     except InputError as error:
-        raise FileFormatError(f"{name}:{line + 1}:1: {error}") from None
+        raise file.error(file.header_line, 0, _title(file) or str(error)) from None
+
+
+def _title(file: Delimited) -> str:
+    """Say that names of columns stand in a later line; empty where they do not."""
+    for line in file.data_lines[:MAX_TITLE_LINES]:
+        with suppress(TrunnionError):
+            kind = kind_of_columns(Delimited(file.source, first=line).header)
+            first = shown_field(file.lines[file.header_line].strip(" ,;\t"))
+            return (
+                f"got {first}, expected names of columns; line {line + 1} has those of "
+                f"{kind.name}: delete the lines above it, or begin them with #"
+            )
+    return ""
 
 
 def _delimited(source: Source, options: Options) -> Channels:
@@ -181,6 +200,8 @@ class _Mapped:
 
     def table(self, name: str | None) -> Table:
         """Return the table of its kind, with what was recognised."""
+        for target, given in self.columns.items():
+            self._channel(target, given)
         known = [n for n in self.channels.columns if n not in self.columns]
         times = self.channels.time_s
         time = [] if times is None else ["time_s"]
@@ -189,7 +210,8 @@ class _Mapped:
         except InputError as error:
             if self.source is None:
                 raise
-            raise FileFormatError(f"{self.source.name}:1:1: {error}{self._no_clock}") from None
+            why = self._no_clock if "time_s" in str(error) else ""
+            raise FileFormatError(f"{self.source.name}:1:1: {error}{why}") from None
         made: type[Table] = resolve_name(kind.data)
         given = {**{n: n for n in known if n in made.kinds}, **self.columns}
         columns = {target: self._values(made, target, g) for target, g in given.items()}
@@ -219,13 +241,11 @@ class _Mapped:
 
     def _values(self, made: type[Table], target: str, given: Any) -> NDArray[Any]:
         """Return the values of a column, in its unit."""
-        name = _name_in(given, self.channels.columns)
+        name = self._channel(target, given)
         if name is None:
             values = np.asarray(given)
             rows = len(self.channels.lines)
             return np.full(rows, values) if values.ndim == 0 else values
-        where = "" if self.source is None else f"{self.source.name}:1:1: "
-        choose(f"{where}columns[{target!r}]", name, self.channels.columns)
         values = self.channels.columns[name]
         if target in made.kinds and not is_numeric(made.kinds[target]):
             return values
@@ -234,6 +254,19 @@ class _Mapped:
             return values if factor == 1.0 else scaled(target, values, factor)
         except ColumnError as fault:
             raise self._located(fault) from None
+
+    def _channel(self, target: str, given: Any) -> str | None:
+        """Return the channel that a column is made of, which must be there; None: values."""
+        name = _name_in(given, self.channels.columns)
+        if name is None or name in self.channels.columns:
+            return name
+        where = "" if self.source is None else f"{self.source.name}:1:1: "
+        if target in self.channels.columns:
+            raise InputError(
+                f"{where}columns: got {target!r} made of {name!r}, expected the column's name "
+                f"first, then the channel's: {name}={target}"
+            )
+        return choose(f"{where}columns[{target!r}]", name, self.channels.columns)
 
     def _factor(self, target: str, name: str, given: Any) -> float:
         """Return what takes a channel to the unit of its column, and note it."""
@@ -276,7 +309,7 @@ class _Mapped:
     @property
     def _no_clock(self) -> str:
         """What to say where times may be missing."""
-        if self.channels.time_s is not None or "time_s" in self.columns:
+        if self.channels.time_s is not None or "time_s" in {*self.columns, *self.channels.columns}:
             return ""
         return " (no times were found: period_s= gives the time between two samples)"
 

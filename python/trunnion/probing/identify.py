@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trunnion._core import Moves
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.resolution import Grid, Repeats, growth
+from trunnion.base.resolution import ANY_PLACE, Grid, Repeats, growth
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
@@ -250,7 +250,7 @@ def _beside_rounding(
     noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
     errors = grid.errors(noise)
     shared = errors if errors is not None and len(errors.rows) else None
-    drawn = grid.draws(along, found.residuals_um, jacobian, found.covariance, noise)
+    drawn = grid.draws(along, found.residuals_um, jacobian, found.covariance, noise, ANY_PLACE)
     if found.sigma_um == 0 or (shared is None and drawn is None):
         return found, shared
     cofactor = found.covariance / found.sigma_um**2

@@ -18,6 +18,10 @@ FAILURE = ("failure_sample", "failure_parameters", "failure_error")
 """Variables of a result that list its failed samples."""
 
 
+class AnotherSweepError(DataError):
+    """A file holds another sweep than the one that is to go on in it."""
+
+
 @dataclass(frozen=True)
 class Description:
     """A sweep but for its numbers: two with the same description have the same numbers.
@@ -98,19 +102,19 @@ class Description:
     def check_same(self, path: Path, found: Description) -> None:
         """Refuse to go on with the file of another sweep.
 
-        Raises DataError: `found`, which `path` holds, is not this sweep; the message says in what.
+        Raises AnotherSweepError: `found`, which `path` holds, is not this sweep; it says in what.
         """
         # Through JSON, as `found` came: tuples become lists, and so on.
         here: dict[str, Any] = json.loads(self.text())
         there = json.loads(found.text())
         for key in self.to_dict():
             if key == "code" and key in there and there[key] != here[key]:
-                raise DataError(
+                raise AnotherSweepError(
                     f"{path}: holds another sweep: the code of {self.study} was another; expected "
                     "the same function to go on with, or another file"
                 )
             if there.get(key) != here[key]:
-                raise DataError(
+                raise AnotherSweepError(
                     f"{path}: holds another sweep: {key} is {there.get(key)!r} there, "
                     f"{here[key]!r} here; expected the same sweep to go on with, or another file"
                 )

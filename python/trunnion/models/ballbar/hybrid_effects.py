@@ -54,16 +54,16 @@ def hybrid(path: Path, bar: Bar, mechanism: Mechanism, joints: Floats) -> list[E
         pairs = [(length[:, k], reach[:, k]) for k in legs]
         screws = f"the screw{'s' if len(legs) > 1 else ''} of {who}"
         out += cyclic(f"screw_cyclic{suffix}", pairs, f"cyclic error of {screws}")
-    sag = _gravity(mechanism, joints, column)
+    sag = _gravity(found.forward.passive_deg, joints, column)
     out.append(linear("gravity", ["k_um"], sag, "bending of the legs by their weight"))
     for id_, (parameters, parts, label) in SHIFTS.items():
         out.append(linear(id_, parameters, np.column_stack([column[n] for n in parts]), label))
     return out
 
 
-def _gravity(mechanism: Mechanism, joints: Floats, column: Mapping[str, Floats]) -> Floats:
+def _gravity(passive_deg: Floats, joints: Floats, column: Mapping[str, Floats]) -> Floats:
     """Sag of the legs' ends, square to each leg, for 1 µm at 1000 mm and a level leg."""
-    passive = np.radians(mechanism.forward(joints).passive_deg)
+    passive = np.radians(passive_deg)
     total = np.zeros(len(joints))
     for leg, (u, v) in enumerate(((0, 1), (2, 3), (6, 7))):
         su, cu = np.sin(passive[:, u]), np.cos(passive[:, u])

@@ -20,6 +20,7 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     with_own,
 )
+from trunnion.diagnosis.fit import gain_beside
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
 from trunnion.hybrid.readings import (
@@ -40,6 +41,7 @@ SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
 LEAST_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
+POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
 
 
@@ -106,7 +108,7 @@ class BallbarModel(Model):
             least=LEAST_NOISE_UM,
         )
         self.nuisance = self._nuisance()
-        self._at: tuple[bytes, Floats, Floats] | None = None
+        self._known: dict[bytes, tuple[Floats, Floats]] = {}
         self._given = tuple(effects)
         self.effects = with_own(self._sharpened(self._catalogue()), effects, data)
 
@@ -154,10 +156,11 @@ class BallbarModel(Model):
         return centres
 
     def _plain(self, nuisance: Floats) -> tuple[Floats, Floats]:
-        """Readings and their derivative without effects (the last ones are kept)."""
+        """Readings and their derivative without effects; those at the last points are kept."""
         key = nuisance.tobytes()
-        if self._at is not None and self._at[0] == key:
-            return self._at[1], self._at[2]
+        if key in self._known:
+            self._known[key] = self._known.pop(key)
+            return self._known[key]
         errors = len(self.machine.errors)
         centres = self._centres_at(nuisance)[self.index]
         length, direction, gradient = self.machine.lengths(nuisance[:errors], centres)
@@ -170,7 +173,9 @@ class BallbarModel(Model):
         if not self.settings.calibrated:
             readings = readings + nuisance[-1]
             jacobian = np.column_stack([jacobian, np.ones(len(jacobian))])
-        self._at = (key, readings, jacobian)
+        if len(self._known) == POINTS_KEPT:
+            del self._known[next(iter(self._known))]
+        self._known[key] = readings, jacobian
         return readings, jacobian
 
     def base(self, nuisance: Floats) -> Floats:
@@ -203,10 +208,7 @@ class BallbarModel(Model):
 
         def explained(value: float) -> float:
             at = {p.name: value if p is parameter else 0.0 for p in effect.parameters}
-            own = effect.columns(at)[:, linear]
-            own = own - basis @ (basis.T @ own)
-            found, *_ = np.linalg.lstsq(own, residual, rcond=1e-6)
-            return float(residual @ (own @ found))
+            return gain_beside(effect.columns(at)[:, linear], basis, residual)
 
         grid = np.sort(np.array(parameter.grid))
         value = best_place(explained, grid.tolist())

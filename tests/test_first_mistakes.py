@@ -1,0 +1,194 @@
+"""What a sheet from Excel or a terminal gets wrong at first, and what is said of it."""
+
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import trunnion as tn
+from trunnion.cli import app
+
+SAMPLE = tn.sample_path("positioning/axis.csv").read_text(encoding="utf-8")
+HEADER, ROWS = SAMPLE.split("\n", 1)
+
+
+def refusal(tmp_path: Path, text: str, columns: dict[str, str] | None = None) -> str:
+    """Return what is said of a file, without its folder."""
+    path = tmp_path / "sheet.csv"
+    path.write_text(text)
+    with pytest.raises(tn.TrunnionError) as caught:
+        tn.read(path, columns=columns)
+    return str(caught.value).replace(str(path), path.name)
+
+
+def renamed(**names: str) -> str:
+    """Return the sample with other names of columns."""
+    header = ",".join(names.get(name, name) for name in HEADER.split(","))
+    return f"{header}\n{ROWS}"
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ({"measured_mm": "mesured_mm"}, "no measured_mm, but mesured_mm"),
+        ({"measured_mm": "deviation_um"}, "measured_mm: the target plus the deviation"),
+        ({"measured_mm": "laser_mm"}, "(trunnion read --column measured_mm=laser_mm: further"),
+        ({"direction": "directon"}, "without direction (is it directon?)"),
+        ({"cycle": "Zyklus"}, "time_s without cycle, expected those of positioning (direction,"),
+        ({"cycle": "n", "direction": "d"}, "without direction and cycle, expected those of pos"),
+        (dict.fromkeys(HEADER.split(","), "x") | {"cycle": "y"}, "expected those of a kind of"),
+    ],
+)
+def test_a_wrong_name_of_a_column(tmp_path: Path, names: dict[str, str], said: str) -> None:
+    """The message names the kind that is nearest, what it lacks, and the name that is near."""
+    assert said in refusal(tmp_path, renamed(**names))
+
+
+def test_a_mapping_that_is_not_finished_or_the_wrong_way_round(tmp_path: Path) -> None:
+    """Channels are looked for first; what is missing of the kind is named."""
+    text = renamed(target_mm="Soll [mm]", measured_mm="Ist [mm]", direction="Richtung")
+    said = refusal(tmp_path, text, columns={"target_mm": "Sol [mm]"})
+    assert said.endswith("did you mean Soll [mm]?")
+    said = refusal(tmp_path, text, columns={"Soll [mm]": "target_mm"})
+    assert said.endswith(
+        "expected the column's name first, then the channel's: target_mm=Soll [mm]"
+    )
+    said = refusal(tmp_path, text, columns={"target_mm": "Soll [mm]"})
+    assert "without direction, expected those of positioning" in said
+    assert "period_s" not in said
+    columns = {"target_mm": "Soll [mm]", "measured_mm": "Ist [mm]", "direction": "Richtung"}
+    assert tn.read(tmp_path / "sheet.csv", columns=columns).iso230_2().accuracy_um > 0
+
+
+def test_title_lines_above_the_header(tmp_path: Path) -> None:
+    """The line in which the names stand is named, whatever separates them."""
+    for text in (SAMPLE, SAMPLE.replace(",", ";")):
+        said = refusal(tmp_path, f"Machine 7\nX axis\n\n{text}")
+        assert said.startswith("sheet.csv:1:1: got 'Machine 7', expected names of columns; line 4 ")
+    (tmp_path / "sheet.csv").write_text(f"# Machine 7\n# X axis\n\n{SAMPLE}")
+    assert len(tn.read(tmp_path / "sheet.csv")) == len(ROWS.splitlines())
+
+
+def test_the_log_of_a_probing_program_is_no_data_yet(tmp_path: Path) -> None:
+    """What makes data of it is named."""
+    said = refusal(tmp_path, "trunnion-touches 1 plan=p hash=0123456789ab touches=2 from=1\n")
+    assert "trunnion touches PLAN" in said
+
+
+def test_numbers_as_text(tmp_path: Path) -> None:
+    """Decimal commas in cells and in quotes are read; what may be a thousand is refused."""
+    workbook = pytest.importorskip("openpyxl").Workbook()
+    sheet = workbook.active
+    rows = [line.split(",") for line in SAMPLE.splitlines()]
+    for row in rows:
+        sheet.append([field.replace(".", ",") for field in row])
+    workbook.save(tmp_path / "text.xlsx")
+    data = tn.read(tmp_path / "text.xlsx")
+    assert data == tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    assert data.recognised.sentences()[0] == (
+        "Read as Positioning from xlsx, sheet 'Sheet', with the names of its kind and decimal "
+        "commas."
+    )
+    quoted = "\n".join(",".join(f'"{f.replace(".", ",")}"' for f in row) for row in rows)
+    (tmp_path / "quoted.csv").write_text(quoted)
+    assert tn.read(tmp_path / "quoted.csv") == data
+    said = refusal(tmp_path, SAMPLE.replace("8.20195", '"8,20195"', 1))
+    assert "'8,20195', but '8.2' in column target_mm, line 2, expected one decimal mark" in said
+    said = refusal(tmp_path, SAMPLE.replace("8.20195", '"8,20195 mm"', 1).replace("55.5039", "x"))
+    assert said.endswith("got '8,20195 mm', expected a finite number")
+
+
+def test_a_number_that_became_a_date(tmp_path: Path) -> None:
+    """What Excel does with 15.3 is named."""
+    for text in ("15.Mrz", "15-Mar", "Mrz 15", "Mar-15"):
+        said = refusal(tmp_path, SAMPLE.replace("55.5039", text, 1))
+        assert said.startswith(
+            f"sheet.csv:3:6: measured_mm: got '{text}', expected a finite number"
+        )
+        assert said.endswith("(a number that a spreadsheet took for a date?)") == (" " not in text)
+    workbook = pytest.importorskip("openpyxl").Workbook()
+    workbook.active.append(["target_mm", "measured_mm", "direction", "cycle"])
+    workbook.active.append([15.3, date(2026, 3, 15), 1, 1])
+    workbook.save(tmp_path / "date.xlsx")
+    with pytest.raises(tn.FileFormatError, match="took for a date"):
+        tn.read(tmp_path / "date.xlsx")
+
+
+def said_by(*words: str | Path, code: int = 2) -> str:
+    """Return what a command says, on one line."""
+    ran = CliRunner().invoke(app, [str(word) for word in words], env={"COLUMNS": "400"})
+    assert ran.exit_code == code, ran.output
+    return " ".join(ran.output.replace("│", " ").split())
+
+
+def test_a_file_where_a_command_belongs(tmp_path: Path) -> None:
+    """The commands of the group are listed."""
+    path = tmp_path / "x.csv"
+    path.write_text(SAMPLE)
+    assert "expected a command before it: results, ins" in said_by("positioning", path)
+    assert "expected a command before it: init, " in said_by(path)
+    assert "No such command 'nothing.csv'" in said_by("positioning", "nothing.csv")
+
+
+def test_a_name_of_a_file_that_is_nearly_right(tmp_path: Path) -> None:
+    """Where an instrument's file or a set-up is missing, the one that is there is named."""
+    (tmp_path / "x-axis.csv").write_text(SAMPLE)
+    for words in (("positioning", "results"), ("diagnose",), ("view",)):
+        said = said_by(*words, tmp_path / "xaxis.csv")
+        assert said.endswith(f"no such file or directory; did you mean {tmp_path / 'x-axis.csv'}?")
+    assert said_by("diagnose", tmp_path / "other" / "b.csv").endswith("no such file or directory")
+
+
+def test_a_decimal_comma_in_an_option(tmp_path: Path) -> None:
+    """A point is asked for; a limit without its unit is named in full."""
+    path = tmp_path / "x.csv"
+    path.write_text(SAMPLE)
+    results = ("positioning", "results", path, "--tolerance")
+    assert said_by(*results, "accuracy_um=30,5").endswith("name=number with a decimal point")
+    assert said_by(*results, "accuracy=30").endswith("did you mean accuracy_um?")
+
+
+def test_the_example_of_a_chain_is_in_the_help() -> None:
+    """Brackets are not taken for markup."""
+    assert "[w C' A' b X Y Z (C) t]" in said_by("init", "--help", code=0)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "said"),
+    [
+        ((), "4 of 4 planned touches wrote"),
+        ((4,), "3 of 4 planned touches; not in the log: 4; the program goes on with #<_from> = 4"),
+        ((2, 3), "2 of 4 planned touches; not in the log: 2 to 3 wrote"),
+        ((1, 3), "2 of 4 planned touches; not in the log: 1, 3 wrote"),
+    ],
+)
+def test_which_touches_are_not_in_a_log(tmp_path: Path, left_out: Sequence[int], said: str) -> None:
+    """They are named; plan and log are taken in either order."""
+    from trunnion.data.linuxcnc_log import probe_log_of
+
+    tn.plan(tn.Setup(tn.Artefact("cross")))[:4].to_csv(tmp_path / "plan.csv")
+    plan = tn.read_touches(tmp_path / "plan.csv")
+    lines = probe_log_of(plan, plan, "plan").splitlines()
+    kept = [line for number, line in enumerate(lines) if number not in left_out]
+    (tmp_path / "run.log").write_text("\n".join(kept))
+    for files in (("plan.csv", "run.log"), ("run.log", "plan.csv")):
+        paths = [tmp_path / file for file in files]
+        assert said in said_by("touches", *paths, "-o", tmp_path / "m.csv", "--force", code=0)
+
+
+def test_another_sweep_in_the_file(tmp_path: Path) -> None:
+    """A finished sweep says so; another one is refused, and takes its place with --force."""
+    pytest.importorskip("xarray")
+    study = tmp_path / "study.toml"
+    for samples, force, code, said in (
+        (2, (), 0, "sample 2, "),
+        (2, (), 0, "It was complete: nothing was computed."),
+        (3, (), 2, "samples is 2 there, 3 here; expected the same sweep to go on with, or another"),
+        (3, (), 2, "(--force begins anew)"),
+        (3, ("--force",), 0, "sample 3, "),
+        (3, ("--force",), 0, "It was complete: nothing was computed."),
+    ):
+        study.write_text(f'study = "calibration"\nsamples = {samples}\n')
+        assert said in said_by("sweep", study, *force, code=code)
