@@ -381,6 +381,7 @@ def _without_the_weakest(case: Case, found: Fit, dropped: Integers) -> Fit:
             found.nuisance,
             {e.id: found.effects[e.id] for e in named if e is not weak},
             kept.whiten,
+            kept.plain.judged,
         )
         for weak in named
     ]

@@ -113,7 +113,8 @@ def _fit_members(case: Case, members: dict[int, int]) -> Fit:
     """Fit a set exactly: candidates and their variants."""
     effects = [case.effects[j] for j in members]
     start = {case.effects[j].id: case.values[j][v] for j, v in members.items()}
-    return fit(case.model, case.rows, effects, case.plain.nuisance, start, case.whiten)
+    plain = case.plain
+    return fit(case.model, case.rows, effects, plain.nuisance, start, case.whiten, plain.judged)
 
 
 def _explained(case: Case) -> Explanation:

@@ -59,6 +59,8 @@ class Fit:
         In which the parameters moved, shape (rank, p + k): those of the nuisance, then effects.
     basis:
         Orthonormal basis of the whitened jacobian along the directions, rows used.
+    judged:
+        What of the nuisance parameters the readings identify, at the model's start.
     """
 
     nuisance: Array
@@ -72,6 +74,7 @@ class Fit:
     combinations: Array
     directions: Array
     basis: Array
+    judged: LinearFit
 
     def std(self) -> Array:
         """Return standard errors per unit of noise; inf where a parameter is not identifiable."""
@@ -127,12 +130,14 @@ def fit(
     start: Array,
     values: dict[str, Values],
     whiten: Whiten,
+    judged: LinearFit | None = None,
 ) -> Fit:
     """Gauss-Newton from ``start``; nonlinear parameters are first zoomed in on, one at a time.
 
-    ``rows``: readings used. ``whiten`` maps all readings.
+    ``rows``: readings used. ``whiten`` maps all readings. ``judged``: of another fit of the model
+    to the same rows with the same weights.
     """
-    problem = _Problem(model, rows, effects, whiten)
+    problem = _Problem(model, rows, effects, whiten, judged)
     at = _Point(start.copy(), {k: Values(v) for k, v in values.items()})
     if not all(e.linear for e in effects):
         _zoom(problem, at)
@@ -169,6 +174,7 @@ def fit(
         problem.combinations(solved),
         problem.directions[~solved.held],
         solved.basis,
+        problem.judged,
     )
 
 
@@ -184,13 +190,20 @@ class _Problem:
     """What stays the same during a fit."""
 
     def __init__(
-        self, model: Model, rows: IntArray, effects: Sequence[Effect], whiten: Whiten
+        self,
+        model: Model,
+        rows: IntArray,
+        effects: Sequence[Effect],
+        whiten: Whiten,
+        judged: LinearFit | None,
     ) -> None:
         self.model, self.rows, self.effects, self.whiten = model, rows, effects, whiten
         self.index = [(e, p) for e in effects for p in e.parameters]
         self.all_used = len(rows) == len(model.readings)
-        columns = self.used(model.jacobian(model.start, {}))
-        self.judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        if judged is None:
+            columns = self.used(model.jacobian(model.start, {}))
+            judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
+        self.judged = judged
         self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
 
     def used(self, a: Array) -> Array:

@@ -25,19 +25,18 @@ _MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
-def robust_residuals(design: Floats, values: Floats, floor: float = 0.0) -> Floats:
+def robust_residuals(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
     """Residuals, per leverage, of a fit that a few readings cannot bend, shape (n,).
 
     Least absolute deviations by reweighting, then Tukey's bisquare (c = 4.685) from there with the
-    scale held at the median absolute deviation. ``floor``: least scale.
+    scale held at the median absolute deviation. ``basis``: orthonormal; ``floor``: least scale.
     """
-    n, p = design.shape
-    q = np.linalg.qr(design)[0]
+    n, p = basis.shape
 
     def fit(weights: Floats) -> Floats:
-        root = np.sqrt(weights)
-        solution = np.linalg.lstsq(q * root[:, None], values * root, rcond=None)[0]
-        return np.asarray(values - q @ solution)
+        heavy = (basis * weights[:, None]).T
+        solution = np.linalg.lstsq(heavy @ basis, heavy @ values, rcond=None)[0]
+        return np.asarray(values - basis @ solution)
 
     r = fit(np.ones(n))
     for _ in range(25):

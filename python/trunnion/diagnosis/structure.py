@@ -149,7 +149,8 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
     effects = [kept.model.effect(name) for name in f.effects]
     values = {**f.effects, source.id: start}
     try:
-        found = fit(model, kept.rows, [*effects, added], f.nuisance, values, kept.whiten)
+        every = [*effects, added]
+        found = fit(model, kept.rows, every, f.nuisance, values, kept.whiten, f.judged)
     except DataError:
         return kept, f, None
     if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):

@@ -1,6 +1,6 @@
 """Effects too small to be noticed that shift an error of the machine all the same."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from trunnion.machine.estimate import ASSUMED_SIZE, ROUNDING
 NOTICED = 3.5  # standard errors of an effect with which it is missed in about one case of three
 MIN_SHIFT = 1.0  # standard errors of a location error; a smaller shift of it is not mentioned
 MAX_STATED = 3
+MORE = 1.0 + 1e-9  # of two parameters that shift as much, the first is named
+AT_ONCE = 16  # columns
 
 
 def unnoticed(
@@ -46,16 +48,14 @@ def unnoticed(
         return {}
     least = np.array([max(std[names[i]], ROUNDING) for i in known])
     found: dict[str, tuple[float, str, float, int, float]] = {}
-    for parameter, x in columns.items():
-        along = cofactor @ (jacobian.T @ x)
-        left = float(np.linalg.norm(x - jacobian @ along))
-        if left <= absorbed * float(np.linalg.norm(x)):
+    for parameter, along, left, whole in _beside(jacobian, cofactor, columns):
+        if left <= absorbed * whole:
             continue
         effect, name = parameter.split(".", 1)
         size = min(NOTICED / left, ASSUMED_SIZE.get(unit_of(name), 1.0))
         ratio = np.abs(along[known]) * size / least
         worst = int(np.argmax(ratio))
-        if ratio[worst] > max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
+        if ratio[worst] > MORE * max(found.get(effect, (MIN_SHIFT,))[0], MIN_SHIFT):
             shift = float(along[known[worst]]) * size
             found[effect] = float(ratio[worst]), name, size, known[worst], shift
     out = {}
@@ -66,3 +66,19 @@ def unnoticed(
         moved = f"{names[place]} by {f'{shift:+.2g} {unit_of(names[place])}'.rstrip()}"
         out[effect] = f"{amount} can stay unnoticed and would shift {moved}"
     return out
+
+
+def _beside(
+    jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats]
+) -> Iterator[tuple[str, Floats, float, float]]:
+    """Each column's name, what the fit makes of it (p,), length of what is left, and of all."""
+    gram, names = jacobian.T @ jacobian, list(columns)
+    for first in range(0, len(names), AT_ONCE):
+        some = names[first : first + AT_ONCE]
+        x = np.stack([columns[name] for name in some])
+        products = x @ jacobian
+        along = products @ cofactor.T
+        whole = np.einsum("ij,ij->i", x, x)
+        left = whole + np.einsum("ij,ij->i", along @ gram - 2.0 * products, along)
+        lengths = (np.sqrt(np.maximum(squares, 0.0)).tolist() for squares in (left, whole))
+        yield from zip(some, along, *lengths, strict=True)

@@ -12,6 +12,7 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rotation import rotations
+from trunnion.base.rows import at_hand
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import (
@@ -183,12 +184,18 @@ class SweepModel(Model):
         if effect.id not in self._motions:
             return effect.columns(values)
         motion = self._motions[effect.id]
-        columns = motion.derivative(self._conditions, values)
+        columns = motion.rates(self._conditions, values)
         by = self._by_motions(nuisance, motion.motion(self._conditions, values))
-        return np.asarray((by[:, :, motion.acts] @ columns).reshape(-1, columns.shape[2]))
+        out = np.zeros((columns.shape[2], *self._local.shape[:2]))
+        # Of most parameters a motion or two; what is zero for all is left out.
+        pairs = np.argwhere(np.any(columns != 0, axis=0)).tolist()
+        for rows in at_hand(len(columns)):
+            for a, k in pairs:
+                out[k, rows] += (by[motion.acts[a]][:, rows] * columns[rows, a, k]).T
+        return out.reshape(len(out), -1).T
 
     def _by_motions(self, nuisance: Floats, moved: Floats) -> Floats:
-        """Derivative of the readings by the motions, µm by mm and rad, (n, 3, 6).
+        """Derivative of the readings by the motions, µm by µm and arcsec, (6, 3, n).
 
         The last one without any motion is kept: the columns of all effects need it.
         """
@@ -205,7 +212,7 @@ class SweepModel(Model):
         x, y = turned.target[:, 0], turned.target[:, 1]
         faster = np.stack([-y, x, np.zeros(len(x))], axis=1)
         by[:, :, 5] = np.einsum("nij,nj->ni", turned.wobble, faster) @ turned.tilt.T
-        out = 1e3 * (self._local @ by)
+        out = np.ascontiguousarray((self._local @ by * (1e3 * MOTION_UNIT)).transpose(2, 1, 0))
         if still:
             self._at = (key, out)
         return out

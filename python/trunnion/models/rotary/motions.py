@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import Parameter, wave
@@ -74,11 +75,9 @@ class Motion:
     label: str
     owner: Owner = Owner.MACHINE
 
-    def derivative(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
-        """Derivative of the motions that it acts on, mm and rad, by each parameter (n, acts, k)."""
-        given = np.array([values[p.name] for p in self.parameters])
-        unit = MOTION_UNIT[list(self.acts)][:, None]
-        return np.asarray(self.columns(conditions, given) * unit)
+    def rates(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
+        """Derivative of the motions it acts on, µm and arcsec, by each parameter (n, acts, k)."""
+        return self.columns(conditions, np.array([values[p.name] for p in self.parameters]))
 
     def motion(self, conditions: Conditions, values: Mapping[str, float]) -> Floats:
         """Motion, mm and rad (n, 6)."""
@@ -86,7 +85,8 @@ class Motion:
         linear = np.array([p.linear for p in self.parameters])
         size = np.array([values[p.name] for p in self.parameters])[linear]
         if np.any(size):
-            out[:, self.acts] = self.derivative(conditions, values)[:, :, linear] @ size
+            moved = self.rates(conditions, values)[:, :, linear] @ size
+            out[:, self.acts] = moved * MOTION_UNIT[list(self.acts)]
         return out
 
 
@@ -157,7 +157,7 @@ def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
 
 def _waves(motions: tuple[int, ...], n: int, conditions: Conditions, _: Floats) -> Floats:
     turn = n * np.radians(conditions.angle_deg)
-    cos, sin = np.cos(turn), np.sin(turn)
+    cos, sin = cosine_sine(turn)
     if motions == (5,):
         cos = cos - 1.0
     out = np.zeros((len(turn), len(motions), 2 * len(motions)))
