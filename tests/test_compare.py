@@ -143,7 +143,7 @@ def test_the_command_compares(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["compare", *map(str, paths)])
     assert said.exit_code == 0, said.output
     assert "Changed from before to after" in said.output
-    assert "reversal (backlash) of the axis" in said.output
+    assert "reversal of the axis, forward less backward" in said.output
 
 
 def test_the_report_has_one_uncertainty_and_names_both_measurements(tmp_path: Path) -> None:

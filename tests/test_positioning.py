@@ -60,7 +60,7 @@ def test_a_printed_report_comes_out() -> None:
     assert got.accuracy_um == pytest.approx(135.27, abs=0.01)
     causes = {c.id: c.parameters for c in tn.diagnose(data).causes}
     assert abs(causes["reversal"]["b_um"]) == pytest.approx(25.0, abs=1.5)
-    assert causes["cycle_drift"]["rate_um"] == pytest.approx(-1.4, abs=0.3)
+    assert causes["cycle_drift"]["rate_um_cycle"] == pytest.approx(-1.4, abs=0.3)
     assert "curve" in causes
 
 
@@ -90,7 +90,7 @@ def test_axes_of_a_target_drive(name: str, reversal: float, drift: float) -> Non
     slope = np.polyfit(data.cycle, data.deviation, 1)[0]
     assert slope == pytest.approx(drift, abs=0.1)
     if "cycle_drift" in causes:
-        assert causes["cycle_drift"]["rate_um"] == pytest.approx(drift, abs=0.1)
+        assert causes["cycle_drift"]["rate_um_cycle"] == pytest.approx(drift, abs=0.1)
         assert found.contributions[0].id == "cycle_drift"
 
 

@@ -79,7 +79,7 @@ def test_real_axes_are_not_refused(joint: int) -> None:
 def test_target_drives(name: str, reversal: float, drift: float | None) -> None:
     assert abs(cause(name, "reversal")["b_um"]) == pytest.approx(reversal, abs=0.3)
     if drift is not None:
-        assert cause(name, "cycle_drift")["rate_um"] == pytest.approx(drift, abs=0.1)
+        assert cause(name, "cycle_drift")["rate_um_cycle"] == pytest.approx(drift, abs=0.1)
 
 
 def test_the_report_of_the_x_drive() -> None:

@@ -94,7 +94,8 @@ def test_the_first_sentence_says_how_large_and_how_sure(tmp_path: Path) -> None:
     size = re.search(r"twice a turn, amplitude ([\d.]+) ± ([\d.]+) arcsec \(> 99 %\)", said)
     assert size is not None, said
     assert float(size[1]) == pytest.approx(5.0, abs=3 * float(size[2]))
-    assert re.search(r"8 errors of the machine, largest: .* ± [\d.]+ arcsec; .* ± [\d.]+ µm", said)
+    largest = r"8 errors of the machine, largest: offset of the C axis along X \(EX0C\) 15.\d+ ± "
+    assert re.search(rf"{largest}[\d.]+ µm\. They leave", said)  # no angle is beyond its U
     # U of the amplitude by the law of propagation, from the covariance of the model
     a, b = d.causes[0].parameters.values()
     at = [d.model.names.index(f"c_positioning_2.{n}") for n in d.causes[0].parameters]
@@ -200,7 +201,10 @@ def test_a_cause_has_one_size_and_one_probability_at_the_top(name: str, tmp_path
     rows = [*tables["What was found"], *tables.get("Found beside it, not the machine's", [])]
     assert len(rows) == len(d.causes) > 1
     for label, size, meaning, chance in rows:
-        assert f"{label[:1].lower()}{label[1:]}, {size} ({chance})" in said
+        name = label.removesuffix(" (in doubt)")
+        assert f"{name[:1].lower()}{name[1:]}, {size} ({chance})" in said
+        certain = said.partition("In doubt")[0]
+        assert (name == label) == (name[1:] in certain)
         assert meaning
 
 

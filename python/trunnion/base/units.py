@@ -18,6 +18,8 @@ ARCSEC = float(np.pi / 648_000)
 _SUFFIXES = {
     "um_m_m": "µm/m per m",
     "um_m_h": "µm/m/h",
+    "um_cycle": "µm/cycle",
+    "arcsec_cycle": "arcsec/cycle",
     "um_min": "µm/min",
     "um_h": "µm/h",
     "mm_min": "mm/min",

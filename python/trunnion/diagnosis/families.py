@@ -52,7 +52,7 @@ _SQUARENESS = (
     "level the machine first and measure again; if it stays, align the guide or the column, or "
     "enter it as perpendicularity compensation of the control."
 )
-_WARM = (
+WARM = (
     "let machine and instrument run until they are warm and measure again; find what heats "
     "(spindle, screw, sun, door) before anything is compensated."
 )
@@ -71,16 +71,16 @@ FAMILIES = (
         r"backlash(_.)?|._backlash|lost_motion.*",
         "look at thrust bearing, nut and coupling (of a rotary axis at gear and clamping); enter "
         "what is left as backlash compensation of the control.",
-        "after a reversal the axis stops short",
-        "after a reversal the axis goes too far: a compensation that is set too large does this",
+        "lost motion: after a reversal the axis stops short",
+        "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
     ),
     Family(
         "backlash",
         r"reversal(_of_position)?",
         "see first what backlash compensation the control has now; look at thrust bearing, nut and "
-        "coupling; then enter the value that is left.",
-        "after a reversal the axis goes too far: a compensation that is set too large does this",
-        "after a reversal the axis stops short",
+        "coupling; then change the compensation by the value that is left.",
+        "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
+        "lost motion: after a reversal the axis stops short",
     ),
     Family(
         "squareness",
@@ -96,7 +96,7 @@ FAMILIES = (
         "scale",
         r"scale(_.)?|positioning_scale",
         "see first how warm scale or screw were (1 K is about 11 ppm of steel); what is left goes "
-        "into the error table of the axis in the control, as a straight line.",
+        "into the error table of the axis in the control.",
         "the axis travels too far",
         "the axis does not travel far enough",
         "length",
@@ -158,7 +158,7 @@ FAMILIES = (
     Family(
         "drift",
         r"(common_|cycle_)?drift|warmup",
-        _WARM,
+        WARM,
         "the readings rise",
         "the readings fall",
         grows=True,
@@ -166,7 +166,7 @@ FAMILIES = (
     Family(
         "drift",
         r"(drift|warmup)_(?P<a>[xyz])",
-        _WARM,
+        WARM,
         "the tool moves towards +{a}, seen from the work",
         "the tool moves towards −{a}, seen from the work",
         grows=True,
@@ -174,7 +174,7 @@ FAMILIES = (
     Family(
         "drift",
         r"expansion|leg_expansion.*",
-        _WARM,
+        WARM,
     ),
     Family(
         "tool that grows",

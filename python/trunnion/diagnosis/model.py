@@ -272,6 +272,14 @@ class Model:
         return {"": np.ones(len(self.readings))}
 
     @property
+    def turning(self) -> Mapping[str, Floats]:
+        """Change of each reading as a rotary axis stands further by 1 arcsec, by its letter: none.
+
+        Pictures give what acts like it as an angle of that axis.
+        """
+        return {}
+
+    @property
     def groups(self) -> Integers:
         """Group of each reading for cross-validation, (n,), left out whole: five blocks of rows."""
         rank = np.unique(self.readings.rows, return_inverse=True)[1]

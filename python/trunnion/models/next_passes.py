@@ -206,7 +206,10 @@ def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
     if time is not None or data.spindle_rpm is not None:
         yield "turn a pass at half the feed speed", with_pass(slow=True)
     if time is not None:
-        label = "turn a pass right behind four more, the tool still warm, its time counted on"
+        label = (
+            "turn four passes without a pause and measure a fifth right behind them, time_s "
+            "running on"
+        )
         yield label, with_pass(behind=4)
 
 

@@ -217,7 +217,9 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
     out = [linear("scale", ["ppm"], 1e-6 * size, "scale error of the axis")]
     both = len(np.unique(d)) == 2
     if both:
-        out.append(linear("reversal", [f"b_{unit}"], d / 2, "reversal (backlash) of the axis"))
+        out.append(
+            linear("reversal", [f"b_{unit}"], d / 2, "reversal of the axis, forward less backward")
+        )
     nodes, each = _nodes(targets, index)
     places = [f"at_{x:.9g}_{'deg' if data.rotary else 'mm'}_{unit}" for x in nodes]
     if both and len(targets) > 2:
@@ -231,7 +233,9 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         out += _harmonics(data, min(MAX_HARMONIC, len(targets) // MIN_TARGETS_OF_A_HARMONIC))
     if len(np.unique(data.cycle)) > 1:
         cycles = np.asarray(data.cycle, dtype=np.float64) - float(np.min(data.cycle))
-        out.append(linear("cycle_drift", [f"rate_{unit}"], cycles, "drift from cycle to cycle"))
+        out.append(
+            linear("cycle_drift", [f"rate_{unit}_cycle"], cycles, "drift from cycle to cycle")
+        )
     out += _of_time(data, unit)
     if data.temperature_c is not None and np.ptp(data.temperature_c) > 0:
         warmer = np.asarray(data.temperature_c) - float(data.temperature_c[0])

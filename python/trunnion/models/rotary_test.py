@@ -168,6 +168,12 @@ class RotaryTestModel(Model):
         return named if self._each > 1 else {**named, "the length": np.ones(len(self.data))}
 
     @property
+    def turning(self) -> Mapping[str, Floats]:
+        """As each rotary axis stands further, from the model of the machine."""
+        entering, letters = _Catalogue(self._known), self._known.chain.letters
+        return {x: entering.further(len(AXES) + k) for k, x in enumerate(letters)}
+
+    @property
     def replicates(self) -> Integers | None:
         """Readings of one ball at one command, the rotary axes turned to it in the same sense."""
         turned = [np.asarray(deg) for deg in self.data.rotary_deg.values()]
@@ -274,14 +280,18 @@ class _Catalogue:
         names = [p.name for p in info.parameters]
         return linear(info.id, names, np.column_stack(columns), info.label)
 
-    def _of_axis(self, number: int, letter: str) -> list[Effect]:
-        """Backlash of an axis that comes from both senses; a cyclic error of a rotary one."""
+    def further(self, number: int) -> Floats:
+        """Change of the readings as an axis stands further by 1 µm or 1 arcsec."""
         step = np.zeros(self._axes.shape[1])
         step[number] = STEP_DEG
         machine = self._known.chain.machine(self._errors)
         there, back = (machine.forward(self._axes + s * step)[:, :3] for s in (1.0, -1.0))
         unit = np.degrees(ARCSEC) if number > 2 else 1e-3
-        column = self._moved((there - back) / (2 * STEP_DEG) * unit)
+        return self._moved((there - back) / (2 * STEP_DEG) * unit)
+
+    def _of_axis(self, number: int, letter: str) -> list[Effect]:
+        """Backlash of an axis that comes from both senses; a cyclic error of a rotary one."""
+        column = self.further(number)
         name, made = letter.lower(), []
         sense = senses(np.round(self._axes[:, number], 4))
         if min(np.sum(sense > 0), np.sum(sense < 0)) >= MIN_OF_A_SENSE:

@@ -41,7 +41,7 @@ from trunnion.machine.budget import Input
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import mistakes_in
-from trunnion.probing.inputs import inputs_of, stated_of
+from trunnion.probing.inputs import inputs_of, stated_of, turning
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
     TouchModel,
@@ -286,6 +286,12 @@ class TouchDiagnosisModel(Model):
     def components(self) -> Mapping[str, Floats]:
         """A displacement along a machine axis enters with the approach's component."""
         return TouchDescription(self.data).components
+
+    @property
+    def turning(self) -> Mapping[str, Floats]:
+        """As each rotary axis stands further, from the model of the machine."""
+        plain = TouchModel(self.setup)
+        return turning(plain, self.data, self._whole(self.start))
 
     @property
     def groups(self) -> Integers:

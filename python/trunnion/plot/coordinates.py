@@ -22,6 +22,7 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.model import Covariate, Model
 
 ALONG = "deviation along "
+TURNED = "actual less commanded"
 ENOUGH = 0.95
 """Share of a change that a coordinate explains, at least."""
 AS_GOOD = 0.002
@@ -184,6 +185,9 @@ def weights_of(
             column = sense * np.asarray(enters, dtype=np.float64)
             out.append(Weight(along, unit, column, sense=sense))
     out.append(Weight("deviation of the reading", unit, np.ones(len(model.readings)), 0.1))
+    for letter, enters in model.turning.items():
+        name = f"angle of {letter.upper()}, {TURNED}"
+        out.append(Weight(name, "arcsec", enters, 0.2))
     columns = model.jacobian(nuisance, {})
     for j, one in enumerate(model.nuisance):
         kind = "angular deviation" if one.unit == "arcsec" else "deviation"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,6 +32,7 @@ from trunnion.plot.picture import (
     PURPLE,
     VERMILLION,
     Axis,
+    Form,
     Picture,
     Series,
     band,
@@ -45,8 +47,10 @@ from trunnion.setup.names import error_label
 COVERAGE = 2.0
 TOUCHED = 0.02  # of the largest change: readings that a cause changes
 LIMIT = 1.15
+NARROW = 0.02  # of the largest reading: a narrower band is hidden by its curve
 CLASS_WIDTH = 0.3
 MAX_SETS = 8
+MAX_PARAMETERS = 6  # of a cause: more are a curve
 MAX_CORRELATED, MIN_CORRELATED = 40, 0.3  # how many, and from which size they are drawn
 
 
@@ -177,6 +181,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     )
     curves = where.curve(np.column_stack([of.change, of.spread]), of.rows)
     series: list[Series] = []
+    largest = float(np.abs(amount[drawn]).max(initial=0.0))
     for i, (name, x, fitted) in enumerate(curves):
         colour = SENSES.get(name, PALETTE[i % len(PALETTE)]) if len(curves) > 1 else BLUE
         mine = drawn if where.split is None else drawn & (where.split == _index(where, name))
@@ -185,27 +190,34 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
         label = name or "reading"
         faint = {"colour": colour, "opacity": 0.8}
         series.append(points(places[mine] + shift, amount[mine], label, rows=rows, **faint))
-        series += _fitted(x, fitted, PURPLE if len(curves) == 1 else colour, bool(names), i == 0)
+        drawn_in = PURPLE if len(curves) == 1 else colour
+        series += _fitted(x, fitted, drawn_in, i == 0, classes=bool(names), beside=largest)
     clear = int(drawn.sum())
     left = int(of.rows.sum()) - clear
     like = where.weight.like
     said = [f"Given as the {like} that would change the readings as much."] if like else []
     said += [f"Not drawn: {left} readings that it changes little."] if left else []
+    if not names and not any(s.form is Form.BAND for s in series):
+        said.append("U (k = 2) of the curve is narrower than its line.")
     said += ["The other causes are taken off."] if len(d.causes) > 1 else []
     y = Axis(_capital(where.weight.name), where.weight.unit)
     x_unit = unit_beside(where.x.unit, where.weight.unit)
+    x_unit = "°" if x_unit == "deg" else x_unit
     x_axis = Axis(_capital(where.x.name), x_unit, names)
     return Picture(title, x_axis, y, tuple(series), note=" ".join(said), key=id_)
 
 
-def _fitted(x: Floats, fitted: Floats, colour: str, classes: bool, first: bool) -> list[Series]:
-    """Return curve and band; over classes a short line at each."""
+def _fitted(
+    x: Floats, fitted: Floats, colour: str, first: bool, *, classes: bool, beside: float
+) -> list[Series]:
+    """Return curve and band, where it is seen beside such readings; over classes short lines."""
     y = fitted[:, 0]
     half = COVERAGE * np.sqrt(np.sum(fitted[:, 1:] ** 2, axis=1))
     label, edge = ("fitted", "U (k = 2)") if first else ("", "")
     if not classes:
         made = [line(x, y, label, colour=colour, width=2.2)]
-        return [band(x, y - half, y + half, edge, colour=colour), *made] if half.any() else made
+        seen = half.max(initial=0.0) > NARROW * beside
+        return [band(x, y - half, y + half, edge, colour=colour), *made] if seen else made
     ends = np.stack([x - CLASS_WIDTH, x + CLASS_WIDTH, np.full_like(x, np.nan)], axis=1).ravel()
     flat = [line(ends, np.repeat(y, 3), label, colour=colour, width=2.2)]
     if half.any():
@@ -337,17 +349,19 @@ def diagnostics(d: Diagnosis, name: Callable[[str], str] = str) -> list[Picture]
         ]
     model = d.model
     if isinstance(model, Estimate) and model.names:
+        size_of = Counter(one.partition(".")[0] for one in model.names)
         known = [
             i
             for i in np.flatnonzero(np.diag(model.covariance) > 0).tolist()
             if "." in model.names[i] or error_label(model.names[i]) != model.names[i]
+            if size_of[model.names[i].partition(".")[0]] <= MAX_PARAMETERS
         ]
         covariance = model.covariance[np.ix_(known, known)]
         size = np.sqrt(np.diag(covariance))
         beside = np.abs(covariance / np.outer(size, size)) - np.eye(len(known))
         if beside.max(initial=0.0) > MIN_CORRELATED and len(known) <= MAX_CORRELATED:
             given = [model.names[i] for i in known]
-            names = [name(one) if "." in one else one for one in given]
+            names = [one if one.startswith("E") else name(one) for one in given]
             out.append(correlation_picture(names, covariance))
     return out
 

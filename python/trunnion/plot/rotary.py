@@ -25,7 +25,8 @@ SAME_ANGLE_DEG = 1e-3
 MIN_TARGETS = 3
 ALONG = 0.9  # cosine: an axis along X
 MAX_TARGETS = 3
-BESIDE = 0.22  # of the least step of an axis: between readings that stand beside one another
+BESIDE, MAX_BESIDE = 0.22, 1.5
+"""Between readings that stand beside one another: of the least step of an axis; degrees."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,8 @@ def rotary_test_pictures(data: RotaryTest) -> list[Picture]:
         if np.ptp(at) == 0:
             continue
         rows = np.arange(len(data))
-        gap = BESIDE * float(np.min(np.diff(np.unique(np.round(at, 6)))))
+        step = float(np.min(np.diff(np.unique(np.round(at, 6)))))
+        gap = min(BESIDE * step, MAX_BESIDE)
         middle = (len(shown) - 1) / 2
         series = [
             points(at + gap * (k - middle), values, name, colour=PALETTE[k], rows=rows, size=3.5)
@@ -245,6 +247,7 @@ def rotary_test_pictures(data: RotaryTest) -> list[Picture]:
         ]
         title = f"Readings over the position of {axis.upper()}"
         x = Axis(f"Position of {axis.upper()}", "°")
-        note = "Directions of one position stand beside one another." if len(shown) > 1 else ""
+        note = f"Directions of one position stand {gap:.2g}° beside one another."
+        note = note if len(shown) > 1 else ""
         found.append(Picture(title, x, y, tuple(series), note=note))
     return found

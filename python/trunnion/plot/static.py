@@ -183,7 +183,10 @@ def _set_axes(ax: Any, p: Picture) -> None:
         ax.set_xlabel(p.y.title)
         ax.grid(alpha=0.4, lw=0.5)
         if p.y.ticks is not None:
-            ax.set_yticks([v for v, _ in p.y.ticks], [t for _, t in p.y.ticks], fontsize="small")
+            ground = {"facecolor": ax.get_facecolor(), "edgecolor": "none", "pad": 0.6}
+            values, texts = zip(*p.y.ticks, strict=True) if p.y.ticks else ((), ())
+            ax.set_yticks(values, texts, fontsize="small", bbox=ground)
+            ax.yaxis.set_zorder(3)  # labels before the lines
         return
     ax.set_xlabel(p.x.title)
     ax.set_ylabel(p.y.title)

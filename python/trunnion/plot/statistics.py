@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from types import MappingProxyType
 
 import numpy as np
@@ -26,6 +27,8 @@ from trunnion.plot.picture import (
     points,
 )
 
+MAX_CODE, MAX_LINE = 6, 26
+"""Characters of names that are codes; of a line of others."""
 ROOM = 0.14
 """Of the length of the longest bar, for the number beside it."""
 
@@ -84,14 +87,17 @@ def correlation_picture(names: Sequence[str], covariance: Floats) -> Picture:
     size = np.sqrt(np.diag(covariance))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     correlation = covariance * np.outer(scale, scale)
-    axis = Axis(names=tuple(names))
+    down = across = tuple(names)
+    if max(map(len, names)) > MAX_CODE:  # words stand once, under numbers
+        down = tuple(fill(f"{k} {name}", MAX_LINE) for k, name in enumerate(names, 1))
+        across = tuple(f"{k}" for k in range(1, len(names) + 1))
     upper = np.triu(np.abs(correlation), 1)
     first, second = map(int, np.unravel_index(int(np.argmax(upper)), upper.shape))
     strongest = f"{names[first]} and {names[second]}: {correlation[first, second]:+.2f}"
     return Picture(
         "Correlation of the estimates",
-        axis,
-        axis,
+        Axis(names=across),
+        Axis(names=down),
         (heat(correlation),),
         Kind.MAP,
         note=f"Strongest: {strongest.replace('-', '−')}. Near ±1 the data hardly tell them apart.",

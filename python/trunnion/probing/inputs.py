@@ -74,19 +74,26 @@ def _known_to(setup: Setup, data: Touches, stated: Mapping[str, Stated]) -> Iter
             yield Input(*stated[id_], unit_of(name), columns[:, [at]])
 
 
-def _rotary_steps(model: TouchModel, data: Touches, values: Floats) -> Iterator[Input]:
-    """Rounding of the commands to each rotary axis, in each of its positions."""
-    step = model.setup.resolution.rotary_arcsec
-    stops = stops_of(data)
-    at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
-    for letter, positions in data.rotary_deg.items() if step > 0 else ():
+def turning(model: TouchModel, data: Touches, values: Floats) -> dict[str, Floats]:
+    """Change of each reading, (n,), as a rotary axis stands further by 1 arcsec, by its letter."""
+    out = {}
+    for letter, positions in data.rotary_deg.items():
         ahead, behind = (
             model.core.residuals(
                 model.moves(data, turned={letter: positions + sign * STEP_ARCSEC / 3600.0}), values
             )
             for sign in (1.0, -1.0)
         )
-        change = (behind - ahead) / (2 * STEP_ARCSEC)
+        out[letter] = np.asarray(behind - ahead) / (2 * STEP_ARCSEC)
+    return out
+
+
+def _rotary_steps(model: TouchModel, data: Touches, values: Floats) -> Iterator[Input]:
+    """Rounding of the commands to each rotary axis, in each of its positions."""
+    step = model.setup.resolution.rotary_arcsec
+    stops = stops_of(data)
+    at_stop = stops[:, None] == np.arange(stops.max(initial=0) + 1)
+    for letter, change in turning(model, data, values).items() if step > 0 else ():
         columns = np.where(at_stop, change[:, None], 0.0)
         name = f"steps of the {letter.upper()} axis"
         yield Input(name, step / np.sqrt(12), "arcsec", columns, "rectangular")

@@ -13,6 +13,7 @@ from trunnion.data.diameters import Diameters
 from trunnion.data.positioning import Positioning
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.data.touches import Touches
+from trunnion.diagnosis.families import WARM
 from trunnion.diagnosis.records import percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.sentences import unit_in
@@ -44,8 +45,9 @@ def to_do(found: Found, source: Source) -> Points:
             "Something acts that no known cause makes: do not trust the results before it is "
             f"found. Look for what depends on {_dependence(d)}."
         )
-    lines += _certain(found)
-    lines += _doubtful(found)
+    acts = [*([one] for one in _certain(found)), _doubtful(found)]
+    acts.sort(key=lambda some: not any(WARM in line for line in some))  # before all compensation
+    lines += [line for some in acts for line in some]
     if d.outliers:
         unit = record_of(d).unit
         named = [
@@ -58,12 +60,17 @@ def to_do(found: Found, source: Source) -> Points:
     unseen = [found.quantity(k) for k in d.not_identifiable if k not in known]
     if unseen:
         more = f" and {len(unseen) - MAX_NAMED} more" if len(unseen) > MAX_NAMED else ""
-        lines.append(f"Not seen by these readings: {', '.join(unseen[:MAX_NAMED])}{more}.")
+        lines.append(
+            f"Not seen by these readings: {', '.join(unseen[:MAX_NAMED])}{more}. Where one of them "
+            "acts, errors of the machine can be wrong by more than U: below, what these data do "
+            "not identify."
+        )
     located = any(error_label(name) != name for name in d.errors_after)
     if located and d.verdict != "unexplained":
         lines.append(
-            "Have the values for the control written from this estimate (trunnion compensate): "
-            "its zeros, points and signs are others than those of the errors in this table."
+            "Errors of the machine: do not key them in as they stand; a control has other signs "
+            "and counts from other points. Who runs trunnion has its values written (trunnion "
+            "compensate)."
         )
     return Points(tuple(lines or ["Nothing: the readings are as the model says."]), "What to do")
 
@@ -114,7 +121,7 @@ def _deciding(found: Found) -> list[str]:
     if best.chance >= USEFUL:
         chance = f"it decides with a probability of {percent(best.chance)}"
         return [f"To decide it, measure: {what}; {chance} (trunnion diagnose --next plans it)."]
-    return [f"None of {len(tests)} further tests that were tried is likely to decide it."]
+    return [f"Which it is, none of {len(tests)} further tests that were tried is likely to tell."]
 
 
 def _dependence(d: Diagnosis) -> str:
@@ -160,6 +167,8 @@ def known_of(d: Diagnosis) -> list[str]:
     found = Found(d)
     lines += _widened(found)
     for id_, why in d.unnoticed.items():
+        if id_ in d.not_identifiable:  # said there
+            continue
         lines.append(f"Not excluded, {found.quantity(id_)}: {found.in_words(why)}.")
     return [*lines, *d.notes]
 

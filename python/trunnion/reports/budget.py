@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,18 +12,23 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Shown, Table, significant
 from trunnion.machine.budget import Budget, Line, Measurand, freedom
+from trunnion.plot.diagnosis import MAX_PARAMETERS
 from trunnion.reports.document import Item, Section
 from trunnion.reports.results import with_expanded
 from trunnion.setup.names import called
 
 MAX_ROWS = 40
+OF_READINGS = ("readings", "resolution of the readings", "model selection")
 MIN_SHARE = 1e-3  # of the variance of a quantity
 
 
-def budget_section(result: Any, name: Callable[[str], str] = called) -> Section:
+def budget_section(
+    result: Any, name: Callable[[str], str] = called, *, curves: bool = False
+) -> Section:
     """Return the uncertainty budget of a result; empty where it has none.
 
-    name: What people call a quantity.
+    name: What people call a quantity. curves: Quantities that are many values of one curve, which
+    say nothing one by one, are left out.
     """
     items: list[Item] = []
     if callable(make := getattr(result, "budget", None)):
@@ -30,8 +37,34 @@ def budget_section(result: Any, name: Callable[[str], str] = called) -> Section:
         except InputError as error:
             items = [str(error)]
         else:
-            items = [*found.sentences(), _table(found, name), *_more(found)]
+            of = Counter(m.name.partition(".")[0] for m in found.measurands)
+            kept = [
+                m
+                for m in found.measurands
+                if not curves or of[m.name.partition(".")[0]] <= MAX_PARAMETERS
+            ]
+            found = replace(found, measurands=tuple(kept))
+            items = [*found.sentences(), _table(found, name), *_more(found)] if kept else []
     return Section("Uncertainty budget", tuple(items))
+
+
+def held_by_u(result: Any) -> list[str]:
+    """Say which sources U holds, and that it holds no other; nothing without a budget."""
+    if not callable(make := getattr(result, "budget", None)):
+        return []
+    try:
+        lines = [x for m in make().measurands for x in m.lines]
+    except InputError:
+        return []
+    known = [s for s in dict.fromkeys(x.source for x in lines) if s not in OF_READINGS]
+    calibrated = [s for s in known if not s.startswith("steps of")]
+    held = "scatter and steps of the readings, and the doubt between causes"
+    if calibrated:
+        return [f"U holds {held}; beside them: {', '.join(known)}. It holds nothing else."]
+    return [
+        f"U holds {held} alone. Calibration of instrument and artefact, alignment and temperature "
+        "are not in it: nothing is stated of them."
+    ]
 
 
 def _table(found: Budget, name: Callable[[str], str]) -> Table:

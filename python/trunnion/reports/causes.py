@@ -9,19 +9,18 @@ from functools import cached_property
 
 import numpy as np
 
-from trunnion.base.report import Shown, Table
-from trunnion.base.units import Floats, parameter_words, unit_of
+from trunnion.base.report import Cell, Shown, Table
+from trunnion.base.units import ARCSEC, Floats, parameter_words, unit_of
 from trunnion.data.positioning import Positioning
-from trunnion.diagnosis.families import OWNED, Family, family_of, meaning
+from trunnion.diagnosis.families import OWNED, RADIUS_MM, Family, family_of, meaning
 from trunnion.diagnosis.records import Cause, percent, value_in_words
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.effects import Owner
-from trunnion.plot.diagnosis import Explained, root_of
+from trunnion.plot.diagnosis import MAX_PARAMETERS, Explained, root_of
 from trunnion.plot.style import capital
-from trunnion.reports.results import COVERAGE, plain_words
-from trunnion.setup.names import called
+from trunnion.reports.results import COVERAGE, largest_of, plain_words
+from trunnion.setup.names import called, error_label
 
-MAX_PARAMETERS = 6  # of a cause: of more the largest change of a reading is stated
 SURE = 0.5  # a probability below it is a doubt
 _HARMONIC = re.compile(r"(a|cosine)([xyz]?\d*)(_.+)")
 _COEFFICIENT = re.compile(r"a\d+_.+")
@@ -142,26 +141,47 @@ class Found:
         reach = f"up to {most:.2g} {of.unit} in these readings"
         return f"{text}: {reach}" if text else reach
 
+    @cached_property
+    def located(self) -> dict[str, float]:
+        """Location errors of the machine, where these data give any."""
+        return {k: v for k, v in self.d.errors_after.items() if error_label(k) != k}
+
+    def _largest_errors(self) -> list[tuple[Cell, ...]]:
+        """The largest location errors, with what they do."""
+        rows: list[tuple[Cell, ...]] = []
+        for name, size in largest_of(self.located, self.d.errors_std).items():
+            angle = abs(self.located[name]) * ARCSEC if unit_of(name) == "arcsec" else 0.0
+            at = f"{1e3 * angle * RADIUS_MM:.2g} µm at a distance of {RADIUS_MM:g} mm"
+            rows.append(
+                (capital(called(name)), size, at if angle else "so far beside its place", None)
+            )
+        return rows
+
+    def _chance(self, c: Cause) -> Shown:
+        return Shown(c.probability, percent(c.probability))
+
+    def _name(self, c: Cause) -> str:
+        return capital(self.label(c.id)) + ("" if c.id in self.certain else " (in doubt)")
+
     def tables(self) -> list[Table]:
         """What was found of the machine, then what is not the machine's."""
-        heads = ("cause", f"size ± U (k = {COVERAGE:g})", "what that means", "probability")
+        heads = ("", f"size ± U (k = {COVERAGE:g})", "what that means", "probability")
+        first = self._largest_errors()
         return [
             Table.of(
                 title,
                 heads,
                 [
-                    (
-                        capital(self.label(c.id)),
-                        self.size(c),
-                        self.meaning(c),
-                        Shown(c.probability, percent(c.probability)),
-                    )
-                    for c in causes
+                    *errors,
+                    *(
+                        (self._name(c), self.size(c), self.meaning(c), self._chance(c))
+                        for c in causes
+                    ),
                 ],
             )
-            for title, causes in (
-                ("What was found", self.of_machine),
-                ("Found beside it, not the machine's", self.of_others),
+            for title, causes, errors in (
+                ("What was found", self.of_machine, first),
+                ("Found beside it, not the machine's", self.of_others, []),
             )
             if causes
         ]

@@ -25,7 +25,7 @@ from trunnion.plot.picture import Picture
 from trunnion.plot.ranking import contributions_picture
 from trunnion.plot.style import capital
 from trunnion.reports.advice import known_of, outliers_of, to_do
-from trunnion.reports.budget import budget_section
+from trunnion.reports.budget import budget_section, held_by_u
 from trunnion.reports.causes import Found
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
@@ -33,6 +33,7 @@ from trunnion.reports.results import figures_table, location_errors
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors, standard_results
+from trunnion.reports.tables import error_tables
 from trunnion.reports.verdict import verdict_of_diagnosis
 from trunnion.setup.names import called
 
@@ -76,6 +77,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
     elif "undecided" in decisions:
         verdict += " Of a tolerance it is not decided: the uncertainty is too large."
     limits = [NOT_JUDGED] if d.causes and not source.tolerance else []
+    limits += held_by_u(d.model)
     known = known_of(d)
     return Document(
         f"{capital(_kinds(source))}: {_in_short(found)}",
@@ -93,17 +95,18 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         ),
         (
             Section("Each cause" if d.causes else "Pictures", tuple(causes)),
+            Section("For the error table of the control", tuple(error_tables(found, standard))),
             Section("The measurement", (*measured, *_figures(standard))),
-            Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(d))),
+            Section("How much each cause explains" if d.causes else "Noise", tuple(_ladder(found))),
             Section("What else would explain the data", tuple(_alternatives(found))),
             Section("What else is known", (Points(tuple(known)),) if known else ()),
             Section("Outliers", tuple(_outliers(d, source))),
             Section(LEFT if d.causes else "What is left", tuple(_diagnostics(found, source))),
             Section("In space", tuple(in_space(d, source))),
             Section("What these data do not identify", tuple(_lost(found))),
-            budget_section(d.model, found.quantity),
-            Section("Names in programs", tuple(_names(found))),
+            budget_section(d.model, found.quantity, curves=True),
             source.section(),
+            Section("Names in programs", tuple(_names(found))),
         ),
         {
             c.id: Group(capital(found.label(c.id)), record_of(d).rows[touched(d, c.id)])
@@ -118,10 +121,13 @@ def _in_short(found: Found) -> str:
     if d.verdict in ("consistent", "unexplained"):
         return {"consistent": "nothing beyond noise"}.get(d.verdict, "no known cause explains it")
     sure, doubt = len(found.certain), len(d.evidence) > 1
-    count = f"{sure} cause{'' if sure == 1 else 's'}"
+    errors = f"{len(found.located)} errors of the machine, " if found.located else ""
+    count = f"{errors}{sure} cause{'' if sure == 1 else 's'}"
     if doubt:
-        return f"{count} certain, more in doubt" if sure else "causes in doubt"
-    return f"{count} found" if d.causes else "nothing but outliers"
+        listed = any(c.id not in found.certain for c in d.causes)
+        more = "more in doubt" if listed else "perhaps one more"
+        return f"{count} certain, {more}" if sure else f"{errors}causes in doubt"
+    return f"{count} found" if d.causes else f"{errors}nothing but outliers"
 
 
 def _kinds(source: Source) -> str:
@@ -182,8 +188,14 @@ def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     return [hovered(p, source.data) for p in shown]
 
 
-def _ladder(d: Diagnosis) -> list[Item]:
+def _first(found: Found) -> str:
+    """Name what is taken off the readings before any cause."""
+    return "the errors of the machine" if found.located else "offsets"
+
+
+def _ladder(found: Found) -> list[Item]:
     """What each cause explains, and what the errors of the machine would be without it."""
+    d = found.d
     rows = [
         (
             capital(one.label or c.id),
@@ -196,7 +208,9 @@ def _ladder(d: Diagnosis) -> list[Item]:
     heads = ["cause", "explains of the variance", "if it were the only one", "beside all others"]
     several = any(c.others for c in d.contributions)
     heads += ["readings in"] if several else []
-    shares = Table.of("What each cause explains of the readings", heads, rows)
+    if all(len({cell.text for cell in row[1:4]}) == 1 for row in rows):  # independent causes
+        heads, rows = [*heads[:2], *heads[4:]], [(*row[:2], *row[4:]) for row in rows]
+    shares = Table.of(f"What each cause explains of what {_first(found)} leave", heads, rows)
     pictures = [p for p in (contributions_picture(d), ladder_picture(d)) if p is not None]
     return [*pictures, *((shares,) if rows else ()), *_biases(d)]
 
@@ -221,7 +235,9 @@ def _alternatives(found: Found) -> list[Item]:
         (
             " + ".join(sorted(map(found.label, a.causes))) or "no cause",
             Shown(a.probability, percent(a.probability)),
-            "as well as the first"
+            "best"
+            if a is d.evidence[0]
+            else "as well"
             if a.distance < CLOSE
             else "worse"
             if a.distance > WORSE
@@ -230,7 +246,7 @@ def _alternatives(found: Found) -> list[Item]:
         )
         for a in d.evidence[:MAX_SETS]
     ]
-    heads = ("set of causes", "probability", "fits", f"rms of what is left ({unit})")
+    heads = ("set of causes", "probability of the set", "fits", f"rms of what is left ({unit})")
     note = (
         "Of sets that fit as well the one with fewer causes is the more probable: beforehand, a "
         "further cause is taken for unlikely. The probability of a cause, above, is the sum over "

@@ -21,6 +21,7 @@ from trunnion.reports.document import Document, Interactive, Item, Listing, Poin
 
 MIN_SORTED = 3  # rows, from which a table can be sorted
 TOP_WIDTH = 480  # pixels of a picture beside the results
+SHORT_TABLE = 16  # rows: it is not broken on paper
 SHORT = 24  # characters of a first column that does not wrap
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
@@ -30,6 +31,7 @@ POLICY = (
 
 _QUANTITY = re.compile(
     r"(?:&[lg]t; )?[+−]?\d[\d.]*(?: ± [\d.]+)? (?:%|[µ°][\w/°]*|arcsec|ppm|mm|s\b)"
+    r"|\(k = 2\)"
 )
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -42,6 +44,7 @@ _PAGE = Template("""<!DOCTYPE html>
 <title>$title</title>
 <style>
 $style
+@page { @bottom-left { content: "$foot"; } }
 </style>
 </head>
 <body>
@@ -190,9 +193,15 @@ def page(document: Document) -> str:
         policy=POLICY,
         title=html.escape(document.title),
         style=_asset("report.css"),
+        foot=_in_css(" · ".join(filter(None, (document.title, document.subtitle)))),
         body=body,
         scripts=writer.scripts(),
     )
+
+
+def _in_css(text: str) -> str:
+    """Return a text as part of a string in a style: all but plain letters as their code."""
+    return "".join(c if c.isascii() and c.isalnum() else f"\\{ord(c):x} " for c in text)
 
 
 def table(of: Table) -> str:
@@ -214,9 +223,9 @@ def table(of: Table) -> str:
         f"<tr>{''.join(map(_cell, row, shown, numeric, range(len(row))))}</tr>"
         for row, shown in zip(of.rows, texts, strict=True)
     )
-    title = html.escape(of.title)
+    title, short = html.escape(of.title), " short" if len(of.rows) <= SHORT_TABLE else ""
     return (
-        f'<div class="scroll" tabindex="0" role="region" aria-label="{title}"><table>'
+        f'<div class="scroll{short}" tabindex="0" role="region" aria-label="{title}"><table>'
         f"<caption>{title}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
         "</table></div>"
     )

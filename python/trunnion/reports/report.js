@@ -45,8 +45,11 @@
 
   function highlight(rows, key) {
     chosen = rows;
-    for (const button of document.querySelectorAll("[data-group]"))
-      button.setAttribute("aria-pressed", String(Boolean(rows) && button.dataset.group === key));
+    for (const button of document.querySelectorAll("[data-group]")) {
+      const on = Boolean(rows) && button.dataset.group === key;
+      button.setAttribute("aria-pressed", String(on));
+      button.textContent = on ? "show all readings again" : "highlight its readings";
+    }
     for (const plot of plots) if (plot.dataset.drawn) show(plot); else draw(plot);
   }
 

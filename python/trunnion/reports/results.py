@@ -93,7 +93,7 @@ def location_errors(
     old: Mapping[str, float],
     units: Mapping[str, str],
 ) -> list[Figure]:
-    """Return location errors beside what the set-up states of them (0 where it is silent)."""
+    """Return location errors beside what the set-up states of them."""
     return [
         Figure(
             name,
@@ -101,7 +101,7 @@ def location_errors(
             value,
             std.get(name),
             units.get(name) or unit_of(name),
-            old.get(name, 0.0),
+            old.get(name),
         )
         for name, value in errors.items()
     ]
@@ -115,18 +115,26 @@ def plain_words(text: str) -> str:
     return _ERROR.sub(lambda match: called(match[0]), text)
 
 
-def of_interest(errors: Mapping[str, float], std: Mapping[str, float]) -> str:
-    """Say the largest error of each unit, and how many are not identifiable."""
-    known = {k: v for k, v in errors.items() if np.isfinite(std.get(k, 0.0))}
-    parts = []
-    for unit in dict.fromkeys(unit_of(name) for name in known):
-        mine = {k: v for k, v in known.items() if unit_of(k) == unit}
+def largest_of(errors: Mapping[str, float], std: Mapping[str, float]) -> dict[str, str]:
+    """Return the largest error of each unit that is beyond its U, by name, with U."""
+    found = {}
+    beyond = {k: v for k, v in errors.items() if abs(v) > COVERAGE * std.get(k, 0.0)}
+    for unit in dict.fromkeys(unit_of(name) for name in beyond):
+        mine = {k: v for k, v in beyond.items() if unit_of(k) == unit}
         name = max(mine, key=lambda k: abs(mine[k]))
         value, expanded = with_expanded(mine[name], std.get(name))
         shown = f"{value.text if isinstance(value, Shown) else value}"
         half = f" ± {expanded.text}" if isinstance(expanded, Shown) else ""
-        parts.append(f"{called(name)} {shown}{half} {unit}")
+        found[name] = f"{shown}{half} {unit}"
+    return found
+
+
+def of_interest(errors: Mapping[str, float], std: Mapping[str, float]) -> str:
+    """Say the largest error of each unit, and how many are not identifiable."""
+    known = {k: v for k, v in errors.items() if np.isfinite(std.get(k, 0.0))}
+    parts = [f"{called(name)} {said}" for name, said in largest_of(known, std).items()]
     lost = len(errors) - len(known)
-    largest = f"largest: {'; '.join(parts)} (k = 2)" if parts else "none identifiable"
+    none = "none beyond its U" if known else "none identifiable"
+    largest = f"largest: {'; '.join(parts)} (k = 2)" if parts else none
     more = f"; {lost} not identifiable" if lost and parts else ""
     return f"{len(errors)} errors of the machine, {largest}{more}."

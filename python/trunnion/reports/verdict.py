@@ -10,12 +10,9 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
 from trunnion.base.units import unit_of
-from trunnion.data.rotary_test import RotaryTest
 from trunnion.diagnosis.records import percent, value_in_words, with_unit
-from trunnion.diagnosis.result import Diagnosis
 from trunnion.reports.causes import Found, said
 from trunnion.reports.results import COVERAGE, Figure, of_interest, with_expanded
-from trunnion.setup.names import error_label
 from trunnion.turning.correction import Correction
 
 MAX_SETS = 4
@@ -34,7 +31,7 @@ def verdict_of_diagnosis(found: Found) -> str:
             (
                 f"The model explains the readings, what is left is noise of {size}. That nothing "
                 f"else acts, of all causes looked for: {percent(d.none_probability)}.",
-                *_located(d),
+                *_located(found),
             )
         )
     parts = _found(found) if d.causes else [d.sentences()[0]]
@@ -44,20 +41,17 @@ def verdict_of_diagnosis(found: Found) -> str:
         std = np.array([v if np.isfinite(v) else 0.0 for v in d.structure.std_errors.values()])
         size = said(d.structure.parameters, d.structure.std_errors, np.diag(std))
         parts.append(f"Its size: {size}.")
-    located = _located(d)
-    if located and isinstance(d.data, RotaryTest):  # made for them
+    if located := _located(found):
         left = with_unit(f"{d.gain.rms_before_um:.3g}", d.gain.unit)
-        parts = [*located, f"They leave {left} rms of the readings.", *parts]
-    else:
-        parts += located
+        rest = [] if d.gain.others else [f"They leave {left} rms of the readings."]
+        parts = [*located, *rest, *parts]
     text = " ".join(parts)
     return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
 
 
-def _located(d: Diagnosis) -> list[str]:
+def _located(found: Found) -> list[str]:
     """Say the largest location errors, where these data give any."""
-    located = {k: v for k, v in d.errors_after.items() if error_label(k) != k}
-    return [of_interest(located, d.errors_std)] if located else []
+    return [of_interest(found.located, found.d.errors_std)] if found.located else []
 
 
 def _found(found: Found) -> list[str]:
