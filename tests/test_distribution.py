@@ -18,6 +18,7 @@ from packaging.requirements import Requirement
 from typer.testing import CliRunner
 
 import bom
+import pythons
 import release
 from trunnion.cli import app
 
@@ -180,3 +181,27 @@ def test_a_step_is_quiet_unless_it_fails() -> None:
     bad = step("sh", "-c", "echo why; exit 3")
     assert bad.returncode == 3
     assert "why" in bad.stderr
+
+
+def test_a_python_that_is_not_there_says_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What `make wheels` prints as skipped; what only has the name is not taken."""
+    monkeypatch.setattr(pythons, "FOLDER", tmp_path / "pythons")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    fake = tmp_path / "bin" / "python3.99"
+    fake.parent.mkdir()
+    fake.write_text("#!/bin/sh\necho 3.98\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("PATH", str(fake.parent))
+    with pytest.raises(pythons.MissingError, match=r"no python3\.99 on this machine, and no apt-"):
+        pythons.python_of("3.99")
+    fake.write_text("#!/bin/sh\necho 3.99\n")
+    assert pythons.python_of("3.99") == fake
+    fake.unlink()
+    if shutil.which("apt-get", path=os.defpath) is None or not pythons.KEYS.exists():
+        pytest.skip("no Debian")
+    monkeypatch.setenv("PATH", os.defpath)
+    monkeypatch.setattr(pythons, "MIRROR", f"file:{tmp_path}")
+    with pytest.raises(pythons.MissingError, match=r"Debian's packages cannot be asked for \("):
+        pythons.python_of("3.99")

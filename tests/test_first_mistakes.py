@@ -192,3 +192,29 @@ def test_another_sweep_in_the_file(tmp_path: Path) -> None:
     ):
         study.write_text(f'study = "calibration"\nsamples = {samples}\n')
         assert said in said_by("sweep", study, *force, code=code)
+
+
+def test_every_axis_can_be_filled_in_in_a_new_set_up(tmp_path: Path) -> None:
+    """The tables of rotary axes are comments; without the # they are read."""
+    said_by("init", tmp_path, code=0)
+    text = (tmp_path / "setup.toml").read_text()
+    plain = tn.read_setup(tmp_path / "setup.toml")
+    filled = text.replace("# [axes.A]", "[axes.A]").replace(
+        "# point_mm = ", "point_mm = [0.0, 5.0, -30.0] ", 1
+    )
+    (tmp_path / "setup.toml").write_text(filled)
+    assert tn.read_setup(tmp_path / "setup.toml").axis_points()["A"] == (0.0, 5.0, -30.0)
+    assert not plain.axes
+    assert "# [axes.C]" in text
+
+
+def test_a_call_without_its_arguments_names_the_function() -> None:
+    """Python's words alone do not say what was called."""
+    with pytest.raises(TypeError, match=r"^catalogue\(\) missing a required argument: 'of'$"):
+        tn.catalogue()  # type: ignore[call-arg]
+    touches = tn.read(tn.sample_path("cross/touches.csv"))
+    fit = tn.identify(touches, tn.read_setup(tn.sample_path("cross/setup.toml")))
+    with pytest.raises(tn.InputError, match=r"as an argument: scene\(touches\)$"):
+        fit.scene()
+    with pytest.raises(tn.InputError, match=r"got 1000\.0, expected a whole number$"):
+        tn.sweep("calibration", samples=1e3)  # type: ignore[arg-type]

@@ -328,7 +328,10 @@ HUGE = "0x" + "f" * 900  # beyond the range of floating-point numbers
             f"study = 'calibration'\n[grid]\nnoise_um = [0.1, {HUGE}]",
             "3:18: noise_um: got a whole number beyond 2.53",
         ),
-        ("study = 'calibration'\ngrid = 3", "2:8: grid: got 3, expected names with values"),
+        (
+            "study = 'calibration'\ngrid = 3",
+            "2:8: grid: got 3, expected names with values, as in",
+        ),
         (f"study = 'calibration'\ngrid = {HUGE}", "2:8: grid: got [0-9]+\\.\\.\\."),
         (f"study = {HUGE}", "1:9: study: got 0xf+, \\w+ one of"),
         ("study = 'calibration'\n[fixed]\nlayout = 1979-05-27", "3:10: layout: got date"),

@@ -3,14 +3,14 @@
 The wheel is built with zig as linker, so that it runs on any Linux with glibc 2.17, and with
 Python's stable interface, so that one serves every Python from 3.11. It is installed into fresh
 virtual environments with the lowest and the newest numpy that are allowed, by every Python from
-3.11 to 3.14 that is on this machine, and does the main job there. Nothing of this needs the
+3.11 to 3.14, and does the main job there. A Python that is not on this machine is Debian's
+(tools/pythons.py); what cannot be had is skipped, with the reason. Nothing of this needs the
 repository's own environment but maturin and zig.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,6 +18,8 @@ import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
+
+from pythons import MissingError, python_of
 
 ROOT = Path(__file__).parent.parent
 DIST = ROOT / "dist"
@@ -69,12 +71,14 @@ def built(kind: str) -> Path:
     return found[-1]
 
 
-def lowest_numpy(python: str, folder: Path) -> str:
+def lowest_numpy(python: Path, folder: Path) -> str:
     """Return the lowest numpy that pyproject.toml allows and that has a wheel for this Python."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     (needed,) = [need for need in project["dependencies"] if need.startswith("numpy")]
     major, minor = map(int, needed.removeprefix("numpy>=").split("."))
-    wheel = [python, "-m", "pip", "download", "--quiet", "--no-deps", "--only-binary", ":all:"]
+    run([python, "-m", "venv", folder])  # Debian's has no pip outside of environments
+    pip = [str(folder / "bin" / "python"), "-m", "pip"]
+    wheel = [*pip, "download", "--quiet", "--no-deps", "--only-binary", ":all:"]
     for higher in range(minor, minor + NEWER):
         numpy = f"numpy=={major}.{higher}.*"
         words = [*wheel, "--dest", str(folder), numpy]
@@ -96,7 +100,7 @@ def build() -> tuple[Path, Path]:
     return built(".whl"), built(".tar.gz")
 
 
-def tried(python: str, what: Path, numpy: str, folder: Path) -> str:
+def tried(python: Path, what: Path, numpy: str, folder: Path) -> str:
     """Install into a fresh environment, do the main job in it, and return what that says."""
     run([python, "-m", "venv", folder])
     inside = folder / "bin" / "python"
@@ -105,18 +109,6 @@ def tried(python: str, what: Path, numpy: str, folder: Path) -> str:
     run([folder / "bin" / "trunnion", "demo", "--quiet"], cwd=folder)
     run([inside, "-c", "import trunnion"], cwd=folder)  # modules are compiled now
     return run([inside, "-c", TRY % MAX_IMPORT_S], cwd=folder).strip()
-
-
-def python_of(version: str) -> str | None:
-    """Return a Python of this version that runs, if there is one, on the path or of pyenv."""
-    name = f"python{version}"
-    installed = sorted(Path.home().glob(f".pyenv/versions/*/bin/{name}"))
-    for found in filter(None, [shutil.which(name), *installed]):
-        asked = [str(found), "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
-        done = subprocess.run(asked, capture_output=True, text=True, check=False)
-        if done.stdout.strip() == version:
-            return str(found)
-    return None
 
 
 def main() -> None:
@@ -128,17 +120,18 @@ def main() -> None:
         raise SystemExit(f"{wheel.name}: expected a manylinux wheel of the stable interface")
     with tempfile.TemporaryDirectory(prefix="trunnion wheels ") as temporary:  # a path with spaces
         for version in PYTHONS:
-            python = python_of(version)
-            if python is None:
-                print(f"  skipped: there is no python{version} on this machine")
+            try:
+                python = python_of(version)
+            except MissingError as error:
+                print(f"  skipped: {error}")
                 continue
-            lowest = lowest_numpy(python, Path(temporary))
+            lowest = lowest_numpy(python, Path(temporary) / f"{version} pip")
             for name, numpy in (("lowest", lowest), ("newest", "numpy")):
                 step(f"Python {version}, {name} numpy")
                 folder = Path(temporary) / f"{version} {name}"
                 print(f"  {tried(python, wheel, numpy, folder)}", flush=True)
         step("source distribution, built anew (needs Rust)")
-        print(f"  {tried(sys.executable, source, 'numpy', Path(temporary) / 'source')}")
+        print(f"  {tried(Path(sys.executable), source, 'numpy', Path(temporary) / 'source')}")
     step("done")
 
 

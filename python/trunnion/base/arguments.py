@@ -51,7 +51,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         signature, takes = _takes(function)
-        bound = signature.bind(*args, **kwargs)
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError as error:  # in Python's own words, which do not say of what
+            raise TypeError(f"{name}() {error}") from None
         for argument, value in bound.arguments.items():
             if argument in takes:
                 with entry(argument):
@@ -71,6 +74,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
+_NAMED = "names with values, as in {'name': 1.0}"
 _TOO_EXTREME = "got numbers too large or too small to compute with, expected smaller ones"
 
 
@@ -318,7 +322,7 @@ def _tuple(args: tuple[Any, ...]) -> Take:
 
 def _mapping(key: Take | None, item: Take | None) -> Take:
     def check(what: str, value: Any) -> Any:
-        for name, one in mapping(what, value, "names with values").items():
+        for name, one in mapping(what, value, _NAMED).items():
             if key is not None:
                 key(f"{what}: name", name)
             if item is not None:

@@ -108,8 +108,10 @@ def whole(what: str, value: object, low: int, high: int | None = None) -> int:
         number = int(cast(SupportsInt, value))
         if number >= low and (high is None or number <= high):
             return number
-    to = "" if high is None else f" to {high:g}"
-    raise InputError(f"{what}: got {shown(value)}, expected a whole number from {low}{to}")
+    bounds = f" from {low}" + ("" if high is None else f" to {high:g}")
+    if high == 2**63 - 1:  # what a computer holds
+        bounds = " of 64 bits" if isinstance(value, Integral) else ""
+    raise InputError(f"{what}: got {shown(value)}, expected a whole number{bounds}")
 
 
 def array(what: str, value: ArrayLike, columns: int, *, rows: int | None = None) -> Floats:

@@ -215,6 +215,7 @@ class Candidates:
     ) -> None:
         """Group the blocks and price them."""
         self._basis, self._shared_level = basis, level
+        self._ends = np.cumsum([len(part) for part in self._parts])
         self.identifiable = np.unique(self.owner)
         self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
         self._gram_rows: dict[int, Floats] = {}
@@ -246,12 +247,10 @@ class Candidates:
 
     def _place(self, block: int) -> tuple[Floats | _Combined, slice]:
         """Part that holds the columns of a block, and which of it they are."""
-        first = int(self.start[block])
-        for part in self._parts:
-            if first < len(part):
-                return part, slice(first, first + int(self.rank[block]))
-            first -= len(part)
-        return self._parts[0], slice(0)
+        i = int(np.searchsorted(self._ends, self.start[block], side="right"))
+        part = self._parts[i]
+        first = int(self.start[block] - self._ends[i]) + len(part)
+        return part, slice(first, first + int(self.rank[block]))
 
     def _inner(self, a: int, b: int) -> Floats:
         """Inner products of the columns of two blocks, shape (k, l)."""

@@ -18,6 +18,7 @@ from trunnion.diagnosis.model import Model
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
 MAX_ROWS = 2048  # readings that are worked on at once, unless a group has more
+MAX_PRODUCTS = 1 << 14  # numbers of a group's rows times their columns: more are a matrix product
 ROUNDING = 1e-12
 
 
@@ -103,10 +104,11 @@ def _left_out(
     q = problem.basis[part]
     e = problem.residual[part]
     pull = np.add.reduceat(q * e[:, None], at)
-    if len(at) == 1:
-        kept = np.eye(q.shape[1]) - (q.T @ q)[None]
+    if q.size * q.shape[1] > MAX_PRODUCTS * len(at):
+        squares = np.stack([own.T @ own for own in np.split(q, at[1:])])
     else:
-        kept = np.eye(q.shape[1]) - np.add.reduceat(q[:, :, None] * q[:, None, :], at)
+        squares = np.add.reduceat(q[:, :, None] * q[:, None, :], at)
+    kept = np.eye(q.shape[1]) - squares
     sure = np.trace(kept, axis1=1, axis2=2) > q.shape[1] - SURE
     doubtful = np.flatnonzero(~sure)
     if len(doubtful):

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.rotation import cosine_sine
-from trunnion.base.rows import at_hand
+from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
@@ -298,21 +298,22 @@ class _Waves:
     @classmethod
     def of(cls, named: Iterable[Parameter], parts: Sequence[tuple[Floats, Floats]]) -> _Waves:
         """Keep of many readings those along each part's axis."""
-        kept = ((k := np.s_[:] if w.all() else np.flatnonzero(w), s[k], w[k]) for s, w in parts)
+        kept = ((k := where(w != 0), s[k], w[k]) for s, w in parts)
         return cls(tuple(p.name for p in named), len(parts[0][0]), tuple(kept))
 
     def change(self, values: NamedValues) -> Floats:
-        size = [values[name] for name in self.names[:2]]
-        return np.asarray(self.jacobian(values)[:, :2] @ size)
+        return np.asarray(self.jacobian(values)[:, :2] @ [values[name] for name in self.names[:2]])
 
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
         out = np.zeros((3, self.count))
         columns = np.s_[:] if a or b else np.s_[:2]
         for own, place, enters in self.parts:
+            waves = out[columns, own]
             for some in at_hand(len(place)):
-                rows = some if isinstance(own, slice) else own[some]
-                out[columns][:, rows] += enters[some] * wave(place[some], period, a, b).T[columns]
+                waves[:, some] += enters[some] * wave(place[some], period, a, b).T[columns]
+            if not isinstance(own, slice):
+                out[columns, own] = waves
         return out.T
 
 
@@ -325,8 +326,7 @@ class _Gridded:
     slopes: Callable[[NamedValues], Floats] | None
 
     def change(self, values: NamedValues) -> Floats:
-        size = np.array([values[p.name] for p in self.parameters if p.linear])
-        return np.asarray(self.columns(values) @ size)
+        return self.columns(values) @ [values[p.name] for p in self.parameters if p.linear]
 
     def jacobian(self, values: NamedValues) -> Floats:
         own = self.columns(values)

@@ -45,11 +45,10 @@ from trunnion.models.ballbar.model import MIN_REACH
 from trunnion.models.rotary.motions import MIN_OF_A_SENSE, periods
 from trunnion.models.warming import warmup
 from trunnion.probing.rotary_readings import (
-    Relation,
     RotaryReadings,
     RotaryTestSettings,
-    commanded,
     machine_effects,
+    tool_mm,
 )
 from trunnion.setup import Setup
 
@@ -99,7 +98,8 @@ class RotaryTestModel(Model):
         )
         errors = self._known.chain.location_errors
         units = {"um": "µm"}
-        shown = np.abs(self._known.jacobian(self._known.start)).max(axis=0) > MIN_REACH
+        at_start = self._known.jacobian(self._known.start)
+        shown = np.abs(at_start).max(axis=0) > MIN_REACH
         names = self._known.names
         self._fitted = [k for k, name in enumerate(names) if name in errors or shown[k]]
         self.nuisance = tuple(
@@ -108,9 +108,10 @@ class RotaryTestModel(Model):
             else Nuisance(names[k], "µm")
             for k in self._fitted
         )
-        self._at: tuple[bytes, Floats] | None = None
+        self._at = (self.start.tobytes(), at_start[:, self._fitted])
         self._given = tuple(effects)
-        found = _Catalogue(self._known).effects()
+        self._catalogue = _Catalogue(self._known)
+        found = self._catalogue.effects()
         known = self._known.chain.effects
         self.effects = with_own(found, effects, data, known=known)
 
@@ -134,7 +135,7 @@ class RotaryTestModel(Model):
     def base_jacobian(self, nuisance: Floats) -> Floats:
         """Return their derivative (the last one is kept)."""
         key = nuisance.tobytes()
-        if self._at is None or self._at[0] != key:
+        if self._at[0] != key:
             jacobian = self._known.jacobian(self._whole(nuisance))
             self._at = (key, jacobian[:, self._fitted])
         return self._at[1]
@@ -163,14 +164,14 @@ class RotaryTestModel(Model):
     @property
     def components(self) -> Mapping[str, Floats]:
         """A displacement of the tool's point along X, Y, Z, and what changes the bar's length."""
-        entering = _Catalogue(self._known)
+        entering = self._catalogue
         named = {name: entering.enters(-row) for name, row in zip(AXES, np.eye(3), strict=True)}
         return named if self._each > 1 else {**named, "the length": np.ones(len(self.data))}
 
     @property
     def turning(self) -> Mapping[str, Floats]:
         """As each rotary axis stands further, from the model of the machine."""
-        entering, letters = _Catalogue(self._known), self._known.chain.letters
+        entering, letters = self._catalogue, self._known.chain.letters
         return {x: entering.further(len(AXES) + k) for k, x in enumerate(letters)}
 
     @property
@@ -218,9 +219,9 @@ class _Catalogue:
         self._data = known.data
         chain = known.chain
         self._errors = chain.named_errors(None)
-        self._axes = commanded(chain, known.data)
-        self._relation = Relation.of(chain, known.data, self._errors)
-        apart = known.apart_um(known.start)
+        self._axes = known.axes
+        self._relation = known.relation(known.start)
+        apart = known.apart_um(known.start, self._relation)
         self._bar = None
         if known.data.displacement_um is None:
             self._bar = apart / np.linalg.norm(apart, axis=1, keepdims=True)
@@ -271,12 +272,10 @@ class _Catalogue:
         columns = []
         for one in np.eye(len(info.parameters)):
             there, back = (
-                Relation.of(
-                    self._known.chain, self._data, self._errors, [(info.id, (s * one).tolist())]
-                )
-                for s in (1.0, -1.0)
+                tool_mm(self._known.chain, self._axes, self._errors, [(info.id, values)])
+                for values in (one.tolist(), (-one).tolist())
             )
-            columns.append(self._moved((there.tool_mm - back.tool_mm) / 2))
+            columns.append(self._moved((there - back) / 2))
         names = [p.name for p in info.parameters]
         return linear(info.id, names, np.column_stack(columns), info.label)
 

@@ -77,22 +77,17 @@ class Relation:
     def of(
         cls,
         chain: Chain,
-        data: RotaryTest,
+        axes: Floats,
         errors: Mapping[str, float],
         effects: Sequence[tuple[str, Sequence[float]]] = (),
-        behind: Floats | None = None,
     ) -> Relation:
         """Return that of a machine with location errors and effects, senses of travel left out.
 
-        behind: How far each axis is behind its command, mm and degrees, (n, 3 + rotary axes).
+        axes: Where the axes stand, as of :func:`commanded`.
         """
-        machine = chain.machine(errors)
-        axes = commanded(chain, data) - (0.0 if behind is None else behind)
-        tool = machine.forward(axes)[:, :3]
-        step = np.eye(3, axes.shape[1])
-        ahead = [machine.forward(axes + one)[:, :3] - tool for one in step]
-        if effects:
-            tool = chain.model(errors, NO_PLACEMENT, effects).reached(axes, 1)[:, :3]
+        plain, step = tool_mm(chain, axes, errors), np.eye(3, axes.shape[1])
+        ahead = [tool_mm(chain, axes + one, errors) - plain for one in step]
+        tool = tool_mm(chain, axes, errors, effects) if effects else plain
         return cls(tool, np.stack(ahead, axis=1))
 
     def apart_um(self, balls_mm: Floats) -> Floats:
@@ -104,6 +99,18 @@ class Relation:
         """Where the balls are in the table's frame, (n, 3); the opposite of `apart_um`."""
         found: Floats = self.tool_mm + 1e-3 * np.einsum("nki,nk->ni", self.directions, apart_um)
         return found
+
+
+def tool_mm(
+    chain: Chain,
+    axes: Floats,
+    errors: Mapping[str, float],
+    effects: Sequence[tuple[str, Sequence[float]]] = (),
+) -> Floats:
+    """Tool's point of a machine with errors and effects, table's frame, (n, 3)."""
+    if effects:
+        return chain.model(errors, NO_PLACEMENT, effects).reached(axes, 1)[:, :3]
+    return chain.machine(errors).forward(axes)[:, :3]
 
 
 def machine_effects(chain: Chain) -> dict[str, EffectInfo]:
@@ -214,18 +221,27 @@ class RotaryReadings:
             )
         return 1e3 * length[:, None]
 
-    def apart_um(self, x: Floats) -> Floats:
+    @cached_property
+    def axes(self) -> Floats:
+        """Commanded positions."""
+        return commanded(self.chain, self.data)
+
+    def relation(self, x: Floats) -> Relation:
+        """How tool and balls stand to each other with these unknowns: the location errors."""
+        errors = dict(zip(self.names, x[: len(self.chain.location_errors)].tolist(), strict=False))
+        return Relation.of(self.chain, self.axes, errors)
+
+    def apart_um(self, x: Floats, relation: Relation | None = None) -> Floats:
         """Ball's centre minus tool's point in the machine's directions, (n, 3)."""
         count = len(self.chain.location_errors)
-        errors = dict(zip(self.names, x[:count].tolist(), strict=False))
         offsets = x[count : count + 3 * len(self.groups)].reshape(-1, 3)
         balls = (self.balls_mm + 1e-3 * offsets[: len(self.labels)])[self.index]
-        apart = Relation.of(self.chain, self.data, errors).apart_um(balls)
+        apart = (relation or self.relation(x)).apart_um(balls)
         return apart if self.tool_is_known else apart - offsets[-1]
 
-    def modelled(self, x: Floats) -> Floats:
-        """Readings of these unknowns, (n, 3) or (n, 1)."""
-        apart = self.apart_um(x)
+    def modelled(self, x: Floats, relation: Relation | None = None) -> Floats:
+        """Readings of these unknowns, (n, 3) or (n, 1); ``relation``: of them, if known."""
+        apart = self.apart_um(x, relation)
         if self.data.displacement_um is not None:
             return apart
         lengths: Floats = np.linalg.norm(apart, axis=1)[:, None]
@@ -240,10 +256,12 @@ class RotaryReadings:
 
         What moves the ball across a bar changes its length in second order: no information.
         """
-        ahead = (STEP * row for row in np.eye(len(x)))
-        columns = [
-            (self.modelled(x + d) - self.modelled(x - d)).ravel() / (2 * STEP) for d in ahead
-        ]
+        here, count = self.relation(x), len(self.chain.location_errors)
+        columns = []
+        for k, d in enumerate(STEP * np.eye(len(x))):
+            same = None if k < count else here
+            change = self.modelled(x + d, same) - self.modelled(x - d, same)
+            columns.append(change.ravel() / (2 * STEP))
         found = np.column_stack(columns)
         return np.where(np.sqrt(np.mean(found**2, axis=0)) < RANK_TOLERANCE, 0.0, found)
 
@@ -267,5 +285,6 @@ def _from_readings(data: RotaryTest, setup: Setup, index: Integers) -> Floats:
             "[[x, y, z]] (in Python ball_mm): the readings of a ball-bar do not say it"
         )
     chain = Chain(setup)
-    there = Relation.of(chain, data, chain.named_errors(None)).ball_mm(apart)
+    axes = commanded(chain, data)
+    there = Relation.of(chain, axes, chain.named_errors(None)).ball_mm(apart)
     return np.array([there[index == number].mean(axis=0) for number in range(index.max() + 1)])

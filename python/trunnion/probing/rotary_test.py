@@ -23,7 +23,12 @@ from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.rotary_acting import Acting
-from trunnion.probing.rotary_readings import Relation, RotaryReadings, RotaryTestSettings
+from trunnion.probing.rotary_readings import (
+    Relation,
+    RotaryReadings,
+    RotaryTestSettings,
+    commanded,
+)
 from trunnion.setup import Setup
 
 MAX_STEPS = 20
@@ -202,7 +207,8 @@ def simulate_rotary_test(
     offset = np.array(point("tool_offset_um", tool_offset_um))
     balls = np.broadcast_to(point("ball_mm", ball_mm), (len(plan), 3))
     acting = Acting.of(chain, plan, effects or {})
-    there = Relation.of(chain, plan, chain.named_errors(errors), acting.machine, acting.behind)
+    axes = commanded(chain, plan) - acting.behind
+    there = Relation.of(chain, axes, chain.named_errors(errors), acting.machine)
     apart = there.apart_um(balls) - offset - acting.moved_um
     rng = np.random.default_rng(None if seed is None else whole("seed", seed, 0))
     noise = rng.normal(0.0, 1.0, apart.shape) * noise_um

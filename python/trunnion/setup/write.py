@@ -10,6 +10,7 @@ import tomli_w
 from trunnion.base.frozen import thawed
 from trunnion.base.report import Table
 from trunnion.setup.fields import report
+from trunnion.setup.machine import AxisSetup
 
 if TYPE_CHECKING:
     from trunnion.setup.artefact import Artefact
@@ -52,7 +53,8 @@ def toml_of(setup: Setup) -> str:
 def commented_toml(setup: Setup) -> str:
     """Return the text of a file with the meaning of every key beside it.
 
-    Keys without a value, and the assumed table, are comments. It reads back as an equal set-up.
+    Keys without a value, the assumed table and rotary axes without a table are comments. It reads
+    back as an equal set-up.
     """
     known = tables_of(setup)
     lines: list[str] = []
@@ -74,7 +76,20 @@ def commented_toml(setup: Setup) -> str:
         for name, value in known.get(table, {}).items():
             if isinstance(value, dict):
                 lines += [f"[{table}.{name}]", tomli_w.dumps(value)]
+    lines += _axes_to_fill_in(setup)
     return "\n".join(lines) + tomli_w.dumps(rest)
+
+
+def _axes_to_fill_in(setup: Setup) -> list[str]:
+    """Return a table, all comments, for each rotary axis of the machine without one of its own."""
+    lines: list[str] = []
+    for letter in setup.machine.description().core(1.0).letters:
+        if letter not in setup.axes:
+            keys = {k: d for k, d in AxisSetup().own_keys().items() if k != "range_mm"}
+            texts = [f"# {key} = {'1' if key == 'sense' else ''}".rstrip() for key in keys]
+            said = zip(texts, keys.values(), strict=True)
+            lines += [f"# [axes.{letter}]", *(f"{t:<42} # {d.meaning}" for t, d in said), ""]
+    return lines
 
 
 def report_of(setup: Setup) -> Table:

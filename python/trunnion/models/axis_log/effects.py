@@ -62,7 +62,7 @@ class CyclicError(AxisEffect):
         span = float(np.ptp(axis.predicted)) if len(axis.predicted) else 0.0
         # Over less than a tenth of a turn a cyclic error is a straight line.
         seen = tuple(p for p in pitches if p <= max(10.0 * span, pitches[2]))
-        waves = {p: axis.mean(_waves(axis, p)) for p in seen}
+        waves = {p: _waves(axis, p) for p in seen}
         seen = tuple(sorted({*seen, self._best_pitch(axis, waves, places)}))
         pitch = units.name("pitch_{large}")
         parameters = (
@@ -100,7 +100,7 @@ class CyclicError(AxisEffect):
             return float(np.sum((kept.T @ y) ** 2))
 
         def miss(pitch: float) -> float:
-            return -gain(axis.mean(_waves(axis, pitch)))
+            return -gain(_waves(axis, pitch))
 
         pitches = list(waves)
         best = int(np.argmax([gain(wave) for wave in waves.values()]))
@@ -123,13 +123,13 @@ class CyclicColumns:
         pitch = values[self.name]
         waves = self.known.get(pitch)
         if waves is None:
-            waves = self.axis.mean(_waves(self.axis, pitch))
+            waves = _waves(self.axis, pitch)
         return self.axis.blocks.place(self.axis.rows, waves)
 
 
 def _waves(axis: AxisSignal, pitch: float) -> Floats:
-    """Cosine and sine over the modelled position by row, (rows, 2)."""
-    return np.ascontiguousarray(cosine_sine(2 * np.pi * axis.predicted / pitch).T)
+    """Means of cosine and sine over the modelled position, (blocks, 2)."""
+    return axis.blocks.mean(cosine_sine(2 * np.pi * axis.predicted / pitch), axis=1).T
 
 
 @dataclass(frozen=True)

@@ -117,14 +117,11 @@ class Blocks:
 
     def mean(self, values: Floats, axis: int = 0) -> Floats:
         """Means of values by row of the log; ``axis``: the one of the rows."""
-        before, after = values.shape[:axis], values.shape[axis + 1 :]
-        every = (slice(None),) * axis
-        parts = []
-        for rows in self._used:
-            blocks = values[(*every, rows)].reshape(*before, -1, self.size, *after)
-            # One row of every block after the other: numpy's mean is slow along a short axis.
-            parts.append(sum(np.moveaxis(blocks, axis + 1, 0)) / self.size)
-        return np.concatenate(parts, axis=axis)
+        last, ones = np.moveaxis(values, axis, -1), np.ones(self.size)
+        parts = [last[..., rows].reshape(*last.shape[:-1], -1, self.size) for rows in self._used]
+        # As a product with ones: numpy's mean is slow along a short axis.
+        sums = np.concatenate([part @ ones for part in parts], axis=-1)
+        return np.moveaxis(sums / self.size, -1, axis)
 
     def mean_everywhere(self, values: Floats) -> Floats:
         """Means by row, the same for every channel, shape (n,)."""

@@ -317,10 +317,14 @@ class Field:
     modes: Modes
     taken: dict[str, Floats] = field(repr=False)
 
-    def effect(self, points: Points, named: Sequence[Effect]) -> Effect:
-        """Return the effect, bound to points; ``named``: the others of these points."""
-        at = self.travel.field_places(points.nominal_mm)
-        columns = in_every_coordinate(self.modes.at(at), points.dimension)
+    def effect(self, points: Points, named: Sequence[Effect], here: Floats | None = None) -> Effect:
+        """Return the effect, bound to points.
+
+        named: The others of these points. here: The modes at their programmed places, if known.
+        """
+        if here is None:
+            here = self.modes.at(self.travel.field_places(points.nominal_mm))
+        columns = in_every_coordinate(here, points.dimension)
         for e in named:
             if e.id in self.taken:
                 columns = (

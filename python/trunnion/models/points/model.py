@@ -106,11 +106,10 @@ class PointsModel(Model):
         self._travel: Places = Places.of(nominal) if source is None else source._travel
         self._places = places_of(nominal)
         named = catalogue(data, self._travel)
-        self.field: Field | None = (
-            source.field if source is not None else self._field(deviation, named)
-        )
+        self.field: Field | None
+        self.field, here = self._field(deviation, named) if source is None else (source.field, None)
         if self.field is not None:
-            named.append(self.field.effect(data, named))
+            named.append(self.field.effect(data, named, here))
         given = effects if source is None else source._given
         self._given: tuple[EffectLike | str, ...] = tuple(given)
         self.effects = with_own(named, self._given, data)
@@ -124,10 +123,13 @@ class PointsModel(Model):
                 f"the placement puts it, expected at most {MAX_DISTANCE_MM:.0f} mm"
             )
 
-    def _field(self, deviation: Floats, catalogue: Sequence[Effect]) -> Field | None:
+    def _field(
+        self, deviation: Floats, catalogue: Sequence[Effect]
+    ) -> tuple[Field, Floats] | tuple[None, None]:
         """Smooth field: sized on what no named linear effect explains, and orthogonal to those.
 
-        So a straight line, a bow or a twist keeps its name, and the field is what has none.
+        So a straight line, a bow or a twist keeps its name, and the field is what has none. With
+        its modes at the programmed places of the rows.
         """
         start = np.zeros(len(self.nuisance))
         named = [e for e in catalogue if e.linear and e.id not in OF_TIME]
@@ -140,14 +142,13 @@ class PointsModel(Model):
         mean = self._at_places((residual - fitted).reshape(deviation.shape))
         modes = Modes.of(self._travel.used.field_places(self.data.nominal_mm[at]), mean)
         if modes is None:
-            return None
-        raw = in_every_coordinate(
-            modes.at(self._travel.used.field_places(self.data.nominal_mm)), self.dimension
-        )
+            return None, None
+        here = modes.at(self._travel.used.field_places(self.data.nominal_mm))
+        raw = in_every_coordinate(here, self.dimension)
         taken = np.linalg.lstsq(base / size, raw, rcond=1e-9)[0] / size[:, None]
         parts = np.split(taken[len(start) :], np.cumsum([x.shape[1] for x in columns])[:-1])
         shares = {e.id: part for e, part in zip(named, parts, strict=True)}
-        return Field(self._travel.used, modes, shares)
+        return Field(self._travel.used, modes, shares), here
 
     def _at_places(self, x: Floats) -> Floats:
         """Mean of rows (n, d) over the features at each programmed place, (m, d)."""
@@ -168,14 +169,15 @@ class PointsModel(Model):
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
     ) -> Floats:
         """Exact derivative by an effect's parameters: its columns, turned by the placement."""
-        n, d = self.data.nominal_mm.shape
-        columns = np.ascontiguousarray(effect.columns(values).T).reshape(-1, n, d)
-        out = np.empty_like(columns)
-        for g in range(len(self._frames)):
-            mine = self._group == g if len(self._frames) > 1 else slice(None)
-            turn = rotation(self._own_part(nuisance, g)[d:])[0]
-            out[:, mine] = columns[:, mine] @ turn.T
-        return out.reshape(-1, n * d).T
+        d = self.dimension
+        columns = np.ascontiguousarray(effect.columns(values).T)
+        at = columns.reshape(-1, d)
+        turns = [rotation(self._own_part(nuisance, g)[d:])[0] for g in range(len(self._frames))]
+        out = at @ turns[0].T
+        for g, turn in enumerate(turns[1:], start=1):
+            mine = np.tile(self._group == g, len(columns))
+            out[mine] = at[mine] @ turn.T
+        return np.asarray(out.reshape(columns.shape).T)
 
     def _shifted(self, effects: EffectValues) -> Floats:
         """Where the features are on the part, mm."""

@@ -64,7 +64,8 @@ def _one(context: tuple[Any, ...], kind: type, of: str) -> Any:
     found = [thing for thing in context if isinstance(thing, kind)]
     if len(found) != 1:
         raise InputError(
-            f"scene of {of}: got {len(found)} of {kind.__name__} beside it, expected one"
+            f"scene of {of}: got {len(found)} {kind.__name__}, expected the one that it is of as "
+            f"an argument: scene({kind.__name__.lower()})"
         )
     return found[0]
 
