@@ -39,6 +39,8 @@ HYBRID_UM = {
     "wrist_squareness": 0.17,
 }
 HYBRID = tuple(HYBRID_UM)
+DRIFT_UM_H = 60.0
+HYBRID_DRIFTS_UM = {"drift_x": 1.9, "drift_y": 2.0, "drift_z": 0.46}  # rms left by such a drift
 CARTESIAN = (
     "scale",
     "squareness",
@@ -106,6 +108,9 @@ def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) 
         "screw_cyclic": lambda r, j: 2.0 * np.sin(2 * np.pi * j[:, :3] / pitch + phase),  # noqa: ARG005
     }
 
+    rates = [way * DRIFT_UM_H * hidden.get(f"drift_{axis}", 0.0) for axis in "xyz"]
+    drift = 1e-3 * np.array(rates)
+
     def moved(r: Recording, j: Array) -> Array:
         acting = (share * legs[name](r, j) for name, share in hidden.items() if name in legs)
         return sum(acting, np.zeros((len(j), 3)))
@@ -116,6 +121,7 @@ def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) 
         sigma_um=sigma_um,
         size_um=rng.uniform(5, 50),
         legs=moved,
+        motion=lambda r: drift * r.time_s[:, None] / 3600,
         squareness_arcsec=10.0 * way * hidden.get("wrist_squareness", 0.0),
         sag_um=60.0 * way * hidden.get("gravity", 0.0),
     )
@@ -144,11 +150,17 @@ def cartesian_case(hidden: str | None, seed: int) -> tuple[tn.Ballbar, str | Non
 
 
 def cartesian_cases(
-    hidden: Sequence[str | None], seed: int, share: float = 1.0, sigma_um: float = 0.3
+    hidden: Sequence[str | None],
+    seed: int,
+    share: float = 1.0,
+    sigma_um: float = 0.3,
+    left: Sequence[float] = (),
 ) -> tuple[tn.Ballbar, list[str | None]]:
     """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
 
-    "unknown" is a straightness error, which is no cause of the catalogue.
+    ``left``: of each cause instead what it leaves beside a centre and a length in each set-up, the
+    root of the sum of squares of all readings in noises. "unknown" is a straightness error, which
+    is no cause of the catalogue.
     """
     rng = np.random.default_rng(seed)
     spot = rng.uniform(-200, 200, 3)
@@ -157,9 +169,11 @@ def cartesian_cases(
     rec = record(spot, step_deg=2.0, arcs=arcs)
     error = np.zeros_like(rec.points)
     names = []
-    for one in hidden:
+    for i, one in enumerate(hidden):
         change, name = _cartesian_error(one, rec, spot, rng, flat=flat)
-        error += share * change
+        error += (
+            left[i] * sigma_um * 1e-3 / _left_of(rec, spot, change) if left else share
+        ) * change
         names.append(name)
     lengths = cartesian_lengths(rec, rng, sigma_um=sigma_um, motion=lambda _: error)
     z = {} if flat else {"z_mm": rec.points[:, 2]}
@@ -174,6 +188,15 @@ def cartesian_cases(
         **z,
     )
     return table, names
+
+
+def _left_of(rec: Recording, spot: Array, change: Array) -> float:
+    """Root of the sum of squares of the lengths' change that no centre and no length makes."""
+    ways = (rec.points - spot) / np.linalg.norm(rec.points - spot, axis=1)[:, None]
+    along = np.sum(ways * change, axis=1)
+    fitted = np.column_stack([ways, np.ones(len(ways))])
+    left = along - fitted @ np.linalg.lstsq(fitted, along, rcond=None)[0]
+    return float(np.linalg.norm(left))
 
 
 def _cartesian_error(

@@ -206,6 +206,9 @@ def leg_travel(rec: Recording) -> Array:
 Legs = Callable[[Recording, Array], Array]
 
 
+Motion = Callable[[Recording], Array]
+
+
 def hybrid_lengths(
     rec: Recording,
     rng: np.random.Generator,
@@ -213,11 +216,15 @@ def hybrid_lengths(
     sigma_um: float,
     size_um: float = 20.0,
     legs: Legs | None = None,
+    motion: Motion | None = None,
     squareness_arcsec: float = 0.0,
     a3_um: tuple[float, float, float] = (0.0, 0.0, 0.0),
     sag_um: float = 0.0,
 ) -> tuple[Array, Array]:
-    """Joints (mm, rad) and measured lengths (mm) with random errors and centres."""
+    """Joints (mm, rad) and measured lengths (mm) with random errors and centres.
+
+    ``legs``: by what the legs are longer, µm; ``motion``: how the tool moves beside them, mm.
+    """
     joints = nominal_joints(rec.points, rec.direction)
     twin = HybridTwin()
     twin.e = twin.e + rng.normal(0, size_um * 1e-3, 17)
@@ -229,15 +236,14 @@ def hybrid_lengths(
     if legs is not None:
         real[:, :3] += legs(rec, joints) * 1e-3
     tips = twin.tips(real)
+    if motion is not None:
+        tips = tips + motion(rec)
     exact = np.array([_centre(rec, s) for s in np.unique(rec.setup)])
     first = [rec.direction[rec.setup == s][0] for s in np.unique(rec.setup)]
     centres = twin.tips(nominal_joints(exact, np.array(first)))
     centres = centres + rng.uniform(-0.05, 0.05, exact.shape)
     length = np.linalg.norm(tips - centres[rec.setup], axis=1)
     return joints, length + rng.normal(0, sigma_um * 1e-3, len(length))
-
-
-Motion = Callable[[Recording], Array]
 
 
 def cartesian_lengths(

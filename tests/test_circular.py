@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy.optimize import minimize
 
 import trunnion as tn
 
@@ -96,3 +97,45 @@ def test_the_picture_shows_both_paths() -> None:
     labels = [text.get_text() for text in legend.get_texts()]
     assert labels == ["counter-clockwise", "clockwise"]
     assert "G(b) = " in ax.get_title(loc="left")
+
+
+def _figures(angle: Floats, lengths: Floats) -> tuple[float, ...]:
+    """G(b), H, F of a circle read both ways at the same angles, (2, n) µm, by brute force."""
+
+    def less(centre: Floats) -> Floats:
+        return np.asarray(lengths - centre[0] * np.cos(angle) - centre[1] * np.sin(angle))
+
+    def width(centre: Floats) -> float:
+        return float(np.ptp(less(centre)))
+
+    first: Floats = 2 * np.mean(
+        lengths * np.array([np.cos(angle), np.sin(angle)])[:, None], axis=(1, 2)
+    )
+    zone = float(minimize(width, first, method="Nelder-Mead").fun)
+    fitted = less(first)
+    return zone, float(np.abs(lengths[0] - lengths[1]).max()), fitted.max(), fitted.min()
+
+
+def test_the_uncertainty_is_the_scatter_from_test_to_test() -> None:
+    """Backlash of Y, squareness, noise: 150 tests of one machine, their figures by other means."""
+    random, noise = np.random.default_rng(11), 0.4
+    once, stated = [], []
+    for number in range(150):
+        drawn = random.normal(0, noise, (2, 180))
+
+        def law(angle: Floats, sense: npt.NDArray[np.intp], drawn: Floats = drawn) -> Floats:
+            away = np.sign(np.round(np.cos(angle), 9)) * sense  # of Y
+            return 2.5 * np.sin(2 * angle) - away * np.sin(angle) + drawn.ravel()
+
+        data = made(law)
+        once.append(
+            _figures(np.arange(180) * np.pi / 90, 1e3 * (data.length_mm.reshape(2, -1) - R))
+        )
+        if number % 10 == 0:
+            (found,) = tn.iso230_4(data)
+            names = ("circular_um", "hysteresis_um", "radial_max_um", "radial_min_um")
+            stated.append([found.std_errors[name] for name in names])
+    # The scatter of 150 tests is known to 6 %, what a test says of it comes from its own noise.
+    assert np.mean(stated, axis=0) == pytest.approx(np.std(once, axis=0), rel=0.25)
+    off = np.array(stated) / np.std(once, axis=0) - 1
+    assert np.sqrt(np.mean(off**2)) < 0.3

@@ -134,13 +134,13 @@ def test_the_report_says_what_was_measured_what_to_set_and_what_to_do(folder: Pa
     body = html.unescape(re.sub("<[^>]*>", " ", main))
     sentence = printed.partition("Work space")[0].replace("\n", " ").strip()
     assert re.sub(r"\s+", " ", sentence) in re.sub(r"\s+", " ", body)
-    order = ["Errors measured", "What is changed", "What to do", "What can be reached"]
+    order = ["What is changed", "What to do", "Errors measured", "What can be reached"]
     places = [body.index(one) for one in order]
     assert places == sorted(places)
     for name, value in fit.errors.items():
         size = 2 * fit.std_errors[name]
         digits = max(0, 1 - int(np.floor(np.log10(size))))
-        assert f"{value:.{digits}f}".replace("-", "−") in body[places[0] : places[1]], name
+        assert f"{value:.{digits}f}".replace("-", "−") in body[places[2] : places[3]], name
     for said in ("Note the old values", "Test the signs", "trunnion verify", "tool direction"):
         assert said in body
     for name in ("error_map.csv", "parameters.json"):

@@ -1,5 +1,6 @@
 """What a sheet from Excel or a terminal gets wrong at first, and what is said of it."""
 
+import warnings
 from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
@@ -218,3 +219,44 @@ def test_a_call_without_its_arguments_names_the_function() -> None:
         fit.scene()
     with pytest.raises(tn.InputError, match=r"got 1000\.0, expected a whole number$"):
         tn.sweep("calibration", samples=1e3)  # type: ignore[arg-type]
+
+
+def test_a_plan_is_not_a_measurement() -> None:
+    """Said of touches that lie where the set-up expects them; nothing else is said by numpy."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    plan = tn.plan(setup)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        page = tn.diagnose(plan, setup)
+        assert page._repr_html_()
+    assert "is this the plan, not what was measured?" in page.summary()
+    assert "0 (ball" not in page.summary()
+    assert "e-" not in page.sentences()[4]
+    for errors, placement, said in (
+        ({}, {}, True),
+        ({"EX0C": 0.5}, {}, False),
+        ({}, {"dx_um": 20.0}, False),
+    ):
+        made = tn.simulate(plan, setup, errors, placement=placement)
+        notes = " ".join(tn.identify(made, setup).notes)
+        assert ("is this the plan" in notes) == said
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("length_mm = 80,0", " (a decimal comma? TOML has points)"),
+        ("length_mm = 80,0 # mm", " (a decimal comma? TOML has points)"),
+        ("kind = cuboid", ' (text stands in quotes: "...")'),
+        ('kind = "cuboid', ""),
+        ("place_mm = [0, 0, 0", ""),
+    ],
+)
+def test_what_is_likely_wrong_in_a_set_up(tmp_path: Path, line: str, why: str) -> None:
+    """The two slips of who writes TOML for the first time are named, others not."""
+    (tmp_path / "setup.toml").write_text(f"[artefact]\n{line}\n")
+    with pytest.raises(tn.FileFormatError) as caught:
+        tn.read_setup(tmp_path / "setup.toml")
+    assert "expected TOML: " in str(caught.value)
+    assert str(caught.value).endswith(why or str(caught.value)[-1])
+    assert why or "(" not in str(caught.value)

@@ -56,7 +56,7 @@ def test_a_warm_tool_parts_wear_from_heating() -> None:
         got = diagnose(*measured(11, hidden, 2))
         assert {frozenset(both[:1]), frozenset(both)} <= set(got.alternatives)
         best = next_passes(got)[0]
-        assert "right behind four more" in best.label
+        assert "measure a fifth right behind" in best.label
         other = next(s for s in got.alternatives if s <= set(both) and s != got.named)
         assert other in best.distinguished
         settled = diagnose(*measured(11, hidden, 2, warm=True))

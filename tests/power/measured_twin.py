@@ -6,6 +6,7 @@ target goes when its axis does. Displacements are finite, not linearised.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,9 +36,15 @@ def _about(axis: int, angle: Float | float) -> Float:
 
 
 def _wave(rng: np.random.Generator, s: Float, degree: int) -> Float:
-    """A smooth curve of s in -1..1 with unit rms: a parabola, or a mix with a cubic."""
-    curve = rng.normal() * s**2 + (rng.normal() * s**3 if degree > 2 else 0.0)
-    curve = curve - np.polyval(np.polyfit(s, curve, 1), s)
+    """A smooth curve of s in -1..1 with unit rms: a parabola, or a mix with a cubic.
+
+    Beside the least-squares line of the whole travel, as a straightness is (ISO 230-1), wherever
+    the features lie: that line's angle is a squareness.
+    """
+    powers = [0.0, 0.0, rng.normal(), rng.normal() if degree > 2 else 0.0]
+    travel = np.linspace(-1.0, 1.0, 1001)
+    line = np.polyfit(travel, np.polynomial.polynomial.polyval(travel, powers), 1)
+    curve = np.polynomial.polynomial.polyval(s, powers) - np.polyval(line, s)
     return np.asarray(curve / np.sqrt(np.mean(curve**2)))
 
 
@@ -78,8 +85,13 @@ def make_points(
     groups: int = 1,
     noise_um: float = 2.0,
     heavy: bool = False,
+    left: Sequence[float] = (),
 ) -> Made:
-    """Measure a part; each hidden effect moves the features by ``size`` noises rms."""
+    """Measure a part; each hidden effect moves the features by ``size`` noises rms.
+
+    ``left``: of each hidden effect instead what it leaves beside a motion of the part, the root of
+    the sum of squares of all readings in noises, with its sign.
+    """
     rng = np.random.default_rng([seed, 11])
     n = int(rng.integers(60, 160))
     half = rng.uniform(100, 300, size=3)
@@ -90,6 +102,7 @@ def make_points(
         q = np.column_stack([x.ravel(), y.ravel(), np.zeros(k * k)])
     else:
         q = rng.uniform(-1, 1, size=(n, 3))
+        q = 2 * (q - q.min(axis=0)) / np.ptp(q, axis=0) - 1  # the travel is that of the features
     q = np.round(q * half, 3)
     if not space:
         q[:, 2] = 0.0
@@ -99,9 +112,10 @@ def make_points(
     time = np.arange(n) * rng.uniform(5, 40) + rng.uniform(0, 2, n)
     d = 3 if space else 2
     error = np.zeros((n, 3))
-    for name in hidden:
+    for i, name in enumerate(hidden):
         e = _point_error(rng, name, q, time, half)
-        error += e * size * noise_um * 1e-3 / np.sqrt(np.mean(e[:, :d] ** 2))
+        gain = left[i] / _beside_motion(e, q, d) if left else size / np.sqrt(np.mean(e[:, :d] ** 2))
+        error += e * gain * noise_um * 1e-3
     columns: dict[str, list[Float]] = {}
     for g in range(groups):
         noise = rng.standard_t(4, (n, 3)) / np.sqrt(2) if heavy else rng.normal(size=(n, 3))
@@ -120,6 +134,15 @@ def make_points(
     if rng.random() < 0.3 and not any(h.startswith("drift") for h in hidden):
         del flat["time_s"]
     return Made(flat, frozenset(hidden))
+
+
+def _beside_motion(e: Float, q: Float, d: int) -> float:
+    """Root of the sum of squares of what no small motion of the part makes of displacements."""
+    motions = [np.tile(np.eye(3)[i], (len(q), 1)) for i in range(d)]
+    motions += [np.cross(np.eye(3)[i], q) for i in (range(3) if d == 3 else (2,))]
+    columns = np.stack([m[:, :d].ravel() for m in motions], axis=1)
+    flat = e[:, :d].ravel()
+    return float(np.linalg.norm(flat - columns @ np.linalg.lstsq(columns, flat, rcond=None)[0]))
 
 
 def _point_error(rng: np.random.Generator, name: str, q: Float, time: Float, half: Float) -> Float:

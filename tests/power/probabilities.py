@@ -48,7 +48,9 @@ HEAD = """# Are the probabilities of a diagnosis true?
 Made by `make power-probabilities` on measurements of the independent generators of each kind
 (`tests/power/random_cases.py`): no cause in 25 % of the cases, one in 35 %, two in 25 %, three in
 15 %, drawn at random, with sizes over a decade, logarithmically uniform, from about the smallest
-that can be named; causes that look alike (a drift and a warm-up of an axis, effects on touches with
+that can be named: points and ball-bar tests are changed by 5 to 50 noises (root of the sum of
+squares, beside what is always fitted), touches by 6 to 70, the others by a share of a usual size;
+causes that look alike (a drift and a warm-up of an axis, effects on touches with
 a correlation above 0.7) are not drawn together. In one of eight cases an error is hidden that
 is no cause of the catalogue (hybrid ball-bar: none).
 
@@ -242,7 +244,7 @@ def main() -> int:
     """Diagnose all cases; return 1 where the error of all stated sets is above the limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--share", type=float, default=1.0, help="of the cases of each kind")
-    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--kind", choices=list(RUNS), action="append", help="only these kinds")
     parser.add_argument("--store", type=Path, help="where cases are kept, one a line")
     parser.add_argument("--out", type=Path)

@@ -30,6 +30,8 @@ Rng = np.random.Generator
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
+LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
+HYBRID_UM = {**ballbar_study.HYBRID_UM, **ballbar_study.HYBRID_DRIFTS_UM}
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,11 @@ class Drawn:
 def size(rng: Rng, low: float, high: float) -> float:
     """Draw a size, logarithmically uniform."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _left(rng: Rng, count: int) -> list[float]:
+    """Draw what each cause leaves in the readings: root of the sum of squares, in noises."""
+    return [float(rng.choice([-1.0, 1.0])) * size(rng, *LEFT) for _ in range(count)]
 
 
 def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -77,7 +84,7 @@ def points(rng: Rng, number: int) -> Drawn:
     space = bool(rng.random() < 0.4)
     names = tuple(n for n in (SPACE_EFFECTS if space else POINT_EFFECTS) if n != "field")
     hidden = _some(rng, names)
-    made = make_points(900_000 + number, hidden, size(rng, 0.5, 5.0), space=space).columns
+    made = make_points(900_000 + number, hidden, space=space, left=_left(rng, len(hidden))).columns
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     if unknown:  # one after the other is off, and back again
         n = len(made["x_mm"])
@@ -118,14 +125,15 @@ def ballbar(rng: Rng, number: int) -> Drawn:
     kinds = _some(rng, ballbar_study.CARTESIAN)
     unknown = bool(rng.random() < UNKNOWN_SHARE)
     drawn = [*kinds, "unknown"] if unknown else [*kinds]
-    data, names = ballbar_study.cartesian_cases(drawn, 900_000 + number, size(rng, 0.15, 1.0))
+    left = _left(rng, len(drawn))
+    data, names = ballbar_study.cartesian_cases(drawn, 900_000 + number, left=left)
     return Drawn(data, None, frozenset(n for n in names if n), unknown)
 
 
 def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
     """Circle tests of a hybrid machine; nothing unknown."""
-    hidden = _some(rng, ballbar_study.HYBRID)
-    shares = {name: size(rng, 0.1, 1.0) / ballbar_study.HYBRID_UM[name] for name in hidden}
+    hidden = _some(rng, tuple(HYBRID_UM))
+    shares = {name: size(rng, 0.1, 1.0) / HYBRID_UM[name] for name in hidden}
     data = ballbar_study.hybrid_cases(shares, 900_000 + number)
     return Drawn(data, None, frozenset(hidden), unknown=False)
 

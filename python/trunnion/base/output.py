@@ -66,7 +66,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         with draft.open("rb+") as written:
             os.fsync(written.fileno())
         draft.replace(target)
-        LOG.info("wrote %s, %d bytes", target, target.stat().st_size)
+        if target.name[0] != ".":  # none of the drafts of a file that is written through others
+            LOG.info("wrote %s, %d bytes", target, target.stat().st_size)
     except TrunnionError as error:  # the draft's name says nothing to who gave `path`
         error.args = (str(error).replace(name, os.fspath(path)),)
         raise

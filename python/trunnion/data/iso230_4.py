@@ -7,19 +7,27 @@ together by least squares:
   paths;
 - H: largest difference of the two paths at one angle;
 - F: largest and smallest radial deviation from the nominal circle, which needs a calibrated bar.
+
+Standard uncertainties are the scatter of these figures from test to test by the noise of the
+readings: the test is repeated `DRAWS` times on its own path with noise of the same size. The noise
+is found from each reading and the mean of its neighbours, the path by a running median, which
+keeps the step of a reversal; of 360 readings the uncertainty is itself known to about a fifth. The
+largest and the smallest of noisy readings lie further out than those of the path: this is in the
+figures, as the standard has them, not in their uncertainty.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.optimize import linprog
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError
-from trunnion.base.report import Cell, Result, Table
+from trunnion.base.report import Cell, Result, Table, measured
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
 
@@ -28,6 +36,20 @@ ROUND_MM = 0.01
 MIN_POINTS = 8
 NEAR_STEPS = 3.0
 SAME_ANGLE_DECIMALS = 4
+DRAWS, SEED = 200, 1
+MAX_DRAWN = 500_000  # readings in all draws
+WINDOW = 15  # readings of the running median
+STRUCTURE = 4.0  # standard deviations from the median, from which a reading is no noise
+NORMAL_MEDIAN = 0.6745  # median size of a normal variable of unit variance
+SHRINKS = 14
+FIGURES = {
+    "circular_ccw_um": "circular deviation G, counter-clockwise",
+    "circular_cw_um": "circular deviation G, clockwise",
+    "circular_um": "bi-directional circular deviation G(b)",
+    "hysteresis_um": "circular hysteresis H",
+    "radial_max_um": "radial deviation F, largest",
+    "radial_min_um": "radial deviation F, smallest",
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,6 +73,9 @@ class Iso2304(Result):
         H; None with one path.
     radial_max_um, radial_min_um
         F, with the length of the bar as measured.
+    std_errors
+        Standard uncertainty of each figure by the noise of the readings (not of the instrument, the
+        place of its centre sockets or the temperature).
 
     Examples
     --------
@@ -72,6 +97,7 @@ class Iso2304(Result):
     hysteresis_um: float | None
     radial_max_um: float
     radial_min_um: float
+    std_errors: Mapping[str, float]
 
     GRID = dict.fromkeys(("angle_deg", "deviation_um", "sense"), ("reading",))
 
@@ -95,15 +121,16 @@ class Iso2304(Result):
     def tables(self) -> tuple[Table, ...]:
         """Values of the standard."""
         rows: list[tuple[Cell, ...]] = [
-            ("circular deviation G, counter-clockwise", self.circular_ccw_um),
-            ("circular deviation G, clockwise", self.circular_cw_um),
-            ("bi-directional circular deviation G(b)", self.circular_um),
-            ("circular hysteresis H", self.hysteresis_um),
-            ("radial deviation F, largest", self.radial_max_um),
-            ("radial deviation F, smallest", self.radial_min_um),
+            (FIGURES[name], *measured(getattr(self, name), u), "µm")
+            for name, u in self.std_errors.items()
         ]
         title = f"ISO 230-4, circle {self.setup} in {self.plane}"
-        return (Table.of(title, ("", "µm"), rows, digits=3),)
+        return (Table.of(title, ("", "value", "standard uncertainty", "unit"), rows),)
+
+    @classmethod
+    def labels(cls) -> dict[str, str]:
+        """Name of each figure → what people call it."""
+        return dict(FIGURES)
 
 
 @checked
@@ -175,16 +202,11 @@ def _evaluated(
     if data.sense is not None:
         sense = np.asarray(data.sense)[rows].astype(np.intp)
     raw = 1e3 * (lengths - radius)
-    waves = np.column_stack([np.cos(angle), np.sin(angle), np.ones(len(angle))])
-    centre = np.linalg.lstsq(waves, raw, rcond=None)[0][:2]
-    deviation = raw - waves[:, :2] @ centre
-    paths = {s: np.flatnonzero(sense == s) for s in (1, -1)}
-    each = {
-        s: _zone(angle[at], raw[at]) if len(at) >= MIN_POINTS else None for s, at in paths.items()
-    }
-    hysteresis = None
-    if all(zone is not None for zone in each.values()):
-        hysteresis = _hysteresis(angle, deviation, paths[1], paths[-1])
+    path = _Paths(angle, {k: np.flatnonzero(sense == k) for k in (1, -1)})
+    deviation = path.centred(raw)
+    figures: dict[str, float | None] = dict.fromkeys(FIGURES)
+    figures |= {name: _zone(angle[at], raw[at]) for name, at in path.zones.items()}
+    figures |= {name: float(v[0]) for name, v in path.extremes(raw[:, None]).items()}
     return Iso2304(
         setup=label,
         plane=plane,
@@ -192,13 +214,97 @@ def _evaluated(
         angle_deg=np.degrees(angle),
         deviation_um=deviation,
         sense=sense,
-        circular_ccw_um=each[1],
-        circular_cw_um=each[-1],
-        circular_um=_zone(angle, raw),
-        hysteresis_um=hysteresis,
-        radial_max_um=float(deviation.max()),
-        radial_min_um=float(deviation.min()),
+        std_errors={k: u for k, u in path.scatter(raw).items() if figures[k] is not None},
+        **figures,  # type: ignore[arg-type]
     )
+
+
+class _Paths:
+    """The two paths of a circle, whose readings (n,) stand at these angles (rad).
+
+    paths: rows of each by its sense; none where there is no sense.
+    """
+
+    def __init__(self, angle: Floats, paths: Mapping[int, Integers]) -> None:
+        self.angle = angle
+        self.paths = {k: at for k, at in paths.items() if len(at) >= MIN_POINTS}
+        self._waves = np.column_stack([np.cos(angle), np.sin(angle), np.ones(len(angle))])
+        self._fit = np.linalg.pinv(self._waves)[:2]
+        names = {1: "circular_ccw_um", -1: "circular_cw_um"}
+        self.zones = {names[k]: at for k, at in self.paths.items()}
+        self.zones["circular_um"] = np.arange(len(angle))
+
+    def centred(self, raw: Floats) -> Floats:
+        """Readings (n,) or (n, m) less the centre fitted to them."""
+        return np.asarray(raw - self._waves[:, :2] @ (self._fit @ raw))
+
+    def extremes(self, raw: Floats) -> dict[str, Floats]:
+        """F and H of readings (n, m), each (m,); no H where the paths have no angle in common."""
+        deviation = self.centred(raw)
+        found = {"radial_max_um": deviation.max(axis=0), "radial_min_um": deviation.min(axis=0)}
+        if len(self.paths) == 2:
+            first, second = (
+                _mean_path(self.angle[at], deviation[at]) for at in self.paths.values()
+            )
+            apart = _hysteresis(first, second)
+            found |= {} if apart is None else {"hysteresis_um": apart}
+        return found
+
+    def scatter(self, raw: Floats) -> dict[str, float]:
+        """Standard deviation of each figure from test to test."""
+        ordered = [
+            at[np.argsort(self.angle[at], kind="stable")]
+            for at in self.paths.values() or (self.zones["circular_um"],)
+        ]
+        noise, path = _noise([raw[at] for at in ordered]), raw.copy()
+        for at in ordered:
+            path[at] = _path(raw[at], noise)
+        count = max(2, min(DRAWS, MAX_DRAWN // len(raw)))
+        random = np.random.default_rng(SEED).standard_normal((len(raw), count))
+        drawn = path[:, None] + noise * random
+        figures = {k: _zones(self.angle[at], drawn[at]) for k, at in self.zones.items()}
+        figures |= self.extremes(drawn)
+        return {k: float(np.std(figures[k], ddof=1)) for k in FIGURES if k in figures}
+
+
+def _noise(paths: Sequence[Floats]) -> float:
+    """Standard deviation of readings, paths in the order of their angle: beside their neighbours.
+
+    By the median, which steps and spikes of a path do not change.
+    """
+    beside = np.concatenate([v - (np.roll(v, 1) + np.roll(v, -1)) / 2 for v in paths])
+    size = np.median(np.abs(beside)) / NORMAL_MEDIAN or np.sqrt(np.mean(beside**2))
+    return float(size / np.sqrt(1.5))
+
+
+def _path(values: Floats, noise: float) -> Floats:
+    """The path under readings (n,) in the order of their angle."""
+    middle = np.asarray(median_filter(values, WINDOW, mode="wrap"))
+    near = np.abs(values - middle) <= STRUCTURE * noise
+    return np.asarray(np.where(near, middle, values))
+
+
+def _zones(angle: Floats, deviation: Floats) -> Floats:
+    """Least distance of two concentric circles that hold each of m paths, (n, m) → (m,).
+
+    By a search of the centre about that of least squares: for many draws at once, and to a
+    thousandth of what moving the centre changes, which `_zone` has exactly.
+    """
+    waves = np.column_stack([np.cos(angle), np.sin(angle)])
+    whole = np.column_stack([waves, np.ones(len(angle))])
+    left = deviation - whole @ np.linalg.lstsq(whole, deviation, rcond=None)[0]
+    best = np.ptp(left, axis=0)
+    centre = np.zeros((2, deviation.shape[1]))
+    turn = 2 * np.pi * np.arange(8) / 8
+    step = float(best.max()) / 4
+    for _ in range(SHRINKS):
+        for way in np.stack([np.cos(turn), np.sin(turn)], axis=1):
+            tried = centre + step * way[:, None]
+            width = np.ptp(left - waves @ tried, axis=0)
+            better = width < best
+            best, centre = np.where(better, width, best), np.where(better, tried, centre)
+        step /= 2
+    return np.asarray(best)
 
 
 def _zone(angle: Floats, deviation: Floats) -> float:
@@ -218,21 +324,29 @@ def _zone(angle: Floats, deviation: Floats) -> float:
     return float(high - low)
 
 
-def _hysteresis(angle: Floats, deviation: Floats, one: Integers, other: Integers) -> float | None:
-    """Largest difference of the mean paths at one angle; None where they have no angle in common.
+def _hysteresis(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> Floats | None:
+    """Largest difference of the mean paths at one angle, (m,); None without an angle in common.
 
-    The second path runs straight between its readings; several turns are averaged.
+    Paths: angles that rise (k,) and deviations (k, m). The other one runs straight between its
+    readings.
     """
-    first, second = (_mean_path(angle[at], deviation[at]) for at in (one, other))
-    known, values = second
-    around = np.interp(first[0], known, values, period=2 * np.pi)
+    known = other[0]
     turns = np.concatenate([known - 2 * np.pi, known, known + 2 * np.pi])
-    away = np.abs(turns[None, :] - first[0][:, None]).min(axis=1)
+    away = np.abs(turns[None, :] - one[0][:, None]).min(axis=1)
     near = away < NEAR_STEPS * float(np.median(np.diff(known)))
-    return float(np.abs(first[1] - around)[near].max()) if near.any() else None
+    if not near.any():
+        return None
+    place = np.interp(one[0][near], turns, np.arange(len(turns)))
+    low = np.minimum(place.astype(np.intp), len(turns) - 2)
+    part = (place - low)[:, None]
+    count = len(known)
+    around = (1 - part) * other[1][low % count] + part * other[1][(low + 1) % count]
+    return np.asarray(np.abs(one[1][near] - around).max(axis=0))
 
 
 def _mean_path(angle: Floats, deviation: Floats) -> tuple[Floats, Floats]:
-    """Angles that rise, and the mean deviation at each."""
+    """Angles that rise (k,), and the mean of m deviations (n, m) at each, (k, m)."""
     places, index = np.unique(np.round(angle, SAME_ANGLE_DECIMALS), return_inverse=True)
-    return places, np.bincount(index, deviation) / np.bincount(index)
+    sums = np.zeros((len(places), deviation.shape[1]))
+    np.add.at(sums, index, deviation)
+    return places, sums / np.bincount(index)[:, None]

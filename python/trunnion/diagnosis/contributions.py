@@ -19,7 +19,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from trunnion.base.report import Cell, Result, Shown, Table, number, significant
+from trunnion.base.report import Cell, Result, Shown, Table, left_text, number, significant
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
@@ -141,9 +141,9 @@ class Ladder(Result):
         """Say it in one line a unit: ``Residual rms 577 → 15.8 (gain of X) → 1.50 µm (...)``."""
         lines = []
         for one in (self, *self.others):
-            steps = [f"{one.rms_um[0]:.3g}"]
+            steps = [left_text(one.rms_um[0])]
             for cause, rms in zip(one.causes, one.rms_um[1:], strict=True):
-                steps.append(f"{rms:.3g} ({self._called(cause)})")
+                steps.append(f"{left_text(rms)} ({self._called(cause)})")
             if one is not self and min(one.rms_um) > (1 - MIN_SHARE) * one.rms_um[0]:
                 continue
             of_unit = f", {one.unit}" if one.unit else ""

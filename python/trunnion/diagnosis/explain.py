@@ -345,7 +345,7 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[Te
     chance = special.chdtri(np.maximum(d.of_fit(plain)[1], 1), level)
     more = (case.term_inflation(plain) - 1.0) * chance
     both = c.beside(
-        [d.block(i)[None] for i in picked],
+        [d.variants(i) for i in picked],
         np.full(len(picked), SCAN_LEVEL / max(len(d.terms), 1)),
         UNNAMED_TERM_PENALTY + more[picked],
     )

@@ -58,6 +58,10 @@ WARM = (
 )
 _LARGER = "the angle between +{a} and +{b} is larger than 90°"
 _SMALLER = "the angle between +{a} and +{b} is smaller than 90°"
+_LOST = (
+    "lost motion: after a reversal the axis stops short",
+    "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
+)
 
 FAMILIES = (
     Family(
@@ -68,19 +72,26 @@ FAMILIES = (
     ),
     Family(
         "backlash",
-        r"backlash(_.)?|._backlash|lost_motion.*",
-        "look at thrust bearing, nut and coupling (of a rotary axis at gear and clamping); enter "
-        "what is left as backlash compensation of the control.",
-        "lost motion: after a reversal the axis stops short",
-        "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
+        r"backlash(_[xyz])?|lost_motion.*",
+        "look at thrust bearing, nut and coupling; enter what is left as backlash compensation of "
+        "the control.",
+        plus=_LOST[0],
+        minus=_LOST[1],
+    ),
+    Family(
+        "backlash",
+        r"[abc]_backlash|backlash_[abc]",
+        "look at gear and clamping; enter what is left as backlash compensation of the control.",
+        plus=_LOST[0],
+        minus=_LOST[1],
     ),
     Family(
         "backlash",
         r"reversal(_of_position)?",
         "see first what backlash compensation the control has now; look at thrust bearing, nut and "
         "coupling; then change the compensation by the value that is left.",
-        "no lost motion: after a reversal the axis goes too far (compensation set too large?)",
-        "lost motion: after a reversal the axis stops short",
+        plus=_LOST[1],
+        minus=_LOST[0],
     ),
     Family(
         "squareness",

@@ -6,6 +6,10 @@ catalogue that act in them, with or without unexplained structure beside these; 
 sets that the search looked at, of the plain model (no cause) and of structure without a cause add
 up to 1. Candidates that change the readings alike share their sets' weights evenly.
 
+A cause is said to act where it is large enough to be seen: beforehand its size, in standard errors,
+is at least z₀ = √penalty. Where it is seen to be z < z₀, the set without it explains the readings
+better, and what is left of the likelihood above z₀ is Φ(z - z₀), beside the half of one at z₀.
+
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
 sets have the weight of the likelihood times the odds of one more cause beforehand, one among all
 candidates.
@@ -130,8 +134,26 @@ class Probabilities:
                 weight = float(np.exp((self.search.best - score) / 2))
             else:
                 weight = 1.0
-            out[members] = out.get(members, 0.0) + weight
+            out[members] = out.get(members, 0.0) + weight * self._large_enough(mask, members, score)
         return out
+
+    def _large_enough(self, mask: int, members: Members, score: float) -> float:
+        """How likely the weakest cause of a set is one that can be seen, 1 where it pays."""
+        short = 0.0
+        for member in members:
+            alone = self.search.scores.get(mask ^ (1 << member), np.inf)
+            if alone < score:  # it is better without
+                least = self._least[member]
+                seen = max(alone - score + least, 0.0)
+                short = max(short, math.sqrt(least) - math.sqrt(seen))
+        return math.erfc(short / math.sqrt(2.0))
+
+    @cached_property
+    def _least(self) -> dict[int, float]:
+        """Least penalty of each leader."""
+        c = self.candidates
+        least = np.minimum.reduceat(c.penalty, c.first_of_leader)
+        return dict(zip(c.leaders.tolist(), least.tolist(), strict=True))
 
     @cached_property
     def _hidden(self) -> dict[Members, float]:

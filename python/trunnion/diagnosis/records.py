@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from trunnion.base.report import Result, Shown, Table, measured, number, significant
+from trunnion.base.report import Result, Shown, Table, left_text, measured, number, significant
 from trunnion.base.saved import Columns
 from trunnion.base.units import Flags, Floats, Integers, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
@@ -185,8 +185,8 @@ class Gain(Result):
         """Return ``falls from 0.97 to 0.304 µm``, unit by unit."""
         said = []
         for g in (self, *self.others):
-            before, after = (f"{x:.3g}" for x in (g.heldout_rms_before_um, g.heldout_rms_after_um))
-            verb = "falls" if float(after) < float(before) else "rises"
+            before, after = map(left_text, (g.heldout_rms_before_um, g.heldout_rms_after_um))
+            verb = "falls" if g.heldout_rms_after_um < g.heldout_rms_before_um else "rises"
             text = f"stays at {after}" if after == before else f"{verb} from {before} to {after}"
             said.append(with_unit(text, g.unit))
         return ", ".join(said)

@@ -25,6 +25,9 @@ MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
 WAVES = 10
+WAVES_BETWEEN = np.array(
+    [0.0, -0.25, -0.125, 0.125, 0.25]
+)  # beside those of the scan, over the range
 JUMPS = 48
 
 
@@ -80,6 +83,7 @@ class Dictionary:
     """
 
     def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:
+        self._model, self._rows, self._whiten = model, rows, whiten
         self.terms: list[Term] = []
         self._parts: list[_Part] = []
         numbers_kept = 0
@@ -151,6 +155,25 @@ class Dictionary:
         """Columns of a term, shape (n, k)."""
         part = next(x for x in self._parts if x.first <= term < x.first + len(x))
         return part.block(term - part.first)
+
+    def variants(self, term: int) -> Floats:
+        """Columns of a term, shape (v, n, k); of a wave at lengths around its own, too.
+
+        What a wave leaves of one a quarter of a period longer over the range would be explained by
+        causes that are not there.
+        """
+        of = self.terms[term]
+        if of.kind != "wave":
+            return self.block(term)[None]
+        along = next(v for v in self._model.covariates if v.name == of.covariate)
+        values = np.asarray(along.values, dtype=np.float64)
+        low, high = np.min(values[self._rows]), np.max(values[self._rows])
+        rates = np.pi * ((high - low) / float(str(of.number)) + WAVES_BETWEEN)
+        waves = _waves(rates, 2 * (values - low) / (high - low) - 1)
+        if of.component:
+            waves = waves * np.asarray(self._model.components[of.component])
+        made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in waves]
+        return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
 
 
 class _Part:

@@ -88,6 +88,13 @@ class TomlText:
         return None if span is None else self.text[span.value : span.end].strip() or None
 
 
+_LIKELY = (
+    (re.compile(r"[^=\"']*=[^#\"']*\d,\d[^#,\]]*($|#)"), " (a decimal comma? TOML has points)"),
+    (re.compile(r"[^=]*=\s*[^\W\d]"), ' (text stands in quotes: "...")'),
+)
+"""How a line that is no TOML looks, and what is likely wrong with it."""
+
+
 def _syntax_error(name: str, text: str, error: Exception) -> FileFormatError:
     match = _MESSAGE.fullmatch(str(error))
     if match is None:
@@ -96,7 +103,10 @@ def _syntax_error(name: str, text: str, error: Exception) -> FileFormatError:
     if line is None:
         line, column = (str(number) for number in position_of(text, None))
     stood = text.split("\n")[int(line) - 1].strip()
-    return FileFormatError(f"{name}:{line}:{column}: got {stood[:80]!r}, expected TOML: {what}")
+    why = next((said for like, said in _LIKELY if like.match(stood)), "")
+    return FileFormatError(
+        f"{name}:{line}:{column}: got {stood[:80]!r}, expected TOML: {what}{why}"
+    )
 
 
 class _LimitError(Exception):

@@ -207,8 +207,8 @@ def _candidates(data: Diameters) -> Iterable[tuple[str, Diameters]]:
         yield "turn a pass at half the feed speed", with_pass(slow=True)
     if time is not None:
         label = (
-            "turn four passes without a pause and measure a fifth right behind them, time_s "
-            "running on"
+            "turn four passes without a pause and measure a fifth right behind them, the clock "
+            "(time_s) running on"
         )
         yield label, with_pass(behind=4)
 

@@ -73,7 +73,9 @@ def circular_picture(circle: Iso2304) -> Picture:
                 for a, d in zip(path[0], circle.deviation_um[order], strict=True)
             )
             series.append(_path(*path, label=label, colour=SENSES.get(label, BLUE), hover=hover))
-    ticks = tuple((1 + scale * step * k, f"{step * k:+g}".replace("-", "−")) for k in LEVELS)
+    ticks = tuple(
+        (1 + scale * step * k, f"{step * k:+g}".replace("-", "−") if k else "0") for k in LEVELS
+    )
     said = " ".join(circle.sentences()).partition(": ")[2].rstrip(".")
     at = FIRST_AXIS.get(circle.plane, "the first axis")
     return Picture(

@@ -295,7 +295,8 @@ def _curve(x: Floats, w: Floats, columns: Floats, v: Covariate) -> tuple[Floats,
     levels, index = np.unique(x, return_inverse=True)
     under = np.bincount(index, w * w)
     steps = np.diff(levels)
-    wide = np.flatnonzero(steps > max(GAP * float(np.median(steps)), GAP_SHARE * np.ptp(levels)))
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    wide = np.flatnonzero(steps > max(GAP * usual, GAP_SHARE * np.ptp(levels)))
     amounts = np.stack([np.bincount(index, w * c) / under for c in columns.T], axis=1)
     if v.classes or v.words or len(levels) < 3:
         return levels, amounts

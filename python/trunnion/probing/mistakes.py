@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import DataError, TrunnionError
+from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
 from trunnion.probing.model import TouchModel
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
@@ -79,6 +80,11 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
         said += _by_size(result, setup)
+    if _as_planned(result, setup):
+        said.append(
+            "Every touch lies where the set-up expects it, the placement of the artefact included: "
+            "is this the plan, not what was measured?"
+        )
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
     return tuple(said)
@@ -199,6 +205,20 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
             with suppress(TrunnionError):  # no length, or none of this artefact
                 other = replace(getattr(setup, part), **{name: value})
                 yield part, other, f"with {part}.{name} = {value:g} (not {given:g})"
+
+
+def _as_planned(result: IdentificationResult, setup: Setup) -> bool:
+    """Whether all that touches show is less than the step of a command: of no machine that probed.
+
+    Errors that the set-up states are in the plan, too.
+    """
+    if result.placement is None or setup.machine.errors:
+        return False
+    step = {"µm": setup.resolution.linear_um, "arcsec": setup.resolution.rotary_arcsec}
+    return result.rms_um < step["µm"] and all(
+        abs(value) < step[unit_of(name)]
+        for name, value in {**result.errors, **result.placement}.items()
+    )
 
 
 def _scatter_um(data: Touches, setup: Setup) -> float:

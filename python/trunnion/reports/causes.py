@@ -77,7 +77,7 @@ class Found:
             label = called(name)
             return parameter_words(name) if label == name else label
         alone = not dot or known.get(id_) == 1
-        return self.label(id_) if alone else f"{self.label(id_)}, {parameter_words(parameter)}"
+        return self.label(id_) if alone else f"{self.label(id_)}, {_in_words(parameter)}"
 
     def in_words(self, text: str) -> str:
         """Return what is said of effects that readings do not show, without names of programs."""
@@ -139,6 +139,8 @@ class Found:
             return text
         of, _, most = self._largest(c)
         reach = f"up to {most:.2g} {of.unit} in these readings"
+        if any(name.startswith("tau_") for name in c.parameters):
+            reach += "; the amplitude is where it would end"
         return f"{text}: {reach}" if text else reach
 
     @cached_property
@@ -212,9 +214,13 @@ def said(values: Mapping[str, float], std: Mapping[str, float], root: Floats) ->
             done.add(other)
         elif name not in done:
             text = _value(values[name], std[name], unit_of(name))
-            words = parameter_words(name)
-            parts.append(text if len(values) == 1 else f"{WORDS.get(words, words)} {text}")
+            parts.append(text if len(values) == 1 else f"{_in_words(name)} {text}")
     return ", ".join(parts)
+
+
+def _in_words(parameter: str) -> str:
+    words = parameter_words(parameter)
+    return WORDS.get(words, words)
 
 
 def _value(value: float, std: float | None, unit: str) -> str:

@@ -8,7 +8,13 @@ from typing import Any
 
 from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.base.units import unit_of
-from trunnion.compensation.forecast import EXACT, CompensationForecast, SignTest
+from trunnion.compensation.forecast import (
+    EXACT,
+    MAP,
+    PARAMETERS,
+    CompensationForecast,
+    SignTest,
+)
 from trunnion.compensation.parameters import MIN_LEFT, CncParameters
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.plot.dispatch import pictures
@@ -24,8 +30,8 @@ TAKEN_UP = (
     "parameter holds."
 )
 NAMED = (
-    "Of a control that trunnion knows (LinuxCNC, Siemens, Heidenhain, TwinCAT, ISG, Etalon), "
-    "trunnion compensate --control writes the parameters under their names there, with its files."
+    "LinuxCNC, Siemens, Heidenhain, TwinCAT, ISG and Etalon have these parameters under names of "
+    "their own: trunnion compensate --control writes them, with the files of that control."
 )
 VERIFY = (
     "Then touch a ball on the table at many postures, without and with the new values: trunnion "
@@ -49,8 +55,8 @@ def compensation_document(result: Result, source: Source) -> Document:
     if result.sign_test is not None and largest is not None:
         todo.append(_sign_test(result.sign_test))
     todo += [VERIFY, NAMED]
-    top: list[Item] = [errors, _to_set(set_), TAKEN_UP] if set_.settings() else [errors]
-    top.append(Points(tuple(todo), "What to do"))
+    to_set: list[Item] = [_to_set(set_), TAKEN_UP] if set_.settings() else []
+    top = [*to_set, Points(tuple(todo), "What to do"), errors]
     sections = (
         Section(
             "What can be reached", (Points(_reached(result)), result.tables()[0], *pictures(result))
@@ -59,7 +65,31 @@ def compensation_document(result: Result, source: Source) -> Document:
         source.section(),
     )
     return Document(
-        result.title(), source.subtitle(), _mark(failed), f"{first} {space}", tuple(top), sections
+        result.title(),
+        source.subtitle(),
+        _mark(failed),
+        f"{first} {_left(result)} {space}",
+        tuple(top),
+        sections,
+    )
+
+
+def _left(result: CompensationForecast) -> str:
+    """Say what parameters leave, and what does better."""
+    after, map_, exact = (result.by_name(name) for name in (PARAMETERS, MAP, EXACT))
+    if after is None or not after.max_um:
+        return ""
+    share = after.max_um / result.left[0].max_um
+    said = (
+        f"{100 * share:.0f} % of the largest error stays, and the tool direction stays wrong by up "
+        f"to {after.direction_arcsec:.3g} arcsec"
+    )
+    if map_ is None or exact is None or exact.max_interval_um is None:
+        return f"{said}."
+    most = map_.max_um + exact.max_interval_um[1]
+    return (
+        f"{said}. An error map in their place leaves {most:.2g} µm or less (95 %), the tool "
+        f"direction wrong by up to {map_.direction_arcsec:.3g} arcsec."
     )
 
 
@@ -162,16 +192,17 @@ def _reached(result: CompensationForecast) -> tuple[str, ...]:
     names = [name for name in result.files if name.endswith("error_map.csv")]
     if said and names:
         said.append(
-            f"The map is in {names[0]}: of a control that takes a table of X, Y, Z corrections; "
-            "the parameters above are then left as they are. A kinematics component that knows the "
-            "errors leaves as much (trunnion compensate --control linuxcnc)."
+            f"The map is in {names[0]}, for a control that takes a table of X, Y, Z corrections. "
+            "Use the map or the parameters, never both: with the map the parameters keep their old "
+            "values. A kinematics component that knows the errors leaves as much (trunnion "
+            "compensate --control linuxcnc)."
         )
     exact = result.by_name(EXACT)
     if exact is not None and exact.max_interval_um is not None:
         low, high = exact.max_interval_um
         said.append(
-            f"For the uncertainty of the estimate, the best that X, Y and Z can do leaves "
-            f"{low:.3g} to {high:.3g} µm at most (95 %)."
+            "The errors are known with an uncertainty: for it alone, the best that X, Y and Z can "
+            f"do leaves {low:.2g} to {high:.2g} µm at most (95 %), an error map no less."
         )
     return tuple(said)
 

@@ -188,11 +188,6 @@ def _pictures(d: Diagnosis, source: Source) -> list[Item]:
     return [hovered(p, source.data) for p in shown]
 
 
-def _first(found: Found) -> str:
-    """Name what is taken off the readings before any cause."""
-    return "the errors of the machine" if found.located else "offsets"
-
-
 def _ladder(found: Found) -> list[Item]:
     """What each cause explains, and what the errors of the machine would be without it."""
     d = found.d
@@ -210,7 +205,8 @@ def _ladder(found: Found) -> list[Item]:
     heads += ["readings in"] if several else []
     if all(len({cell.text for cell in row[1:4]}) == 1 for row in rows):  # independent causes
         heads, rows = [*heads[:2], *heads[4:]], [(*row[:2], *row[4:]) for row in rows]
-    shares = Table.of(f"What each cause explains of what {_first(found)} leave", heads, rows)
+    of = "what the errors of the machine leave" if found.located else "the readings"
+    shares = Table.of(f"What each cause explains of {of}", heads, rows)
     pictures = [p for p in (contributions_picture(d), ladder_picture(d)) if p is not None]
     return [*pictures, *((shares,) if rows else ()), *_biases(d)]
 

@@ -22,7 +22,7 @@ from trunnion.reports.document import Document, Interactive, Item, Listing, Poin
 MIN_SORTED = 3  # rows, from which a table can be sorted
 TOP_WIDTH = 480  # pixels of a picture beside the results
 SHORT_TABLE = 16  # rows: it is not broken on paper
-SHORT = 24  # characters of a first column that does not wrap
+SHORT = 25  # characters of a first column that does not wrap
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
     "img-src data: blob:"
@@ -232,7 +232,7 @@ def table(of: Table) -> str:
 
 
 def _heading(name: str, kind: str, *, sorts: bool) -> str:
-    text = html.escape(name)
+    text = _escaped(name)
     inner = f'<button type="button" class="sort">{text}</button>' if sorts else text
     return f'<th scope="col" class="{kind}">{inner}</th>'
 
@@ -245,7 +245,8 @@ def _cell(value: Cell, text: str, numeric: bool, place: int) -> str:
         whole = ' class="whole"' if len(text) <= SHORT else ""
         return f'<th scope="row"{whole}>{shown}</th>'
     key = f' data-value="{float(value):.9g}"' if isinstance(value, float | int) else ""
-    return f"<td{' class=num' if numeric else ''}{key}>{shown}</td>"
+    kind = " class=num" if numeric else " class=long" if len(text) > SHORT else ""
+    return f"<td{kind}{key}>{shown}</td>"
 
 
 def _json(value: Any) -> str:

@@ -99,8 +99,13 @@ class Source:
         said = self.setup.report if self.setup else None
         names = [name for _, name in self.files() if name]
         names += [Path(path).name for path in self.inputs]
-        machine = self.machine or "Machine not named (set-up: table [report])"
-        parts = (machine, said and said.date, said and said.operator, ", ".join(names))
+        date, who = (said.date, said.operator) if said else ("", "")
+        parts = (
+            self.machine or "Machine not stated",
+            str(date) if date else "date of measurement not stated",
+            who or "by whom not stated",
+            ", ".join(names),
+        )
         return " · ".join(part for part in parts if part)
 
     def files(self) -> Iterator[tuple[str, str]]:
@@ -136,8 +141,20 @@ class Source:
         if missing := [meaning[n] for n in RECORD if not getattr(said, n)]:
             items.append(f"Not stated, in table [report] of the set-up: {'; '.join(missing)}.")
         if self.setup is not None:
-            items += ["Set-up:", Listing(self._set_up(self.setup))]
+            stated = self._file_of(self.setup)
+            head = (
+                "Set-up, as its file states it; all else has its default:" if stated else "Set-up:"
+            )
+            items += [head, Listing(stated or self._set_up(self.setup))]
         return Section("Where this comes from", tuple(items))
+
+    @staticmethod
+    def _file_of(setup: Setup) -> str:
+        """Text of the file of the set-up; empty without one."""
+        try:
+            return Path(setup.source).read_text(encoding="utf-8-sig") if setup.source else ""
+        except (OSError, UnicodeDecodeError):
+            return ""
 
     def _set_up(self, setup: Setup) -> str:
         """Return the tables of the set-up that such data have a use for."""
