@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TypeAlias
 
 import numpy as np
@@ -49,6 +50,7 @@ _SUFFIXES = {
 }
 
 
+@cache
 def unit_of(name: str) -> str:
     """Return the unit that a name stands for or ends in; empty if it names none.
 

@@ -6,6 +6,7 @@ nonlinear parameters.
 """
 
 import itertools
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -215,7 +216,7 @@ class Candidates:
     ) -> None:
         """Group the blocks and price them."""
         self._basis, self._shared_level = basis, level
-        self._ends = np.cumsum([len(part) for part in self._parts])
+        self._ends = list(itertools.accumulate(map(len, self._parts)))
         self.identifiable = np.unique(self.owner)
         self.not_identifiable = np.setdiff1d(np.arange(self.count), self.identifiable)
         self._gram_rows: dict[int, Floats] = {}
@@ -247,9 +248,10 @@ class Candidates:
 
     def _place(self, block: int) -> tuple[Floats | _Combined, slice]:
         """Part that holds the columns of a block, and which of it they are."""
-        i = int(np.searchsorted(self._ends, self.start[block], side="right"))
+        start = int(self.start[block])
+        i = bisect_right(self._ends, start)
         part = self._parts[i]
-        first = int(self.start[block] - self._ends[i]) + len(part)
+        first = start - self._ends[i] + len(part)
         return part, slice(first, first + int(self.rank[block]))
 
     def _inner(self, a: int, b: int) -> Floats:

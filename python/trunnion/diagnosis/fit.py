@@ -111,16 +111,16 @@ def variant_columns(
     return out.transpose(0, 2, 1)
 
 
-def confounded(plain: Fit, jacobian: Array, columns: Array) -> Array:
+def confounded(plain: Fit, along: Array, columns: Array) -> Array:
     """Combinations of an effect's parameters and the nuisance that change no reading.
 
-    ``jacobian``: of the plain fit, whitened, readings used, shape (n, p); ``columns``: of the
-    effect, shape (n, q). Returns one combination a row, shape (k, p + q).
+    ``along``: jacobian of the plain fit along its directions, whitened, readings used, shape
+    (n, r); ``columns``: of the effect, shape (n, q). Returns one combination a row, (k, p + q).
     """
-    both = block_diag(plain.directions, np.eye(columns.shape[1]))
-    joined = np.concatenate([jacobian, columns], axis=1) @ both.T
+    joined = np.concatenate([along, columns], axis=1)
     found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
-    return np.asarray(found.combinations @ both)
+    nuisance, effect = np.split(found.combinations, [along.shape[1]], axis=1)
+    return np.concatenate([nuisance @ plain.directions, effect], axis=1)
 
 
 def fit(

@@ -280,7 +280,7 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     and they are not in the fit ``f``, which has no standard errors for such a combination.
     """
     out, plain = {}, case.plain
-    jacobian = case.white(plain.jacobian)
+    along = case.white(plain.jacobian) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
         rank.update((j, max(rank.get(j, 0), int(of_block))) for j in candidates.alike[int(owner)])
@@ -292,7 +292,7 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         columns = variant_columns(case.model, effect, plain.nuisance, start)[0]
         units = {f"{effect.id}.{p.name}": p.unit for p in linear}
         names = [*(x.name for x in case.model.nuisance), *units]
-        rows = confounded(plain, jacobian, case.white(columns))
+        rows = confounded(plain, along, case.white(columns))
         bias = bias_in_words((dict(zip(names, row, strict=True)) for row in rows), units, std)
         if rank[j] == 0:
             out[effect.id] = f"{ABSORBED}: {bias}" if bias else ABSORBED

@@ -154,7 +154,7 @@ class TouchDiagnosisModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
-        return mistakes_in(self.data, self.setup)
+        return mistakes_in(self._models[()], self.data)
 
     @property
     def start(self) -> Floats:
@@ -290,8 +290,7 @@ class TouchDiagnosisModel(Model):
     @property
     def turning(self) -> Mapping[str, Floats]:
         """As each rotary axis stands further, from the model of the machine."""
-        plain = TouchModel(self.setup)
-        return turning(plain, self.data, self._whole(self.start))
+        return turning(self._models[()], self.data, self._whole(self.start))
 
     @property
     def groups(self) -> Integers:

@@ -106,10 +106,12 @@ def identify(
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
-def mistakes_in(data: Touches, setup: Setup) -> tuple[str, ...]:
-    """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it."""
-    model = TouchModel(setup, ())
-    moves = model.moves(data)
+def mistakes_in(model: TouchModel, data: Touches) -> tuple[str, ...]:
+    """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it.
+
+    model: Of the set-up, without effects.
+    """
+    setup, moves = model.setup, model.moves(data)
     how = Loss(None, known_sigma_um(setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
     return likely_mistakes(_result(model, data, (), found, None, None), data, setup)
