@@ -72,6 +72,15 @@ def test_title_lines_above_the_header(tmp_path: Path) -> None:
     assert len(tn.read(tmp_path / "sheet.csv")) == len(ROWS.splitlines())
 
 
+def test_an_empty_row_between_others(tmp_path: Path) -> None:
+    """It is refused, as a row may be missing, and named as what it is."""
+    lines = SAMPLE.splitlines()
+    said = refusal(tmp_path, "\n".join([*lines[:5], ",,,,", *lines[5:]]))
+    assert said.endswith("got an empty field, expected a finite number (the whole row is empty)")
+    said = refusal(tmp_path, "\n".join([*lines[:5], ",1,1,1,", *lines[5:]]))
+    assert said.endswith(":6:1: target_mm: got an empty field, expected a finite number")
+
+
 def test_the_log_of_a_probing_program_is_no_data_yet(tmp_path: Path) -> None:
     """What makes data of it is named."""
     said = refusal(tmp_path, "trunnion-touches 1 plan=p hash=0123456789ab touches=2 from=1\n")
@@ -149,6 +158,15 @@ def test_a_decimal_comma_in_an_option(tmp_path: Path) -> None:
     results = ("positioning", "results", path, "--tolerance")
     assert said_by(*results, "accuracy_um=30,5").endswith("name=number with a decimal point")
     assert said_by(*results, "accuracy=30").endswith("did you mean accuracy_um?")
+
+
+def test_touches_in_place_of_their_estimate() -> None:
+    """What makes an estimate of them is named."""
+    touches, setup = (tn.sample_path(f"cross/{name}") for name in ("touches.csv", "setup.toml"))
+    for command in ("compensate", "correct"):
+        more = (tn.sample_path("turning/part.ngc"),) if command == "correct" else ()
+        said = said_by(command, *more, touches, setup, "-o", "out")
+        assert said.endswith("as trunnion estimate TOUCHES SETUP -o estimate.json writes it")
 
 
 def test_the_example_of_a_chain_is_in_the_help() -> None:
