@@ -1,6 +1,7 @@
 """What README and the documentation show runs, and prints what they say."""
 
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -26,6 +27,15 @@ def test_a_block_that_is_not_run_says_why() -> None:
         for block in blocks(page.read_text(encoding="utf-8")):
             if block.language in RUN and not block.title and not block.is_run:
                 assert len(block.notes.split("not run:")[1].split()) > 3, (page.name, block.line)
+
+
+def test_every_command_is_in_a_block_that_is_run_or_says_why() -> None:
+    """A block without a language is no way around."""
+    for page in PAGES:
+        for block in blocks(page.read_text(encoding="utf-8")):
+            if block.language not in RUN:
+                shown = re.findall(r"^(?:[$>] )?trunnion .*$", block.text, re.MULTILINE)
+                assert not shown or block.title, (page.name, block.line, shown)
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,15 @@ def test_a_decimal_comma_in_an_option(tmp_path: Path) -> None:
     assert said_by(*results, "accuracy=30").endswith("did you mean accuracy_um?")
 
 
+def test_touches_in_place_of_their_estimate() -> None:
+    """What makes an estimate of them is named."""
+    touches, setup = (tn.sample_path(f"cross/{name}") for name in ("touches.csv", "setup.toml"))
+    for command in ("compensate", "correct"):
+        more = (tn.sample_path("turning/part.ngc"),) if command == "correct" else ()
+        said = said_by(command, *more, touches, setup, "-o", "out")
+        assert said.endswith("as trunnion estimate TOUCHES SETUP -o estimate.json writes it")
+
+
 def test_the_example_of_a_chain_is_in_the_help() -> None:
     """Brackets are not taken for markup."""
     assert "[w C' A' b X Y Z (C) t]" in said_by("init", "--help", code=0)

@@ -335,5 +335,7 @@ def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object]
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:
     """Return cosine and sine of each multiple, shape (m, 2, n)."""
-    angle = np.multiply.outer(np.asarray(rates, dtype=np.float64), x)
-    return np.ascontiguousarray(cosine_sine(angle).transpose(1, 0, 2))
+    out = np.empty((len(rates), 2, len(x)))
+    for own, rate in zip(out, rates, strict=True):
+        own[:] = cosine_sine(rate * x)
+    return out

@@ -424,7 +424,11 @@ def read_estimate(path: str | PathLike[str]) -> Estimate:
     >>> tn.read_estimate("estimate.json")["EX0C"]
     15.0
     """
-    content, _ = read_json(Path(path))
+    try:
+        content, _ = read_json(Path(path))
+    except FileFormatError as error:
+        made = "trunnion estimate TOUCHES SETUP -o estimate.json"
+        raise FileFormatError(f"{error} of an estimate, as {made} writes it") from None
     expected = 'a table of errors {"EX0C": 15.0, ...} or the JSON of a result with "errors"'
     if not isinstance(content, dict):
         raise FileFormatError(f"{path}:1:1: got {type(content).__name__}, expected {expected}")

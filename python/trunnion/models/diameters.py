@@ -23,7 +23,8 @@ from trunnion._core import turning_cause
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.units import Flags, Floats
+from trunnion.base.rows import where
+from trunnion.base.units import Floats, Integers
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.effect import (
     Effect,
@@ -250,23 +251,23 @@ class _Cause:
         return tuple((span / waves[::-1]).tolist())
 
     @cached_property
-    def _blocks(self) -> list[Flags]:
+    def _blocks(self) -> list[slice | Integers]:
         """Rows of each class."""
         n = len(self.data)
         if not self.classes:
-            return [np.ones(n, dtype=bool)]
+            return [slice(n)]
         column = self.data.pass_ if self.name == "chatter" else self.data.coolant
         labels = _labels(column, n)
         unknown = sorted(set(labels.tolist()) - set(self.classes))
         if unknown and self.name == "tool_heating":
             known = ", ".join(self.classes)
             raise DataError(f"coolant: got {unknown[0]!r}, expected one that was measured: {known}")
-        return [labels == label for label in self.classes]
+        return [where(labels == label) for label in self.classes]
 
     @cached_property
     def _cuts(self) -> list[Floats]:
         """Cuts of each class."""
-        return [self.cuts[rows] for rows in self._blocks] if self.classes else [self.cuts]
+        return [self.cuts[rows] for rows in self._blocks]
 
     def _evaluate(self, values: Mapping[str, float]) -> tuple[Floats, Floats]:
         cuts = self.cuts
