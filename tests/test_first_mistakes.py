@@ -72,6 +72,15 @@ def test_title_lines_above_the_header(tmp_path: Path) -> None:
     assert len(tn.read(tmp_path / "sheet.csv")) == len(ROWS.splitlines())
 
 
+def test_an_empty_row_between_others(tmp_path: Path) -> None:
+    """It is refused, as a row may be missing, and named as what it is."""
+    lines = SAMPLE.splitlines()
+    said = refusal(tmp_path, "\n".join([*lines[:5], ",,,,", *lines[5:]]))
+    assert said.endswith("got an empty field, expected a finite number (the whole row is empty)")
+    said = refusal(tmp_path, "\n".join([*lines[:5], ",1,1,1,", *lines[5:]]))
+    assert said.endswith(":6:1: target_mm: got an empty field, expected a finite number")
+
+
 def test_the_log_of_a_probing_program_is_no_data_yet(tmp_path: Path) -> None:
     """What makes data of it is named."""
     said = refusal(tmp_path, "trunnion-touches 1 plan=p hash=0123456789ab touches=2 from=1\n")

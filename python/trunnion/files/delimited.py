@@ -93,7 +93,7 @@ class Delimited:
     def _data_lines(self, numbers: list[int]) -> list[int]:
         """Return the lines of data without those at the end that hold separators only."""
         kept = len(numbers)
-        while kept and not self.lines[numbers[kept - 1]].strip(self.separator + " \t"):
+        while kept and not self._has_fields(numbers[kept - 1]):
             kept -= 1
         if kept < len(numbers):
             self.notes.append(f"{len(numbers) - kept} empty lines at the end were left out.")
@@ -217,7 +217,12 @@ class Delimited:
         at = 0
         if name in self.header:
             at = self.starts(line)[self.header.index(name)]
-        return self.error(line, at, fault.said)
+        empty = fault.row is not None and not self._has_fields(line)
+        return self.error(line, at, fault.said + " (the whole row is empty)" * empty)
+
+    def _has_fields(self, line: int) -> bool:
+        """Whether a line holds more than separators."""
+        return bool(self.lines[line].strip(self.separator + " \t"))
 
     def _start(self, name: str, row: int) -> int:
         return self.starts(self.data_lines[row])[self.header.index(name)]
