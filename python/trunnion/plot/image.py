@@ -54,7 +54,8 @@ def still(p: Picture, width: float, height: float, name: str) -> str:
     view = re.search(r'viewBox="[^"]*"', text)
     assert view is not None
     inner = text[text.index(">") + 1 :]
-    return f'<svg class="still" aria-hidden="true" {view.group()}>{inner}'
+    kind = f"still {p.kind.value}"
+    return f'<svg class="{kind}" aria-hidden="true" {view.group()}>{inner}'
 
 
 def _drawn(p: Picture, size: tuple[float, float], look: Any, **kind: Any) -> bytes:
