@@ -239,7 +239,7 @@ class _Part:
     def _weighted(x: Floats, weights: Floats) -> Floats:
         """Sum over readings of x (m, ..., n) times each weight (c, n): (m, c, ...)."""
         flat = x.reshape(-1, x.shape[-1]) @ weights.T
-        return flat.reshape(*x.shape[:-1], len(weights)).swapaxes(1, -1)
+        return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
     def products(self, weighted: Floats, component: int) -> Floats:
         """Inner products of the columns of one component with r (n, s), shape (m, k, s).
