@@ -27,7 +27,7 @@ DEGREE = 4
 WAVES = 10
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
-)  # beside those of the scan, over the range
+)  # over the range, around one of the scan
 JUMPS = 48
 
 
@@ -157,22 +157,22 @@ class Dictionary:
         return part.block(term - part.first)
 
     def variants(self, term: int) -> Floats:
-        """Columns of a term, shape (v, n, k); of a wave at lengths around its own, too.
+        """Columns of a term, shape (v, n, k); of a wave in time, at lengths around its own, too.
 
         What a wave leaves of one a quarter of a period longer over the range would be explained by
-        causes that are not there.
+        causes that are not there. Waves in places have causes of their own, of any length.
         """
         of = self.terms[term]
-        if of.kind != "wave":
-            return self.block(term)[None]
         along = next(v for v in self._model.covariates if v.name == of.covariate)
+        if of.kind != "wave" or not along.sequence:
+            return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
         low, high = np.min(values[self._rows]), np.max(values[self._rows])
-        rates = np.pi * ((high - low) / float(str(of.number)) + WAVES_BETWEEN)
-        waves = _waves(rates, 2 * (values - low) / (high - low) - 1)
+        waves = (high - low) / float(str(of.number)) + WAVES_BETWEEN
+        columns = _waves(np.pi * waves, 2 * (values - low) / (high - low) - 1)
         if of.component:
-            waves = waves * np.asarray(self._model.components[of.component])
-        made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in waves]
+            columns = columns * np.asarray(self._model.components[of.component])
+        made = [np.asarray(self._whiten(wave.T))[self._rows] for wave in columns]
         return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
 
 
