@@ -79,7 +79,7 @@ def decode(name: str, raw: bytes) -> str:
         line, column = position_of(_line_feeds(raw[: error.start].decode(codec)), None)
         raise FileFormatError(
             f"{name}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, expected "
-            f"{encoding} text"
+            f"{encoding} text{'' if mark else ' (in Excel: save as CSV UTF-8)'}"
         ) from None
     return _line_feeds(text)
 
