@@ -146,3 +146,12 @@ def test_without_doubt_there_is_nothing_to_measure() -> None:
     assert tn.next_measurement(d) == ()
     with pytest.raises(tn.UnknownNameError, match="ballbar"):
         tn.next_measurement(d, mounting_minutes={"balbar": 3.0})
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z", "A", "C"])
+def test_a_positioning_run_in_doubt_that_names_its_axis(axis: str) -> None:
+    """What only the instrument has, a curve of many parameters too, is fitted beside each test."""
+    plain = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    d = tn.diagnose(plain.with_columns(axis=np.full(len(plain), axis)))
+    assert d.verdict == "ambiguous"
+    assert all(0.0 <= one.chance <= 1.0 for one in tn.next_measurement(d))

@@ -158,7 +158,7 @@ def test_measured_vectors_do_not_hold_the_placement(sample: str) -> None:
 def test_what_has_no_view_says_so() -> None:
     with pytest.raises(tn.InputError, match="scene: got Gain, expected one of"):
         tn.plot.scene(tn.diagnose(*_measured()).gain)
-    with pytest.raises(tn.InputError, match="got 0 of Setup beside it"):
+    with pytest.raises(tn.InputError, match="got 0 Setup, expected the one that it is of"):
         _measured()[0].scene()
     with pytest.raises(tn.InputError, match="residuals_um: got shape"):
         tn.plot.scene(*_measured(), residuals_um=np.zeros(3))

@@ -22,7 +22,7 @@ import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.output import write_text
-from trunnion.base.saved import Columns, Saved
+from trunnion.base.saved import Columns, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json, structured
 
 if TYPE_CHECKING:
@@ -190,9 +190,7 @@ class Table:
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return it as a pandas DataFrame, numbers as numbers; pandas is imported here."""
-        import pandas as pd
-
-        return pd.DataFrame(self.to_columns())
+        return dataframe(self.to_columns())
 
 
 def same(first: Any, second: Any) -> bool:
@@ -334,9 +332,7 @@ class Result(Saved):
 
     def to_dataframe(self) -> pd.DataFrame:
         """Return the main table as a pandas DataFrame, numbers as numbers."""
-        import pandas as pd
-
-        return pd.DataFrame(dict(self.to_columns()))
+        return dataframe(self.to_columns())
 
     def plot(self, **options: Any) -> Any:
         """Draw it (see :mod:`trunnion.plot`); return the matplotlib axes, or figure, drawn on."""

@@ -23,6 +23,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.output import whole_file
 
 if TYPE_CHECKING:
+    import pandas as pd
     import xarray as xr
 
 Columns: TypeAlias = Mapping[str, Sequence[Any] | NDArray[Any]]
@@ -30,6 +31,15 @@ Columns: TypeAlias = Mapping[str, Sequence[Any] | NDArray[Any]]
 
 MAX_SHEET_NAME = 31
 MAX_SHEET_ROWS = 1_048_576  # of Excel, with the header
+
+
+def dataframe(columns: Columns) -> pd.DataFrame:
+    """Return columns as a pandas DataFrame; pandas is imported here.
+
+    Raises ImportError: it is not installed.
+    """
+    made: pd.DataFrame = optional_module("pandas", "a DataFrame", "pandas").DataFrame(dict(columns))
+    return made
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Output, command, forced
+from trunnion.cli.command import Answer, command, forced
 from trunnion.cli.schema import Printed
 
 
@@ -52,7 +52,12 @@ def sweep(
     study: Annotated[
         Path | None, typer.Argument(help="study (TOML)", metavar="STUDY", show_default=False)
     ] = None,
-    output: Output = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="netCDF file; STUDY.nc if absent (.nc)", show_default=False
+        ),
+    ] = None,
     threads: Annotated[int | None, typer.Option(help="threads of the core; all cores")] = None,
     parameters: Annotated[
         str | None,
@@ -65,7 +70,7 @@ def sweep(
 ) -> Answer:
     r"""Run a parameter sweep, or go on with one that was interrupted.
 
-    The result goes to --output (netCDF; STUDY.nc if absent).
+    The result is a netCDF file, --output.
 
     The file has study (its name), samples, seed, and the tables \[grid]
     (name = list of values) and \[fixed] (name = value). Ctrl-C keeps what
@@ -76,6 +81,11 @@ def sweep(
     if study is None:
         raise tn.InputError("STUDY: got none, expected the path of a TOML file")
     target = output or study.with_suffix(".nc")
+    if target.suffix.lower() != ".nc":
+        raise tn.InputError(
+            f"--output {target}: got the ending {target.suffix!r}, expected .nc (netCDF); "
+            "tn.open_sweep(...).to_dataframe() makes tables of it"
+        )
     complete = target.exists()
     try:
         with _answering_interrupts(), _said_beforehand():

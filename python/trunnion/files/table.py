@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from trunnion.base.checks import shown, with_article
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
-from trunnion.base.saved import Columns, Gridded, Saved
+from trunnion.base.saved import Columns, Gridded, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
@@ -364,9 +364,7 @@ class Table(Saved):
 
     def to_dataframe(self) -> "pd.DataFrame":
         """Return a pandas DataFrame with the same columns; pandas is imported here."""
-        import pandas as pd
-
-        return pd.DataFrame(dict(self._columns))
+        return dataframe(self._columns)
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return a pandas DataFrame, as `to_dataframe`."""

@@ -77,10 +77,9 @@ def decode(name: str, raw: bytes) -> str:
         text = raw.decode(codec)
     except UnicodeDecodeError as error:
         line, column = position_of(_line_feeds(raw[: error.start].decode(codec)), None)
-        remedy = "" if mark else " (in Excel: save as CSV UTF-8)"
         raise FileFormatError(
             f"{name}:{line}:{column}: got the byte 0x{raw[error.start]:02x}, expected "
-            f"{encoding} text{remedy}"
+            f"{encoding} text{'' if mark else ' (in Excel: save as CSV UTF-8)'}"
         ) from None
     return _line_feeds(text)
 

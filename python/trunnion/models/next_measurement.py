@@ -221,7 +221,8 @@ def _expected(test: _Test, sets: Sequence[Alternative], mounting: float) -> Next
     columns = [test.both.jacobian(start, {})]
     for name in test.own:
         effect = test.both.effect(name)
-        columns.append(test.both.effect_jacobian(start, effect, effect.values([1.0])))
+        unit = effect.values(1.0 for _ in effect.parameters)
+        columns.append(test.both.effect_jacobian(start, effect, unit))
     nuisance = np.asarray(test.whiten_both(np.concatenate(columns, axis=1)))
     discrimination = Discrimination(nuisance, old, hypotheses, 1.0)
     new = np.flatnonzero(~old)
