@@ -41,7 +41,8 @@ def test_probabilities_are_of_all_sets_and_of_none() -> None:
 
 def test_a_likelihood_ratio_is_the_ratio_of_two_sets() -> None:
     """Of two sets of which neither has a cause too many; one more that does not pay weighs less."""
-    of_one_size, one_more = [], []
+    of_one_size: list[float] = []
+    one_more: list[float] = []
     for seed in range(30):
         d = tn.diagnose(drifting(seed, "cycle_drift"))
         for first, second in zip(d.evidence[:1], d.evidence[1:2], strict=False):

@@ -1,5 +1,6 @@
 """Positioning by ISO 230-2: results by the standard's formulas, and what is behind them."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -304,3 +305,15 @@ def test_the_command_prints_them() -> None:
     assert "correction ↑" in held.output
     named = CliRunner().invoke(app, ["diagnose", path])
     assert "reversal" in named.output
+
+
+def test_the_page_of_results_holds_the_stated_uncertainty(tmp_path: Path) -> None:
+    """U of the mean reversal, 2 √(u² + 3²), with a standard uncertainty of 3 µm stated."""
+    file, page = tn.sample_path("positioning/axis.csv"), tmp_path / "iso.html"
+    words = ["positioning", "results", str(file), "--standard-uncertainty", "3", "--html"]
+    assert CliRunner().invoke(app, [*words, str(page)]).exit_code == 0
+    found = tn.read_positioning(file).iso230_2()
+    u = np.hypot(found.std_errors["mean_reversal_um"], 3.0)
+    cells = re.sub(r"<[^>]+>|\s+", " ", page.read_text(encoding="utf-8")).split()
+    at = cells.index("B̄")
+    assert cells[at + 1 : at + 4] == [f"{found.mean_reversal_um:.1f}", f"{2 * u:.1f}", "µm"]

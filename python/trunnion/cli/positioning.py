@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypedDict
@@ -84,7 +86,9 @@ def results(
         said = (*said, save(comp_file, lambda path: path.write_text(text, encoding="utf-8")))
     if html is not None:
         limits = {j.name: j.tolerance for j in more[0].judged} if tolerance else {}
-        report = partial(found.to_html, data=data, tolerance=limits)
+        # The page has one U a figure, the terminal that of the scatter and what is judged by.
+        std = {k: math.hypot(v, standard_uncertainty) for k, v in found.std_errors.items()}
+        report = partial(replace(found, std_errors=std).to_html, data=data, tolerance=limits)
         said = (*said, save(html, report))
     return Answer(values, said)
 
