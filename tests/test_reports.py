@@ -95,7 +95,7 @@ def test_the_first_sentence_says_how_large_and_how_sure(tmp_path: Path) -> None:
     assert size is not None, said
     assert float(size[1]) == pytest.approx(5.0, abs=3 * float(size[2]))
     largest = r"8 errors of the machine, largest: offset of the C axis along X \(EX0C\) 15.\d+ ± "
-    assert re.search(rf"{largest}[\d.]+ µm\. They leave", said)  # no angle is beyond its U
+    assert re.search(rf"{largest}[\d.]+ µm\. Alone,", said)  # no angle is beyond its U
     # U of the amplitude by the law of propagation, from the covariance of the model
     a, b = d.causes[0].parameters.values()
     at = [d.model.names.index(f"c_positioning_2.{n}") for n in d.causes[0].parameters]

@@ -10,7 +10,7 @@ import numpy as np
 from trunnion.base.conformity import Conformity, Decision
 from trunnion.base.report import Result, Shown, significant
 from trunnion.base.units import unit_of
-from trunnion.diagnosis.records import percent, value_in_words, with_unit
+from trunnion.diagnosis.records import Gain, percent, value_in_words, with_unit
 from trunnion.reports.causes import Found, said
 from trunnion.reports.results import COVERAGE, Figure, of_interest, with_expanded
 from trunnion.turning.correction import Correction
@@ -42,11 +42,21 @@ def verdict_of_diagnosis(found: Found) -> str:
         size = said(d.structure.parameters, d.structure.std_errors, np.diag(std))
         parts.append(f"Its size: {size}.")
     if located := _located(found):
-        left = with_unit(f"{d.gain.rms_before_um:.3g}", d.gain.unit)
-        rest = [] if d.gain.others else [f"They leave {left} rms of the readings."]
-        parts = [*located, *rest, *parts]
+        parts = [*located, *_left(d.gain, named=bool(d.causes)), *parts]
     text = " ".join(parts)
     return text.replace(" (k = 2)", "") + EXPANDED if "±" in text else text
+
+
+def _left(gain: Gain, *, named: bool) -> list[str]:
+    """Say what location errors leave of the readings, and what they leave beside the causes."""
+    if gain.others:
+        return []
+    before, after = (
+        with_unit(f"{rms:.3g}", gain.unit) for rms in (gain.rms_before_um, gain.rms_after_um)
+    )
+    if not named:
+        return [f"They leave {before} rms of the readings."]
+    return [f"Alone, location errors leave {before} rms of the readings; with the causes, {after}."]
 
 
 def _located(found: Found) -> list[str]:
