@@ -377,3 +377,17 @@ def test_diagnostics_show_each_unit_by_itself() -> None:
     titles = [p.title for p in diagnostics(diagnosis_of("axislog"))]
     assert any("µm" in title for title in titles)
     assert any("arcsec" in title for title in titles)
+
+
+def test_a_set_up_without_a_machine_adds_none_to_a_record_of_an_axis(tmp_path: Path) -> None:
+    setup, page = tmp_path / "machine.toml", tmp_path / "r.html"
+    stops = tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    for text, shown in (("", False), ('[machine]\npreset = "trt-ca"\n', True)):
+        setup.write_text(
+            f'[report]\nserial = "4711"\n[artefact]\nkind = "none"\n{text}', encoding="utf-8"
+        )
+        tn.diagnose(stops).to_html(page, setup=tn.read_setup(setup))
+        said = page.read_text(encoding="utf-8")
+        assert "4711" in said
+        assert ("Chain of axes" in said) is shown
+        page.unlink()

@@ -153,14 +153,16 @@ def _goes_to(name: str, set_: CncParameters) -> str:
 
 
 def _to_set(set_: CncParameters) -> Table:
-    """Parameters with the change, in µm or arcsec and as it is keyed in, and its sign."""
+    """Parameters with the change, in µm or arcsec and in the control's unit, and its sign."""
     rows: list[tuple[Cell, ...]] = []
     for label, value, unit in set_.settings():
         per, keyed = (3600.0, "°") if unit == "arcsec" else (1000.0, "mm")
         size, text = _signed(value, 2), _signed(value / per, 5, f" {keyed}")
         rows.append((label, "note it", size, unit, text, _positive(label)))
     title = "What is changed in the control: new value = old value + change"
-    return Table.of(title, ("", "old value", "change", "unit", "keyed in", "positive"), rows)
+    return Table.of(
+        title, ("", "old value", "change", "unit", "change in mm or degrees", "positive"), rows
+    )
 
 
 def _positive(label: str) -> str:

@@ -17,12 +17,17 @@ import tomli_w
 from trunnion._core import __version__
 from trunnion.base.call import COMMAND
 from trunnion.base.report import Result, Table
+from trunnion.data.levels import Levels
+from trunnion.data.points import Points
+from trunnion.data.positioning import Positioning
+from trunnion.data.sweep import Sweep
 from trunnion.data.touches import Touches
 from trunnion.files.table import Table as DataTable
 from trunnion.reports.document import Item, Listing, Section
 from trunnion.setup import ReportSetup, Setup
 from trunnion.setup.write import tables_of
 
+SINGLE = (Positioning, Levels, Points, Sweep)  # of an axis or a part alone
 RECORD = ("machine", "serial", "operator", "date", "instrument")
 """What a record has, of the set-up's table [report]."""
 CALLS = {
@@ -124,7 +129,7 @@ class Source:
         said = self.setup.report if self.setup else ReportSetup()
         meaning = {name: declared.meaning for name, declared in said.own_keys().items()}
         rows = [(meaning[n].capitalize(), str(v)) for n in meaning if (v := getattr(said, n))]
-        if self.setup is not None and not self.setup.turning:
+        if self.setup is not None and self._has_chain(self.setup):
             rows.append(("Chain of axes", self.setup.machine.name))
         times = [t for one in self.data if (t := _span(one))]
         rows += [("Time of the readings", text) for text in times]
@@ -147,6 +152,12 @@ class Source:
             )
             items += [head, Listing(stated or self._set_up(self.setup))]
         return Section("Where this comes from", tuple(items))
+
+    def _has_chain(self, setup: Setup) -> bool:
+        """Whether the chain of axes is stated, or may be what the data were understood by."""
+        stated = "[machine" in self._file_of(setup)
+        single = bool(self.data) and all(isinstance(one, SINGLE) for one in self.data)
+        return not setup.turning and (stated or not single)
 
     @staticmethod
     def _file_of(setup: Setup) -> str:
