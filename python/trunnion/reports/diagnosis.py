@@ -86,8 +86,8 @@ def diagnosis_document(result: Result, source: Source) -> Document:
         verdict,
         (
             *found.tables(),
-            *limits,
             to_do(found, source),
+            *limits,
             *((errors,) if errors.rows else ()),
             *shown,
             *judged,
