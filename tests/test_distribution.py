@@ -200,7 +200,7 @@ def test_a_python_that_is_not_there_says_why(
     assert pythons.python_of("3.99") == fake
     fake.unlink()
     if shutil.which("apt-get", path=os.defpath) is None or not pythons.KEYS.exists():
-        pytest.skip("no Debian")
+        pytest.skip("needs apt-get and the keys of Debian's archive")
     monkeypatch.setenv("PATH", os.defpath)
     monkeypatch.setattr(pythons, "MIRROR", f"file:{tmp_path}")
     with pytest.raises(pythons.MissingError, match=r"Debian's packages cannot be asked for \("):

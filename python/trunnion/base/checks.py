@@ -198,16 +198,25 @@ def choose(what: str, name: object, known: Iterable[str]) -> str:
     )
 
 
-def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return "; did you mean x?" if a known name is near, an empty text otherwise."""
+def nearest(name: object, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Return the known name that is near; None: there is none.
+
+    cutoff: Least likeness, 1 where names are the same but for the case of letters.
+    """
     if not isinstance(name, str):
-        return ""
+        return None
     spellings = {each.lower(): each for each in known}
     text = name.lower()
     # Without its unit: the shortest, as "accuracy" is rather accuracy_um than accuracy_forward_um.
     near = [each for each in spellings if text and each.startswith(text + "_")]
-    near = sorted(near, key=len) or get_close_matches(text, spellings, 1)
-    return f"; did you mean {spellings[near[0]]}?" if near else ""
+    near = sorted(near, key=len) or get_close_matches(text, spellings, 1, cutoff)
+    return spellings[near[0]] if near else None
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """Return "; did you mean x?" if a known name is near, an empty text otherwise."""
+    near = nearest(name, known)
+    return "" if near is None else f"; did you mean {near}?"
 
 
 def optional_module(name: str, user: str, extra: str) -> Any:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, command, save, sort_files
+from trunnion.cli.command import Answer, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.hybrid import mechanism_of
 from trunnion.cli.schema import Of, Printed
@@ -31,11 +31,10 @@ class Circles(TypedDict):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="ballbar",
-        help="Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.",
-        no_args_is_help=True,
+    group = group_of(
+        app,
+        "ballbar",
+        "Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.",
     )
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("ballbar"))
     command(group, values=Printed(keys=Circles), reads=True)(results)
@@ -44,7 +43,6 @@ def register(app: typer.Typer) -> None:
     )
     seen = Printed("trunnion.hybrid.identifiability:Identifiability")
     command(group, values=seen, reads=True)(plan)
-    app.add_typer(group)
 
 
 def results(

@@ -150,6 +150,13 @@ class Group(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
+def group_of(app: typer.Typer, name: str, about: str) -> typer.Typer:
+    """Add a group of commands to the application."""
+    group = typer.Typer(cls=Group, name=name, help=about, no_args_is_help=True)
+    app.add_typer(group)
+    return group
+
+
 @dataclass(frozen=True)
 class Command:
     """A command as it was added.
@@ -340,12 +347,12 @@ def _message(error: BaseException) -> str:
 
 def near_file(path: str | Path) -> str:
     """Say which file there is meant, if one has nearly this name."""
-    from trunnion.base.checks import did_you_mean
+    from trunnion.base.checks import nearest
 
     folder = Path(path).parent
     names = [each.name for each in folder.iterdir()] if folder.is_dir() else []
-    near = did_you_mean(Path(path).name, names).removeprefix("; did you mean ")
-    return f"; did you mean {folder / near}" if near else ""
+    near = nearest(Path(path).name, names)
+    return "" if near is None else f"; did you mean {folder / near}?"
 
 
 def check_outputs(*paths: Path) -> None:

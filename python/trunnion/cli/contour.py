@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, Output, command, save, sort_files
+from trunnion.cli.command import Answer, Output, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import named_values
@@ -47,15 +47,13 @@ class Runs(TypedDict):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="contour",
-        no_args_is_help=True,
-        help="Five-axis contouring: simulate the loop, diagnose an axis log.",
+    group = group_of(
+        app,
+        "contour",
+        "Five-axis contouring: simulate the loop, diagnose an axis log.",
     )
     command(group, values=Printed(keys=Runs))(simulate)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("axislog"))
-    app.add_typer(group)
 
 
 def simulate(

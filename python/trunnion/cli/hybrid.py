@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, command
+from trunnion.cli.command import Answer, command, group_of
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import exactly, names
 
@@ -26,15 +26,13 @@ SetupFile = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="hybrid",
-        help="The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.",
-        no_args_is_help=True,
+    group = group_of(
+        app,
+        "hybrid",
+        "The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.",
     )
     command(group, values=Printed("trunnion.hybrid.results:Sensitivity"))(sensitivity)
     command(group, values=Printed("trunnion.hybrid.cube:CubeStudy"))(cube)
-    app.add_typer(group)
 
 
 def mechanism_of(set_ups: Sequence[Path]) -> Mechanism:

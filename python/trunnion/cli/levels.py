@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, Html, command, save
+from trunnion.cli.command import Answer, Html, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Of, Printed
 
@@ -24,15 +24,9 @@ class Results(TypedDict, total=False):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="levels",
-        help="Levels along a line or on a grid: results, diagnose.",
-        no_args_is_help=True,
-    )
+    group = group_of(app, "levels", "Levels along a line or on a grid: results, diagnose.")
     command(group, values=Printed(keys=Results), reads=True)(results)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("levels"))
-    app.add_typer(group)
 
 
 def results(

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypedDict
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, Html, command, save
+from trunnion.cli.command import Answer, Html, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values
@@ -26,11 +26,10 @@ class Further(TypedDict, total=False):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="positioning",
-        help="Positioning by ISO 230-2: results, instruments, diagnose.",
-        no_args_is_help=True,
+    group = group_of(
+        app,
+        "positioning",
+        "Positioning by ISO 230-2: results, instruments, diagnose.",
     )
     command(
         group,
@@ -43,7 +42,6 @@ def register(app: typer.Typer) -> None:
     compared = Printed("trunnion.models.instruments:InstrumentComparison")
     command(group, values=compared, reads=True)(instruments)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("positioning"))
-    app.add_typer(group)
 
 
 def results(

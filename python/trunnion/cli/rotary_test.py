@@ -9,7 +9,7 @@ import typer
 
 import trunnion as tn
 from trunnion.cli.calibration import SetupFile
-from trunnion.cli.command import Answer, Group, Html, Output, command, one_set_up, save
+from trunnion.cli.command import Answer, Html, Output, command, group_of, one_set_up, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 from trunnion.cli.values import exactly, numbers
@@ -30,17 +30,15 @@ class Planned(TypedDict):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="rotary-test",
-        help="R-tests and ball-bar tests of rotary axes: plan, identify, diagnose.",
-        no_args_is_help=True,
+    group = group_of(
+        app,
+        "rotary-test",
+        "R-tests and ball-bar tests of rotary axes: plan, identify, diagnose.",
     )
     command(group, values=Printed(keys=Planned))(plan)
     found = Printed("trunnion.probing.rotary_test:RotaryTestIdentification")
     command(group, values=found, reads=True)(identify)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("rotarytest"))
-    app.add_typer(group)
 
 
 def plan(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypedDict, cast
 import typer
 
 import trunnion as tn
-from trunnion.cli.command import Answer, Group, Output, command, save, sort_files
+from trunnion.cli.command import Answer, Output, command, group_of, save, sort_files
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
 
@@ -41,17 +41,15 @@ class Text(TypedDict):
 
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
-    group = typer.Typer(
-        cls=Group,
-        name="turning",
-        help="Probe a turned part, correct its finishing program, explain its diameter error.",
-        no_args_is_help=True,
+    group = group_of(
+        app,
+        "turning",
+        "Probe a turned part, correct its finishing program, explain its diameter error.",
     )
     command(group, values=Printed("trunnion.turning.profile:Finishing"))(finish)
     command(group, values=Printed("trunnion.turning.probing:ProbePath", Text))(path)
     command(group, values=Printed("trunnion.turning.correction:Correction"), reads=True)(correct)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("diameters"))
-    app.add_typer(group)
 
 
 def _codes(codes: list[str] | None) -> list[tuple[str, float]]:

@@ -204,9 +204,8 @@ def _evaluated(
     raw = 1e3 * (lengths - radius)
     path = _Paths(angle, {k: np.flatnonzero(sense == k) for k in (1, -1)})
     deviation = path.centred(raw)
-    figures: dict[str, float | None] = dict.fromkeys(FIGURES)
-    figures |= {name: _zone(angle[at], raw[at]) for name, at in path.zones.items()}
-    figures |= {name: float(v[0]) for name, v in path.extremes(raw[:, None]).items()}
+    zones = {name: _zone(angle[at], raw[at]) for name, at in path.zones.items()}
+    extremes = {name: float(v[0]) for name, v in path.extremes(raw[:, None]).items()}
     return Iso2304(
         setup=label,
         plane=plane,
@@ -214,8 +213,13 @@ def _evaluated(
         angle_deg=np.degrees(angle),
         deviation_um=deviation,
         sense=sense,
-        std_errors={k: u for k, u in path.scatter(raw).items() if figures[k] is not None},
-        **figures,  # type: ignore[arg-type]
+        circular_ccw_um=zones.get("circular_ccw_um"),
+        circular_cw_um=zones.get("circular_cw_um"),
+        circular_um=zones["circular_um"],
+        hysteresis_um=extremes.get("hysteresis_um"),
+        radial_max_um=extremes["radial_max_um"],
+        radial_min_um=extremes["radial_min_um"],
+        std_errors={k: u for k, u in path.scatter(raw).items() if k in zones | extremes},
     )
 
 

@@ -1,13 +1,12 @@
 """Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
-from trunnion.base.checks import choose
+from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
@@ -204,8 +203,8 @@ class Positioning(Table):
         """Return the error of targets without a column of measured positions."""
         measured = f"measured_{unit}"
         others = [n for n in self.columns if n.endswith(f"_{unit}") and n != f"target_{unit}"]
-        if near := get_close_matches(measured, self.columns.keys() - self.kinds.keys(), 1, 0.8):
-            got, expected = f"no {measured}, but {near[0]}", f"the name {measured}"
+        if near := nearest(measured, self.columns.keys() - self.kinds.keys(), 0.8):
+            got, expected = f"no {measured}, but {near}", f"the name {measured}"
         elif others:
             more = f" --column {others[-1]}={others[-1]}" * (len(others) > 1)
             got = f"no {measured} beside {', '.join(others)}"

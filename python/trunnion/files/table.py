@@ -15,7 +15,6 @@ import importlib
 import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from difflib import get_close_matches
 from os import PathLike
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAlias, overload
@@ -23,7 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, TextIO, TypeAli
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trunnion.base.checks import shown, with_article
+from trunnion.base.checks import did_you_mean, shown, with_article
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.output import whole_file, write_text
 from trunnion.base.saved import Columns, Gridded, Saved, dataframe
@@ -289,10 +288,9 @@ class Table(Saved):
 
     def _named(self, name: str) -> NDArray[Any]:
         if name not in self._columns:
-            near = get_close_matches(name, self._columns, 1)
-            why = f" (did you mean {near[0]}?)" if near else ""
             raise UnknownNameError(
-                f"column: got {name!r}, expected one of {', '.join(self._columns)}{why}"
+                f"column: got {name!r}, expected one of {', '.join(self._columns)}"
+                f"{did_you_mean(name, self._columns)}"
             )
         return self._columns[name]
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
 from pkgutil import resolve_name
@@ -16,7 +15,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.checks import choose
+from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import InputError
 from trunnion.base.units import Integers
 from trunnion.diagnosis.effect import EffectLike
@@ -201,8 +200,8 @@ def _nearest(there: set[str]) -> tuple[str, str]:
     kind = next(each for each in _KINDS if each.name == name)
     missing = [one for one in kind.columns if not there & set(one.split("|"))]
     others = [each for each in there if each not in known[name]]
-    near = ((each, get_close_matches(each, others, 1)) for each in missing)
-    said = [f"{each} (is it {found[0]}?)" if found else each for each, found in near]
+    near = ((each, nearest(each, others)) for each in missing)
+    said = [f"{each} (is it {found}?)" if found else each for each, found in near]
     needed = resolve_name(kind.data).expected_columns()
     return f"{name} ({needed})", " and ".join(said)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -155,7 +156,7 @@ class Source:
 
     def _has_chain(self, setup: Setup) -> bool:
         """Whether the chain of axes is stated, or may be what the data were understood by."""
-        stated = "[machine" in self._file_of(setup)
+        stated = re.search(r"^\s*\[machine\b", self._file_of(setup), re.MULTILINE) is not None
         single = bool(self.data) and all(isinstance(one, SINGLE) for one in self.data)
         return not setup.turning and (stated or not single)
 
