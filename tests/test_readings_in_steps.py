@@ -1,6 +1,7 @@
 """Readings that are recorded in steps: the tick of a control, the digits of an instrument."""
 
 from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 import trunnion as tn
 from power import ticks
 from promise import kept, needed_runs
-from trunnion.base.resolution import Floor, Grid, recognised
+from trunnion.base.resolution import Floor, Grid, inflation, recognised
 from trunnion.diagnosis.effect import linear
 from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
 from trunnion.models.kinds import diagnose as diagnose_model
@@ -62,6 +63,22 @@ def test_the_noise_beside_the_steps_is_seen_in_repeats() -> None:
 
 
 # --- steps that nobody stated
+
+
+@pytest.mark.parametrize(("mean", "scatter"), [(0.0, 1.5), (3.0, 0.2), (2.0, 1.0), (0.5, 0.3)])
+def test_a_cause_is_judged_by_what_rounding_gains_along_it(mean: float, scatter: float) -> None:
+    # What simulated errors gain at this level along one column.
+    level, rng = 1e-3, np.random.default_rng(5)
+    column = np.array([0.6, 0.8, 0.0])
+    along = mean + scatter * rng.standard_normal(4000)
+    errors = column[:, None] * along + np.array([0.8, -0.6, 1.0])[:, None]
+    chance = np.array([NormalDist().inv_cdf(1 - level / 2) ** 2])
+
+    factor = inflation(lambda e: (column @ e)[None] ** 2, errors, np.array([1]), chance)[0]
+
+    many = np.quantile((mean + scatter * rng.standard_normal(400_000)) ** 2, 1 - level)
+    assert factor == pytest.approx(max(many / chance[0], 1.0), rel=0.12)
+    assert factor >= 0.95 * many / chance[0]
 
 
 def test_steps_are_recognised() -> None:

@@ -13,10 +13,10 @@ t²/12 (GUM, F.2.2.1). Three things follow.
   of rounding correlate by (6/π²) Σ exp(-4π²k²s²/t²) / k², from the Fourier series of the sawtooth.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from trunnion.base.units import Floats, Integers
 
@@ -28,7 +28,6 @@ MAX_DRAWS = 128
 MIN_DRAWS = 16
 MAX_DRAWN = 1 << 22  # numbers that are drawn
 SEED = 1
-QUANTILE = 0.95
 SAME_PHASE_STEPS = 0.02
 SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
@@ -272,14 +271,26 @@ def growth(off: Floats, variance: Floats) -> Floats:
     return np.sqrt(np.where(known, share, 1.0))
 
 
-def inflation(gains: Floats, rank: Integers, noise: Floats) -> Floats:
-    """How many times more a candidate gains from errors of rounding than from noise, 1 at least.
+def inflation(
+    gains: Callable[[Floats], Floats], errors: Floats, rank: Integers, chance: Floats
+) -> Floats:
+    """How many times more candidates gain from errors of rounding than from noise, 1 at least.
 
-    ``gains``: of blocks of these ranks (b,) in draws, shape (b, s); ``noise``: variance of a
-    reading in each draw, shape (s,).
+    Errors of rounding of a machine that is known to a part of a step are much the same each time:
+    what they do along a candidate has a mean, and scatters about it.
+
+    gains: What blocks gain from errors (n, s), in units of the noise, shape (b, s).
+    errors: White errors of unit variance in draws, shape (n, s).
+    rank: Of each block, shape (b,).
+    chance: What each gains from noise at the level at which it is judged, shape (b,).
     """
-    usual = special.chdtri(np.maximum(rank, 1), 1 - QUANTILE)
-    return np.maximum(np.quantile(gains / noise, QUANTILE, axis=1) / usual, 1.0)
+    count = errors.shape[1]
+    every = gains(errors).mean(axis=1)
+    mean = gains(errors.mean(axis=1, keepdims=True))[:, 0]
+    mean = np.maximum(count * mean - every, 0.0) / (count - 1)
+    scatter = np.maximum(every - mean, 0.0) / np.maximum(rank, 1)
+    reached = (np.sqrt(mean) + np.sqrt(scatter * chance)) ** 2
+    return np.asarray(np.maximum(reached / np.maximum(chance, TINY), 1.0))
 
 
 def _groups(label: Integers) -> tuple[Integers, Integers]:

@@ -193,7 +193,7 @@ class Candidates:
 
     def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
-        self.penalty = self.penalty + (factor - self.inflation) * self._chance()
+        self.penalty = self.penalty + (factor - self.inflation) * self.chance()
         self.inflation = factor
 
     def ban(self, members: Iterable[int]) -> None:
@@ -202,7 +202,7 @@ class Candidates:
         banned = np.isin(self.owner, sorted(self._banned))
         self.penalty = np.where(banned, np.inf, self.penalty)
 
-    def _chance(self) -> Floats:
+    def chance(self) -> Floats:
         """Drop of -2 ln L that each block reaches by chance at its level (b,)."""
         return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
@@ -227,7 +227,7 @@ class Candidates:
         self.multiplicity = float(shared)
         self.places = self._places()
         self.inflation = np.ones(len(self.owner))
-        self.penalty = self._chance()
+        self.penalty = self.chance()
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 

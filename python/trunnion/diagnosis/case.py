@@ -32,7 +32,7 @@ from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
-from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary, Term
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -76,7 +76,7 @@ class Case:
     likely: Fit | None = None
     given: Fit | None = None
     minor: set[str] = field(default_factory=set)
-    _residuals: dict[int, tuple[Fit, Floats, Floats]] = field(default_factory=dict)
+    _residuals: dict[int, tuple[Fit, Floats]] = field(default_factory=dict)
 
     @property
     def values(self) -> list[list[Values]]:
@@ -112,7 +112,7 @@ class Case:
             found.dependent = DEPENDENT_INCOMPLETE
         drawn = self.rounding(self.plain)
         if drawn is not None:
-            found.inflate(inflation(found.gains(drawn[0]), found.rank, drawn[1]))
+            found.inflate(inflation(found.gains, drawn, found.rank, found.chance()))
         return found
 
     def _stated(self) -> dict[int, float]:
@@ -173,14 +173,16 @@ class Case:
         drawn = self.rounding(f)
         if drawn is None:
             return np.ones(len(self.dictionary.terms))
-        gain, rank = self.dictionary.gains(drawn[0], f.basis)
-        return inflation(gain, rank, drawn[1])
+        d = self.dictionary
+        rank = np.maximum(d.of_fit(f)[1], 1)
+        chance = special.chdtri(rank, SCAN_LEVEL / max(len(d.terms), 1))
+        return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, chance)
 
-    def rounding(self, f: Fit) -> tuple[Floats, Floats] | None:
-        """Residuals of a fit that errors of rounding make, and the noise of each (kept).
+    def rounding(self, f: Fit) -> Floats | None:
+        """Residuals of a fit that errors of rounding make, in units of their noise (kept).
 
-        Shapes (m, s), white and orthogonal to the fit's basis, and (s,); None where the readings
-        have no steps to speak of.
+        Shape (m, s), white and orthogonal to the fit's basis; None where the readings have no steps
+        to speak of.
         """
         drawn = self._drawn
         if drawn is None:
@@ -188,8 +190,8 @@ class Case:
         if id(f) not in self._residuals:
             white = drawn - f.basis @ (f.basis.T @ drawn)
             noise = self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
-            self._residuals[id(f)] = (f, white, noise)
-        return self._residuals[id(f)][1:]
+            self._residuals[id(f)] = (f, white / np.sqrt(noise))
+        return self._residuals[id(f)][1]
 
     @property
     def dependent(self) -> list[Integers]:

@@ -7,8 +7,8 @@ Algorithm
    readings are recorded in steps it has a floor (:mod:`trunnion.base.resolution`).
 2. Readings far out for the noise of the others are set aside (:mod:`.outliers`).
 3. Every candidate is linearised at the plain fit and judged after what the nuisance parameters can
-   absorb; sets of causes are searched (:mod:`.selection`). The best set is demanded if it is far
-   better than none, or if a test of all candidates together says so (:mod:`.alarms`).
+   absorb; sets of causes are searched (:mod:`.selection`). The best set is demanded if the plain
+   model is not about as good, or a test of all candidates together says so (:mod:`.alarms`).
 4. The best set is fitted exactly; the residual is searched for structure without a name
    (:mod:`.scan`), which then competes with the causes (:mod:`.explain`).
 5. Readings set aside are tried again as readings: a point or a face of its own looks like a few

@@ -153,7 +153,8 @@ def _explained(case: Case) -> Explanation:
 def _demanded(case: Case) -> tuple[Search, Fit, Alarm]:
     """Search the sets of causes: the search, and the fit of the best.
 
-    The plain fit where no cause is demanded; with the test of all candidates. An effect that
+    The plain fit where no cause is demanded; with the test of all candidates. Causes are demanded
+    where the plain model does not explain the readings about as well as they do. An effect that
     nothing determines when its set is fitted exactly is no cause: the search is repeated without.
     """
     plain, candidates = case.plain, case.candidates
@@ -167,8 +168,7 @@ def _demanded(case: Case) -> tuple[Search, Fit, Alarm]:
             not named
             or case.exact(plain)
             or not (
-                named[0].score < nothing.score - 2 * WITHIN
-                or (alarm.p < level and alarm.holds(level))
+                named[0].score < nothing.score - WITHIN or (alarm.p < level and alarm.holds(level))
             )
         ):
             return searched, plain, alarm
