@@ -175,7 +175,8 @@ class Case:
             return np.ones(len(self.dictionary.terms))
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
-        chance = np.asarray(special.chdtri(rank, SCAN_LEVEL / max(len(d.terms), 1)))
+        level = SCAN_LEVEL / max(len(d.terms), 1)
+        chance = np.asarray(special.chdtri(rank, level), dtype=np.float64)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, chance)
 
     def rounding(self, f: Fit) -> Floats | None:
