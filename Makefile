@@ -72,7 +72,7 @@ power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases,
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.coverage --plan paper --out ../docs/results/power-coverage.md
 
 .PHONY: power-ticks
-power-ticks: build  ## the same for readings on a servo's grid, ten minutes, into docs/results/power-ticks.md
+power-ticks: build  ## the same for readings on a servo's grid, half an hour, into docs/results/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md
 
 .PHONY: power-positioning
