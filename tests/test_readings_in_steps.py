@@ -62,9 +62,6 @@ def test_the_noise_beside_the_steps_is_seen_in_repeats() -> None:
         assert grid.noise(off, 1600) == pytest.approx(noise, rel=0.15)
 
 
-# --- steps that nobody stated
-
-
 @pytest.mark.parametrize(("mean", "scatter"), [(0.0, 1.5), (3.0, 0.2), (2.0, 1.0), (0.5, 0.3)])
 def test_a_cause_is_judged_by_what_rounding_gains_along_it(mean: float, scatter: float) -> None:
     # What simulated errors gain at this level along one column.
@@ -79,6 +76,9 @@ def test_a_cause_is_judged_by_what_rounding_gains_along_it(mean: float, scatter:
     many = np.quantile((mean + scatter * rng.standard_normal(400_000)) ** 2, 1 - level)
     assert factor == pytest.approx(max(many / chance[0], 1.0), rel=0.12)
     assert factor >= 0.95 * many / chance[0]
+
+
+# --- steps that nobody stated
 
 
 def test_steps_are_recognised() -> None:

@@ -32,9 +32,7 @@ class Circles(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = group_of(
-        app,
-        "ballbar",
-        "Ball-bar tests: results by ISO 230-4, diagnose, identify, plan.",
+        app, "ballbar", "Ball-bar tests: results by ISO 230-4, diagnose, identify, plan."
     )
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("ballbar"))
     command(group, values=Printed(keys=Circles), reads=True)(results)

@@ -48,9 +48,7 @@ class Runs(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = group_of(
-        app,
-        "contour",
-        "Five-axis contouring: simulate the loop, diagnose an axis log.",
+        app, "contour", "Five-axis contouring: simulate the loop, diagnose an axis log."
     )
     command(group, values=Printed(keys=Runs))(simulate)
     command(group, "diagnose", values=DIAGNOSED, reads=True)(diagnose_as("axislog"))

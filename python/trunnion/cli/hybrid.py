@@ -27,9 +27,7 @@ SetupFile = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = group_of(
-        app,
-        "hybrid",
-        "The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist.",
+        app, "hybrid", "The hybrid parallel machine: 2-UPR + SPR legs, two-axis wrist."
     )
     command(group, values=Printed("trunnion.hybrid.results:Sensitivity"))(sensitivity)
     command(group, values=Printed("trunnion.hybrid.cube:CubeStudy"))(cube)

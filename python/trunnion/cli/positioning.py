@@ -27,9 +27,7 @@ class Further(TypedDict, total=False):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = group_of(
-        app,
-        "positioning",
-        "Positioning by ISO 230-2: results, instruments, diagnose.",
+        app, "positioning", "Positioning by ISO 230-2: results, instruments, diagnose."
     )
     command(
         group,

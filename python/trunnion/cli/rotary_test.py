@@ -31,9 +31,7 @@ class Planned(TypedDict):
 def register(app: typer.Typer) -> None:
     """Add the group to the application."""
     group = group_of(
-        app,
-        "rotary-test",
-        "R-tests and ball-bar tests of rotary axes: plan, identify, diagnose.",
+        app, "rotary-test", "R-tests and ball-bar tests of rotary axes: plan, identify, diagnose."
     )
     command(group, values=Printed(keys=Planned))(plan)
     found = Printed("trunnion.probing.rotary_test:RotaryTestIdentification")

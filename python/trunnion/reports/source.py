@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import re
 import sys
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -156,9 +156,16 @@ class Source:
 
     def _has_chain(self, setup: Setup) -> bool:
         """Whether the chain of axes is stated, or may be what the data were understood by."""
-        stated = re.search(r"^\s*\[machine\b", self._file_of(setup), re.MULTILINE) is not None
+        stated = "machine" in self._tables_of_file(setup)
         single = bool(self.data) and all(isinstance(one, SINGLE) for one in self.data)
         return not setup.turning and (stated or not single)
+
+    def _tables_of_file(self, setup: Setup) -> dict[str, Any]:
+        """Tables of the file of the set-up; none where it is no longer what was read."""
+        try:
+            return tomllib.loads(self._file_of(setup))
+        except tomllib.TOMLDecodeError:
+            return {}
 
     @staticmethod
     def _file_of(setup: Setup) -> str:
