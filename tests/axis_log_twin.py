@@ -93,8 +93,9 @@ def actual(command: Array, cases: Cases) -> Array:
     rubs = bool((level > 0).any())
     omega = 2 * np.pi * cases.frequency
     swings = bool((omega > 0).any())
-    late = np.rint(cases.delay / dt).astype(int)
-    history = np.zeros((int(late.max()) + 2, m, 5))
+    late = np.floor(cases.delay / dt + 1e-9).astype(int)
+    part = np.clip(cases.delay / dt - late, 0.0, 1.0)  # of a sub-step
+    history = np.zeros((int(late.max()) + 3, m, 5))
     out = np.empty((n, m, 5))
     tick = 0
     for k in range(n):
@@ -104,8 +105,8 @@ def actual(command: Array, cases: Cases) -> Array:
         w_now = cases.gain * (command[k] - y)
         for _ in range(SUBSTEPS):
             history[tick % len(history)] = w_now
-            w = np.take_along_axis(history, (tick - late)[None] % len(history), axis=0)[0]
-            w = np.where(tick >= late, w, 0.0)
+            w = (1 - part) * _earlier(history, tick - late)
+            w += part * _earlier(history, tick - late - 1)
             tick += 1
             if rubs:
                 sense = np.where(v != 0, np.sign(v), np.where(np.abs(w) > level, np.sign(w), 0.0))
@@ -137,6 +138,12 @@ def actual(command: Array, cases: Cases) -> Array:
         earlier = np.maximum(t - cases.log_delay[i], 0.0)
         logged[i] = CubicSpline(t, logged[i])(earlier)
     return logged
+
+
+def _earlier(history: Array, tick: NDArray[np.int64]) -> Array:
+    """What a ring of the last values held at ticks (m, 5); 0 before the first."""
+    then = np.take_along_axis(history, tick[None] % len(history), axis=0)[0]
+    return np.where(tick >= 0, then, 0.0)
 
 
 KINDS = (
@@ -198,6 +205,21 @@ def put(
     return f"{kind}_{AXES[j].lower()}"
 
 
+def left(actuals: Sequence[Array], *, noise_um: float = 0.2, noise_arcsec: float = 1.0) -> Array:
+    """What of each case's motion a sound machine does not make, in noises of a log, (m, k).
+
+    The first case is the sound machine.
+    """
+    sigma = _noise(noise_um, noise_arcsec)
+    off = np.concatenate([(a - a[0]) / sigma for a in actuals], axis=1)
+    return np.asarray(off.reshape(len(off), -1))
+
+
+def _noise(um: float, arcsec: float) -> Array:
+    """Noise of each axis in its unit, mm or deg, (5,)."""
+    return np.array([um * 1e-3] * 3 + [arcsec / 3600] * 2)
+
+
 def log(
     commands: Sequence[Array],
     actuals: Sequence[Array],
@@ -208,7 +230,7 @@ def log(
     memory: float = 0.0,
 ) -> tn.AxisLog:
     """Axis log of several runs with normal noise; ``memory``: its correlation from row to row."""
-    sigma = np.array([noise_um * 1e-3] * 3 + [noise_arcsec / 3600] * 2)
+    sigma = _noise(noise_um, noise_arcsec)
     columns: dict[str, Array] = {
         "time_s": np.concatenate([np.arange(len(c)) * PERIOD for c in commands]),
         "run": np.concatenate([np.full(len(c), i) for i, c in enumerate(commands)]),

@@ -5,6 +5,7 @@ The whole table is docs/results/power-probabilities.md, made by ``make power-pro
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,9 @@ from positioning_twin import HIDDEN, axis
 from power.probabilities import binned, calibration_error, state
 from power.study import draw_effects, ground
 from promise import kept
+from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.probability import Probabilities
+from trunnion.diagnosis.selection import search
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -39,18 +43,29 @@ def test_probabilities_are_of_all_sets_and_of_none() -> None:
     assert [a.probability for a in again.evidence] == stated
 
 
-def test_a_likelihood_ratio_is_the_ratio_of_two_sets() -> None:
-    """Of two sets of which neither has a cause too many; one more that does not pay weighs less."""
+def ratios(*names: str) -> tuple[list[float], list[float]]:
+    """Odds of the best set against the next over their likelihoods: of one size, of one more."""
     of_one_size: list[float] = []
     one_more: list[float] = []
     for seed in range(30):
-        d = tn.diagnose(drifting(seed, "cycle_drift"))
+        d = tn.diagnose(drifting(seed, *names))
         for first, second in zip(d.evidence[:1], d.evidence[1:2], strict=False):
             ratio = first.probability / second.probability
             stated = ratio / np.exp((second.distance - first.distance) / 2)
             (one_more if second.causes > first.causes else of_one_size).append(stated)
+    return of_one_size, one_more
+
+
+def test_a_likelihood_ratio_is_the_ratio_of_two_sets() -> None:
+    """Of two sets of which neither has a cause too many; one more that does not pay weighs less.
+
+    One more that the set hides (a drift beside one from cycle to cycle) keeps its odds instead.
+    """
+    of_one_size, _ = ratios("cycle_drift")
     assert of_one_size == pytest.approx([1.0] * len(of_one_size))
     assert of_one_size
+    _, one_more = ratios("reversal")
+    assert one_more
     assert min(one_more) > 1.0
 
 
@@ -101,3 +116,27 @@ def test_stated_probabilities_are_true_of_a_sample() -> None:
     assert kept(sum(sure), len(sure), 0.9)
     doubtful = [true for c in made for p, true in c.sets if 0.01 < p < 0.3]
     assert np.mean(doubtful) < 0.35
+
+
+def test_a_cause_that_another_hides_keeps_its_odds() -> None:
+    """Causes act each with odds of one among all, in pairs of which one hides most of the other."""
+    cases, count = 600, 8
+    rng = np.random.default_rng(0)
+    first = rng.standard_normal((100, count // 2))
+    second = first + 0.2 * rng.standard_normal(first.shape)
+    columns = np.concatenate([first, second], axis=1)
+    columns /= np.linalg.norm(columns, axis=0)
+    candidates = Candidates([x[None, :, None] for x in columns.T], np.zeros((100, 0)))
+    stated, true = np.zeros((2, cases, count))
+    for i in range(cases):
+        rng = np.random.default_rng([1, i])
+        acts = rng.random(count) < 1 / (1 + count)
+        size = np.exp(rng.uniform(np.log(4), np.log(100), count)) * rng.choice([-1, 1], count)
+        readings = columns @ (acts * size) + rng.standard_normal(100)
+        found = Probabilities(search(candidates, readings), candidates)
+        stated[i], true[i] = [found.of_cause(j) for j in range(count)], acts
+    for low, high in itertools.pairwise((0.0, 0.02, 0.1, 0.3, 0.7, 1.0)):
+        some = (stated >= low) & (stated < high)
+        error = np.sqrt(stated[some].mean() / some.sum())
+        assert true[some].mean() == pytest.approx(stated[some].mean(), abs=3 * error)
+    assert np.sum((stated >= 0.02) & (stated < 0.1)) > 200

@@ -6,7 +6,7 @@ Run as a script it makes the whole table: ``python tests/turning_blind.py 200 --
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,15 +107,16 @@ def measured(
     passes: int,
     *,
     warm: bool = False,
-    share: float = 1.0,
+    left: Sequence[float] = (),
     unknown: bool = False,
     exact: bool = False,
 ) -> tuple[Diameters, Setup]:
     """Measured passes with these causes: the second with reversed feed, the third deeper.
 
-    ``warm``: one more, like the first, right behind four of its kind. ``share``: of the usual size
-    of the causes. ``unknown``: with an error that is no cause of the catalogue. ``exact``: neither
-    noise nor the steps of a gauge.
+    ``warm``: one more, like the first, right behind four of its kind. ``left``: what each cause,
+    and the unknown error last, leaves beside a tool setting in each pass instead of its usual size:
+    the root of the sum of squares of all readings in noises. ``unknown``: with an error that is no
+    cause of the catalogue. ``exact``: neither noise nor the steps of a gauge.
     """
     rng = np.random.default_rng(seed)
     overhang = float(rng.uniform(55, 120))
@@ -126,10 +127,18 @@ def measured(
     plan = [Pass(-1, 1.0, speed, z), Pass(1, 1.0, speed, z), Pass(-1, 2.0, speed, z)][:passes]
     plan += [Pass(-1, 1.0, speed, z, 4 * overhang / speed)] * warm
     laws = [LAWS[name](rng) for name in hidden] + ([cubic(rng)] if unknown else [])
+    shares = [1.0] * len(laws)
+    if left:
+        of_noise = float(np.hypot(noise, 1.0 / np.sqrt(12.0)))
+        shares = [
+            want * of_noise / _beside_settings([law(one, overhang) for one in plan])
+            for want, law in zip(left, laws, strict=True)
+        ]
     columns: dict[str, list[FloatArray]] = {}
     for number, one in enumerate(plan, start=1):
-        error = rng.normal(0, 20) + share * sum(
-            (law(one, overhang) for law in laws), np.zeros(count)
+        error = rng.normal(0, 20) + sum(
+            (share * law(one, overhang) for share, law in zip(shares, laws, strict=True)),
+            np.zeros(count),
         )
         # The gauge: half a micrometre of the stylus is a micrometre of the diameter.
         read = error if exact else np.round(error + rng.normal(0, noise, count))
@@ -144,6 +153,11 @@ def measured(
             columns.setdefault(name, []).append(values)
     data = Diameters({name: np.concatenate(parts) for name, parts in columns.items()})
     return data, Setup(artefact=Artefact("none"), turning={"overhang_mm": overhang})
+
+
+def _beside_settings(passes: Sequence[FloatArray]) -> float:
+    """Root of the sum of squares of errors of passes less the mean of each."""
+    return float(np.linalg.norm(np.concatenate([one - one.mean() for one in passes])))
 
 
 def outcome(seed: int, hidden: tuple[str, ...], passes: int, *, warm: bool = False) -> str:

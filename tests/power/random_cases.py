@@ -30,6 +30,7 @@ Rng = np.random.Generator
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
+ALIKE = 0.7  # correlation from which two effects are not drawn together
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 HYBRID_UM = {**ballbar_study.HYBRID_UM, **ballbar_study.HYBRID_DRIFTS_UM}
 
@@ -114,7 +115,7 @@ def diameters(rng: Rng, number: int) -> Drawn:
         hidden,
         int(rng.integers(2, 4)),
         warm=bool(rng.random() < 0.3),
-        share=size(rng, 0.3, 1.5),
+        left=[abs(x) for x in _left(rng, len(hidden) + unknown)],
         unknown=unknown,
     )
     return Drawn(data, setup, frozenset(hidden), unknown)
@@ -159,17 +160,54 @@ def _commands() -> list[NDArray[np.float64]]:
     return [axis_log_twin.commanded(1000 / 60), axis_log_twin.commanded(3000 / 60)]
 
 
+@dataclass(frozen=True)
+class _OfLog:
+    """One cause of a log: which, and the seed of its axis, sign and place."""
+
+    kind: str
+    seed: int
+
+    def put(self, cases: axis_log_twin.Cases, i: int, share: float) -> str:
+        """Put it into a case, of this share of its usual size; return its id."""
+        name = axis_log_twin.put(cases, i, self.kind, np.random.default_rng(self.seed), share)
+        return str(name)
+
+
+def _causes_of_logs(rng: Rng) -> list[list[tuple[_OfLog, float]]]:
+    """Causes of each log of a batch with their shares: none that looks like another of its log.
+
+    Each is simulated alone at its usual size, to leave so much as is drawn at its share.
+    """
+    wanted = [_some(rng, axis_log_twin.KINDS[1:]) for _ in range(BATCH)]
+    drawn = [[_OfLog(k, int(rng.integers(1 << 31))) for k in kinds] for kinds in wanted]
+    flat = [one for some in drawn for one in some]
+    alone = axis_log_twin.Cases(len(flat) + 1)
+    for i, one in enumerate(flat, start=1):
+        one.put(alone, i, 1.0)
+    made = axis_log_twin.left([axis_log_twin.actual(c, alone) for c in _commands()])
+    own = dict(zip(flat, made[1:], strict=True))
+    out = []
+    for some in drawn:
+        kept: list[tuple[_OfLog, float]] = []
+        for one, want in zip(some, _left(rng, len(some)), strict=True):
+            long = float(np.linalg.norm(own[one]))
+            others = [own[k] for k, _ in kept]
+            if all(abs(own[one] @ o) < ALIKE * long * np.linalg.norm(o) for o in others):
+                kept.append((one, abs(want) / long))
+        out.append(kept)
+    return out
+
+
 @lru_cache(maxsize=1)
 def _logs(batch: int) -> list[Drawn]:
     """A batch of logs, simulated together."""
     rng = np.random.default_rng([900_000, batch])
     cases = axis_log_twin.Cases(BATCH)
     setup = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
-    truth = []
-    for i in range(BATCH):
-        kinds = _some(rng, axis_log_twin.KINDS[1:])
-        share = size(rng, 0.2, 1.0)
-        truth.append(frozenset(axis_log_twin.put(cases, i, k, rng, share) for k in kinds))
+    truth = [
+        frozenset(one.put(cases, i, share) for one, share in some)
+        for i, some in enumerate(_causes_of_logs(rng))
+    ]
     actual = [axis_log_twin.actual(c, cases) for c in _commands()]
     out = []
     for i, hidden in enumerate(truth):
@@ -180,7 +218,7 @@ def _logs(batch: int) -> list[Drawn]:
                 t = np.linspace(0, 2 * np.pi * rng.uniform(1.5, 4), len(a))
                 a[:, 0] += 1e-3 * size(rng, 0.2, 2.0) * np.sin(t)
         log = axis_log_twin.log(_commands(), own, rng)
-        out.append(Drawn(log, setup, frozenset(h for h in hidden if h), unknown))
+        out.append(Drawn(log, setup, hidden, unknown))
     return out
 
 

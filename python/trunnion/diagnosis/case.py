@@ -32,7 +32,7 @@ from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
-from trunnion.diagnosis.scan import SCAN_LEVEL, Dictionary, Term
+from trunnion.diagnosis.scan import Dictionary, Term
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -175,9 +175,7 @@ class Case:
             return np.ones(len(self.dictionary.terms))
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
-        level = SCAN_LEVEL / max(len(d.terms), 1)
-        chance = np.asarray(special.chdtri(rank, level), dtype=np.float64)
-        return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, chance)
+        return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))
 
     def rounding(self, f: Fit) -> Floats | None:
         """Residuals of a fit that errors of rounding make, in units of their noise (kept).

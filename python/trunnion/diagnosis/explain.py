@@ -1,10 +1,10 @@
 """Find the sets of causes that explain some readings, and structure that none of them makes."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
 from trunnion.base.resolution import Floor
 from trunnion.base.units import Floats
@@ -33,6 +33,7 @@ STAND_IN = 0.9  # correlation of two effects of which one can take the other's p
 EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
+MAX_TOGETHER = 6  # causes of a set of which each sum is compared with terms
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
@@ -134,9 +135,9 @@ def _explained(case: Case) -> Explanation:
             terms = _best_terms(case, extended)
     elif not case.exact(extended) and (
         (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
-        or (len(best.members) > 1 and _one_term_score(case, plain) < best.score)
+        or _stands_for_causes(case, best)
     ):
-        searched, best, terms, extended = _with_terms(case, extended)
+        searched, best, terms, extended = _with_terms(case, extended, searched)
         demanded = bool(best.members)
         named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
@@ -311,9 +312,7 @@ def _expand(c: Candidates, f: Found) -> list[dict[int, int]]:
 
 def _term_penalty(case: Case, f: Fit) -> Floats:
     """Penalty of terms beside a fit, on the scale of the penalties of causes."""
-    level = SCAN_LEVEL / max(len(case.dictionary.terms), 1)
-    rank = np.maximum(case.dictionary.of_fit(f)[1], 1)
-    return special.chdtri(rank, level) * case.term_inflation(f) + UNNAMED_TERM_PENALTY
+    return case.dictionary.chance(f) * case.term_inflation(f) + UNNAMED_TERM_PENALTY
 
 
 def _one_term_score(case: Case, plain: Fit) -> float:
@@ -324,6 +323,33 @@ def _one_term_score(case: Case, plain: Fit) -> float:
     left = case.floor.deviance(np.maximum(plain.rss - gain, MIN_LEFT * plain.rss), m)
     penalty = _term_penalty(case, plain) * m / np.maximum(m - rank - 1, 1)
     return float(np.min(np.where(rank > 0, left + penalty, np.inf), initial=np.inf))
+
+
+def _stands_for_causes(case: Case, best: Found) -> bool:
+    """Whether one term explains more than a set, or about what several of its causes do together.
+
+    Causes that add up to a cubic none of them makes are a cubic, perhaps.
+    """
+    count = len(best.blocks)
+    if count < 2:
+        return False
+    if count > MAX_TOGETHER or _one_term_score(case, case.plain) < best.score:
+        return True
+    c, plain = case.candidates, case.plain
+    columns = [c.columns(b) for b in best.blocks]
+    sizes = np.linalg.lstsq(np.concatenate(columns).T, plain.white, rcond=c.dependent)[0]
+    ends = np.cumsum([len(x) for x in columns])[:-1]
+    parts = [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
+    together = [
+        list(some) for k in range(2, count + 1) for some in itertools.combinations(range(count), k)
+    ]
+    sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
+    paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
+    gain, rank = case.dictionary.gains(sums, plain.basis)
+    left = np.einsum("ij,ij->j", sums, sums) - gain
+    worse = left / case.floor.noise(best.rss, plain.dof) - paid
+    worse += _term_penalty(case, plain)[:, None]
+    return bool(np.any(worse[rank > 0] < 2 * WITHIN))
 
 
 def _evidence(case: Case, f: Fit) -> Floats:
@@ -337,19 +363,20 @@ def _evidence(case: Case, f: Fit) -> Floats:
     return np.asarray(np.round(value, SCORE_DIGITS))
 
 
-def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
-    """Let structure without a name compete with the causes."""
+def _with_terms(
+    case: Case, extended: Fit, first: Search
+) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
+    """Let structure without a name compete with the causes; ``first``: search of these alone."""
     d, c, plain = case.dictionary, case.candidates, case.plain
     picked = _promising(case, (extended, plain))
-    level = SCAN_LEVEL / max(len(d.terms), 1)
-    chance = special.chdtri(np.maximum(d.of_fit(plain)[1], 1), level)
-    more = (case.term_inflation(plain) - 1.0) * chance
+    picked = [i for i in picked if not _has_a_name(case, i)]
+    more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
     both = c.beside(
         [d.variants(i) for i in picked],
-        np.full(len(picked), SCAN_LEVEL / max(len(d.terms), 1)),
+        np.full(len(picked), d.level),
         UNNAMED_TERM_PENALTY + more[picked],
     )
-    searched = search(both, plain.white, floor=case.floor)
+    searched = search(both, plain.white, floor=case.floor, after=first)
     top = searched.top
     causes = Found(
         frozenset(m for m in top.members if m < c.count),
@@ -363,6 +390,14 @@ def _with_terms(case: Case, extended: Fit) -> tuple[Search, Found, list[tuple[Te
     if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
         terms = _best_terms(case, fitted)
     return searched, causes, terms, fitted
+
+
+def _has_a_name(case: Case, term: int) -> bool:
+    """Whether a cause alone makes what a term makes: readings that show it show the cause."""
+    columns, basis, c = case.dictionary.block(term), case.plain.basis, case.candidates
+    own = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)[0]
+    made = c.gains(own).mean(axis=1)[np.isfinite(c.penalty)]
+    return bool(np.max(made, initial=0.0) > STAND_IN**2)
 
 
 def _promising(case: Case, fits: Sequence[Fit]) -> list[int]:

@@ -10,6 +10,12 @@ A cause is said to act where it is large enough to be seen: beforehand its size,
 is at least z₀ = √penalty. Where it is seen to be z < z₀, the set without it explains the readings
 better, and what is left of the likelihood above z₀ is Φ(z - z₀), beside the half of one at z₀.
 
+Beside others that would make about the same of the readings (a cubic in time beside a drift, a
+tilt beside a taper) a cause that is large enough to be seen by itself need not be seen. Readings
+say little of it, and it keeps the odds that it has beforehand, one among all candidates, times the
+mean likelihood of its sizes: from the least to a hundred times as large, logarithmically uniform,
+either sign.
+
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
 sets have the weight of the likelihood times the odds of one more cause beforehand, one among all
 candidates.
@@ -17,18 +23,24 @@ candidates.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.selection import Search
+from trunnion.base.units import Floats
+from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
+from trunnion.diagnosis.selection import TINY, Found, Search
 
 Members = frozenset[int]
+
+HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
+MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
+SIZES = np.geomspace(1.0, 100.0, 33)[:, None]  # of a cause, over the least that is seen
 
 
 @dataclass(frozen=True)
@@ -127,20 +139,59 @@ class Probabilities:
     def _sets(self) -> dict[Members, float]:
         """Weight of each set of leaders, of one of the sets that it stands for."""
         out: dict[Members, float] = {}
-        catalogue = (1 << self.candidates.count) - 1
-        for mask, score in self.search.scores.items():
-            members = _members(mask & catalogue)
-            if score > self.search.best:  # with too few readings both are infinite
-                weight = float(np.exp((self.search.best - score) / 2))
-            else:
-                weight = 1.0
-            out[members] = out.get(members, 0.0) + weight * self._large_enough(mask, members, score)
+        weights = {
+            mask: self._weight(score) * self._large_enough(mask, score)
+            for mask, score in self.search.scores.items()
+        }
+        for mask, weight in self._unseen():
+            weights[mask] = max(weight, weights.get(mask, 0.0))
+        for mask, weight in weights.items():
+            members = _members(mask & self._catalogue)
+            out[members] = out.get(members, 0.0) + weight
         return out
 
-    def _large_enough(self, mask: int, members: Members, score: float) -> float:
+    @cached_property
+    def _catalogue(self) -> int:
+        """Bits of the causes in the mask of a set."""
+        return (1 << self.candidates.count) - 1
+
+    def _weight(self, score: float) -> float:
+        """Penalised likelihood over that of the best set."""
+        # with too few readings both scores are infinite
+        return math.exp((self.search.best - score) / 2) if score > self.search.best else 1.0
+
+    def _unseen(self) -> Iterator[tuple[int, float]]:
+        """Sets with one or two more causes that they hide, and their weights."""
+        for mask, f in self.search.known.items():
+            weight = self._weight(f.score)
+            if weight > MIN_WEIGHT and f.blocks:
+                odds = self._odds_unseen(f)
+                for j, own in odds.items():
+                    yield mask | 1 << j, weight * own
+                for (i, one), (j, other) in itertools.combinations(odds.items(), 2):
+                    yield mask | 1 << i | 1 << j, weight * one * other
+
+    def _odds_unseen(self, f: Found) -> dict[int, float]:
+        """Odds of each cause that a set hides, beside this set."""
+        c = self.search.c
+        left, along = self.search.beside(f.blocks)
+        hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
+        hidden &= (c.penalty > 0.0) & np.isfinite(c.penalty)
+        noise = float(self.search.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
+        out = {}
+        for j in np.unique(c.owner[hidden]).tolist():
+            own = c.owner == j
+            if j not in f.members:
+                least = c.penalty[own]
+                seen = np.sqrt(np.minimum(along[own] / max(noise, TINY), least))
+                likely = _mean_likelihood(seen, np.sqrt(least * left[own]))
+                out[j] = float(np.mean(likely)) * float(c.level[j]) / NAMING_LEVEL
+        return out
+
+    def _large_enough(self, mask: int, score: float) -> float:
         """How likely the weakest cause of a set is one that can be seen, 1 where it pays."""
         short = 0.0
-        for member in members:
+        for member in _members(mask & self._catalogue):
             alone = self.search.scores.get(mask ^ (1 << member), np.inf)
             if alone < score:  # it is better without
                 least = self._least[member]
@@ -184,3 +235,14 @@ def _members(mask: int) -> Members:
         out.append(low.bit_length() - 1)
         mask ^= low
     return frozenset(out)
+
+
+def _mean_likelihood(seen: Floats, least: Floats) -> Floats:
+    """Likelihood of a cause over that without it, mean over its sizes, shape (b,).
+
+    ``seen``: what is seen of it beside the others, in standard errors; ``least``: what would be of
+    the smallest that is seen by itself.
+    """
+    size = SIZES * least
+    either = np.exp(size * (seen - size / 2)) + np.exp(-size * (seen + size / 2))
+    return np.asarray(np.mean(either, axis=0) / 2)

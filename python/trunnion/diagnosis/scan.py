@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
@@ -111,6 +112,16 @@ class Dictionary:
         self._shared = list(shared.values())  # parts by the component that they have in common
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
+
+    @property
+    def level(self) -> float:
+        """Level at which each term is more than chance: all share one."""
+        return SCAN_LEVEL / max(len(self.terms), 1)
+
+    def chance(self, f: Fit) -> Floats:
+        """Drop of -2 ln L that each term reaches by chance beside a fit, shape (t,)."""
+        rank = np.maximum(self.of_fit(f)[1], 1)
+        return np.asarray(special.chdtri(rank, self.level), dtype=np.float64)
 
     def of_fit(self, f: Fit) -> tuple[Floats, Integers]:
         """Gains and ranks of all terms for the residuals of a fit (kept), shapes (t,)."""

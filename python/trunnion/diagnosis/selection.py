@@ -192,15 +192,19 @@ def search(
     within: float = WITHIN,
     beam: int = BEAM,
     most: int = MAX_CAUSES,
+    after: "Search | None" = None,
 ) -> "Search":
     """Search the sets of causes that explain residuals.
 
     ``r``: residuals with the nuisance projected out, shape (n,). ``floor``: of the variance of a
-    reading. ``within``: of the best score, what counts as near it.
+    reading. ``within``: of the best score, what counts as near it. ``after``: a search among the
+    first of these candidates, of which no good set is to be lost.
     """
     s = Search(c, r, floor, within)
     if len(c.leaders):
         s.widen(beam, most)
+        if after is not None:
+            s.take_over(after, beam)
         s.exchange()
         s.settle()
     return s
@@ -250,6 +254,19 @@ class Search:
                 break
             if min(self.known[s.mask].score for s in states) > before + self.within:
                 break
+
+    def take_over(self, other: "Search", keep: int) -> None:
+        """Know the sets of a search among fewer candidates; try every other beside the best."""
+        for mask, score in other.scores.items():
+            self.scores.setdefault(mask, score)
+        for mask, f in other.known.items():
+            penalty = float(np.sum(self.c.penalty[list(f.blocks)]))
+            score = float(self.score(f.rss, f.columns, penalty))  # not settled yet
+            self.scores[mask] = score
+            self.remember(mask, f.blocks, score, f.rss, f.columns)
+        self.best = min(f.score for f in self.known.values())
+        if near := [self.built(f.blocks) for f in other.found[:keep]]:
+            self.grow(near, keep)
 
     def exchange(self) -> None:
         """Try each cause of the best sets against every other candidate."""
@@ -343,6 +360,19 @@ class Search:
         for b in blocks:
             state = _extend(self.c, state, b, self.bit(b))
         return state
+
+    def beside(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
+        """What a set leaves of the squared unit columns, and of the residuals along them.
+
+        Means over the columns of each block, shapes (b,).
+        """
+        c, state = self.c, self.built(blocks)
+        free = 1.0 - np.einsum("km,km->m", state.taken, state.taken)
+        along = np.where(free > c.dependent, state.residual**2 / np.maximum(free, c.dependent), 0.0)
+        total = np.cumsum(np.stack([np.maximum(free, 0.0), along]), axis=1)
+        total = np.concatenate([np.zeros((2, 1)), total], axis=1)
+        left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
+        return left, seen
 
     def grow(self, states: list[_State], keep: int) -> list[_State]:
         """Try every candidate on every state; remember all sets near the best, keep some."""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MAX_SETS = 6  # in a sentence
 MAX_WORST = 3  # errors that are stated to be in doubt
+WORTH_SAYING = 0.05  # probability of sets that are not listed
 MIN_DOUBT = 0.5  # of the uncertainty of such an error
 ROUNDING = 1e-9  # µm, arcsec: data without noise have standard errors of 0
 
@@ -94,6 +95,9 @@ def _ambiguous(d: Diagnosis) -> list[str]:
     )
     if more:
         doubt += f"; or one of {more} more sets"
+    rest = 1.0 - d.none_probability - sum(a.probability for a in d.evidence)
+    if rest > WORTH_SAYING:
+        doubt += f"; or a set that is not listed ({percent(rest)})"
     return [
         *lines,
         f"In doubt, with the probability of each set: {doubt}.",
