@@ -33,7 +33,7 @@ STAND_IN = 0.9  # correlation of two effects of which one can take the other's p
 EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
-MAX_TOGETHER = 6  # causes of a set of which each sum is compared with terms
+MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
@@ -133,13 +133,15 @@ def _explained(case: Case) -> Explanation:
         # What a model that is not complete leaves competes with no cause: it is stated.
         if alarm_scan.p < SCAN_LEVEL:
             terms = _best_terms(case, extended)
-    elif not case.exact(extended) and (
-        (alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL))
-        or _stands_for_causes(case, best)
-    ):
-        searched, best, terms, extended = _with_terms(case, extended, searched)
-        demanded = bool(best.members)
-        named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
+    elif not case.exact(extended):
+        unexplained = alarm_scan.p < SCAN_LEVEL and alarm_scan.holds(SCAN_LEVEL)
+        if unexplained or _stands_for_causes(case, best):
+            picked = _promising(case, (extended, plain))
+            if not unexplained:
+                picked = [i for i in picked if not _has_a_name(case, i)]
+            searched, best, terms, extended = _with_terms(case, picked, searched)
+            demanded = bool(best.members)
+            named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
     sets, behind = _alternatives(case, best, named, hidden=not terms) if demanded else ([], [])
     note, p_scatter = scatter(case, extended)
@@ -333,16 +335,15 @@ def _stands_for_causes(case: Case, best: Found) -> bool:
     count = len(best.blocks)
     if count < 2:
         return False
-    if count > MAX_TOGETHER or _one_term_score(case, case.plain) < best.score:
+    if _one_term_score(case, case.plain) < best.score:
         return True
     c, plain = case.candidates, case.plain
     columns = [c.columns(b) for b in best.blocks]
     sizes = np.linalg.lstsq(np.concatenate(columns).T, plain.white, rcond=c.dependent)[0]
     ends = np.cumsum([len(x) for x in columns])[:-1]
     parts = [x.T @ own for x, own in zip(columns, np.split(sizes, ends), strict=True)]
-    together = [
-        list(some) for k in range(2, count + 1) for some in itertools.combinations(range(count), k)
-    ]
+    every = (itertools.combinations(range(count), k) for k in range(2, count + 1))
+    together = list(itertools.islice(itertools.chain.from_iterable(every), MAX_SUMS))
     sums = np.stack([np.sum([parts[i] for i in some], axis=0) for some in together], axis=1)
     paid = np.array([sum(c.penalty[best.blocks[i]] for i in some) for some in together])
     gain, rank = case.dictionary.gains(sums, plain.basis)
@@ -364,17 +365,15 @@ def _evidence(case: Case, f: Fit) -> Floats:
 
 
 def _with_terms(
-    case: Case, extended: Fit, first: Search
+    case: Case, picked: Sequence[int], first: Search
 ) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
-    """Let structure without a name compete with the causes; ``first``: search of these alone."""
+    """Let some terms compete with the causes; ``first``: search of these alone."""
     d, c, plain = case.dictionary, case.candidates, case.plain
-    picked = _promising(case, (extended, plain))
-    picked = [i for i in picked if not _has_a_name(case, i)]
     more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
     both = c.beside(
         [d.variants(i) for i in picked],
         np.full(len(picked), d.level),
-        UNNAMED_TERM_PENALTY + more[picked],
+        UNNAMED_TERM_PENALTY + more[list(picked)],
     )
     searched = search(both, plain.white, floor=case.floor, after=first)
     top = searched.top
