@@ -261,12 +261,19 @@ def gridded(
 
 def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
-    turn = 2 * np.pi * place / period
-    out = np.zeros((3, len(turn)))
-    out[:2] = cosine_sine(turn)
-    if a or b:  # a search starts without size: then the period changes nothing
-        out[2] = (a * out[1] - b * out[0]) * turn / period
+    out = np.zeros((3, len(place)))
+    rows = _wave_rows(place, period, a, b)
+    out[: len(rows)] = rows
     return out.T
+
+
+def _wave_rows(place: Floats, period: float, a: float, b: float) -> Floats:
+    """Columns of :func:`wave` that are not zero, one a row: a search starts without size."""
+    turn = place * (2 * np.pi / period)
+    both = cosine_sine(turn)
+    if not (a or b):
+        return both
+    return np.concatenate([both, [(a * both[1] - b * both[0]) * turn / period]])
 
 
 def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
@@ -307,13 +314,14 @@ class _Waves:
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
         out = np.zeros((3, self.count))
-        columns = np.s_[:] if a or b else np.s_[:2]
         for own, place, enters in self.parts:
-            waves = out[columns, own]
+            waves = out[:, own]
             for some in at_hand(len(place)):
-                waves[:, some] += enters[some] * wave(place[some], period, a, b).T[columns]
+                rows = _wave_rows(place[some], period, a, b)
+                rows *= enters[some]
+                waves[: len(rows), some] += rows
             if not isinstance(own, slice):
-                out[columns, own] = waves
+                out[:, own] = waves
         return out.T
 
 
