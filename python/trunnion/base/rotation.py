@@ -48,3 +48,15 @@ def cosine_sine(angle: Floats) -> Floats:
         np.divide(1.0 - square, 1.0 + square, out=both[0, some])
         np.divide(2.0 * tangent, 1.0 + square, out=both[1, some])
     return out
+
+
+def wave_rows(place: Floats, period: float, a: float, b: float) -> Floats:
+    """Derivatives of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, one a row, (3, n).
+
+    Without the last one where it is zero, (2, n): a search starts without size.
+    """
+    turn = place * (2 * np.pi / period)
+    both = cosine_sine(turn)
+    if not (a or b):
+        return both
+    return np.concatenate([both, [(a * both[1] - b * both[0]) * turn / period]])

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.rotation import cosine_sine
+from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
@@ -262,18 +262,9 @@ def gridded(
 def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
     out = np.zeros((3, len(place)))
-    rows = _wave_rows(place, period, a, b)
+    rows = wave_rows(place, period, a, b)
     out[: len(rows)] = rows
     return out.T
-
-
-def _wave_rows(place: Floats, period: float, a: float, b: float) -> Floats:
-    """Columns of :func:`wave` that are not zero, one a row: a search starts without size."""
-    turn = place * (2 * np.pi / period)
-    both = cosine_sine(turn)
-    if not (a or b):
-        return both
-    return np.concatenate([both, [(a * both[1] - b * both[0]) * turn / period]])
 
 
 def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
@@ -317,7 +308,7 @@ class _Waves:
         for own, place, enters in self.parts:
             waves = out[:, own]
             for some in at_hand(len(place)):
-                rows = _wave_rows(place[some], period, a, b)
+                rows = wave_rows(place[some], period, a, b)
                 rows *= enters[some]
                 waves[: len(rows), some] += rows
             if not isinstance(own, slice):
