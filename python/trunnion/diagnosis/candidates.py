@@ -133,9 +133,7 @@ class Candidates:
     penalty: Floats
     inflation: Floats
     dependent: float = DEPENDENT
-    positive: frozenset[int] = (
-        frozenset()
-    )  # candidates of one column that explain nothing if negative
+    positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     _banned: frozenset[int] = frozenset()
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
@@ -336,9 +334,7 @@ class Candidates:
         if self._last is not None and self._last[0] is r:
             return self._last[1]
         held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
-        rounded = {kind: r.astype(kind, copy=False) for kind in {x.dtype for x in held}}
-        found = [inner(x, rounded[x.dtype]) for x in held]
-        pairs = zip(self._parts, found, strict=True)
+        pairs = zip(self._parts, inners(held, r), strict=True)
         whole = [part.weights @ x if isinstance(part, _Combined) else x for part, x in pairs]
         joined = np.concatenate(whole)
         if r.ndim == 1:
@@ -377,8 +373,7 @@ def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
             batch = []
             continue
         batch.append(piece)
-        numbers = sum(v.size for _, v in batch)
-        if numbers >= max(BATCH_NUMBERS, BATCH_COLUMNS * piece[1].shape[1]):
+        if sum(v.size for _, v in batch) >= max(BATCH_NUMBERS, BATCH_COLUMNS * piece[1].shape[1]):
             yield batch
             batch = []
     if batch:
@@ -476,18 +471,23 @@ def _orthonormal(
 
 
 def inner(columns: Floats, r: Floats) -> Floats:
-    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
+    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision."""
+    return inners([columns], r)[0]
+
+
+def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
+    """Return the same of several arrays of columns; r is read once for all in single precision.
 
     Sums of many numbers in single precision would make columns look independent that are not: only
     those of `SINGLE_SUM` products are, which leaves 1e-9 of the two lengths.
     """
-    if columns.dtype == np.float64:
-        return np.asarray(columns @ r)
-    single = r.astype(np.float32, copy=False)
-    out = np.zeros((len(columns), *r.shape[1:]))
-    for first in range(0, len(single), SINGLE_SUM):
+    out = [x @ r if x.dtype == np.float64 else np.zeros((len(x), *r.shape[1:])) for x in parts]
+    single = [(x, sums) for x, sums in zip(parts, out, strict=True) if x.dtype == np.float32]
+    for first in range(0, len(r) if single else 0, SINGLE_SUM):
         some = slice(first, first + SINGLE_SUM)
-        out += columns[:, some] @ single[some]
+        own = np.ascontiguousarray(r[some], dtype=np.float32)
+        for x, sums in single:
+            sums += x[:, some] @ own
     return out
 
 
