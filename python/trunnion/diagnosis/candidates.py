@@ -485,7 +485,7 @@ def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
     single = [(x, sums) for x, sums in zip(parts, out, strict=True) if x.dtype == np.float32]
     for first in range(0, len(r) if single else 0, SINGLE_SUM):
         some = slice(first, first + SINGLE_SUM)
-        own = np.ascontiguousarray(r[some], dtype=np.float32)
+        own = r[some].astype(np.float32, copy=False)  # in its order: others add up less well
         for x, sums in single:
             sums += x[:, some] @ own
     return out
