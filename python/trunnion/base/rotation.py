@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from trunnion.base.rows import at_hand
 from trunnion.base.units import Floats
@@ -25,11 +24,16 @@ def rotations(angles: Floats) -> tuple[Floats, Floats]:
 
     Returns tuple: Matrices, shape (n, 3, 3), and their derivatives, shape (3, n, 3, 3).
     """
-    turned = Rotation.from_euler("XYZ", angles).as_matrix()
+    (ca, cb, cg), (sa, sb, sg) = cosine_sine(np.ascontiguousarray(angles.T))
+    turned = np.empty((len(angles), 3, 3))
+    turned[:, 0, 0], turned[:, 0, 1], turned[:, 0, 2] = cb * cg, -cb * sg, sb
+    turned[:, 1, 0], turned[:, 2, 0] = ca * sg + sa * sb * cg, sa * sg - ca * sb * cg
+    turned[:, 1, 1], turned[:, 2, 1] = ca * cg - sa * sb * sg, sa * cg + ca * sb * sg
+    turned[:, 1, 2], turned[:, 2, 2] = -sa * cb, ca * cb
     # To turn by one angle more is to turn about that axis where the turns before have taken it.
     axes = np.zeros((3, len(angles), 3))
     axes[0, :, 0] = 1.0
-    axes[1, :, 1], axes[1, :, 2] = np.cos(angles[:, 0]), np.sin(angles[:, 0])
+    axes[1, :, 1], axes[1, :, 2] = ca, sa
     axes[2] = turned[:, :, 2]
     return turned, np.tensordot(axes, _CROSS, axes=1) @ turned
 
@@ -48,3 +52,15 @@ def cosine_sine(angle: Floats) -> Floats:
         np.divide(1.0 - square, 1.0 + square, out=both[0, some])
         np.divide(2.0 * tangent, 1.0 + square, out=both[1, some])
     return out
+
+
+def wave_rows(place: Floats, period: float, a: float, b: float) -> Floats:
+    """Derivatives of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, one a row, (3, n).
+
+    Without the last one where it is zero, (2, n): a search starts without size.
+    """
+    turn = place * (2 * np.pi / period)
+    both = cosine_sine(turn)
+    if not (a or b):
+        return both
+    return np.concatenate([both, [(a * both[1] - b * both[0]) * turn / period]])

@@ -77,6 +77,7 @@ NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
+BATCH_COLUMNS = 8  # columns that are, however long: what they are beside is read once for all
 AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
 MIN_ROWS = 2048  # readings of a step
 SINGLE_SUM = 4096  # products that are added up in single precision
@@ -132,9 +133,7 @@ class Candidates:
     penalty: Floats
     inflation: Floats
     dependent: float = DEPENDENT
-    positive: frozenset[int] = (
-        frozenset()
-    )  # candidates of one column that explain nothing if negative
+    positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
     stated: Mapping[int, float] = MappingProxyType({})  # candidates whose size is known to be small
     _banned: frozenset[int] = frozenset()
     _last: tuple[Floats, Floats] | None = None  # residuals and their products
@@ -335,9 +334,7 @@ class Candidates:
         if self._last is not None and self._last[0] is r:
             return self._last[1]
         held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
-        rounded = {kind: r.astype(kind, copy=False) for kind in {x.dtype for x in held}}
-        found = [inner(x, rounded[x.dtype]) for x in held]
-        pairs = zip(self._parts, found, strict=True)
+        pairs = zip(self._parts, inners(held, r), strict=True)
         whole = [part.weights @ x if isinstance(part, _Combined) else x for part, x in pairs]
         joined = np.concatenate(whole)
         if r.ndim == 1:
@@ -376,7 +373,7 @@ def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
             batch = []
             continue
         batch.append(piece)
-        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
+        if sum(v.size for _, v in batch) >= max(BATCH_NUMBERS, BATCH_COLUMNS * piece[1].shape[1]):
             yield batch
             batch = []
     if batch:
@@ -422,8 +419,8 @@ def _orthonormal_blocks(
     ``variants``: columns one a row, (v, k, n). Returns the columns, one a row, shape (M, n), in
     precision ``kind``, the rank of each block and where it starts.
     """
-    sizes = [np.sqrt(np.einsum("vkn,vkn->vk", v, v)) for v in variants]
-    least = ROUNDING * max(float(size.max(initial=0.0)) for size in sizes)
+    grams = [v @ v.transpose(0, 2, 1) for v in variants]
+    least = ROUNDING**2 * max(float(g.max(initial=0.0)) for g in grams)
     width = np.array([v.shape[1] for v in variants for _ in v], dtype=np.intp)
     rank = np.zeros(len(width), dtype=np.intp)
     start = np.zeros(len(width), dtype=np.intp)
@@ -431,9 +428,8 @@ def _orthonormal_blocks(
     filled = 0
     for k in np.unique(width):
         same = [i for i, v in enumerate(variants) if v.shape[1] == k]
-        x = _joined([variants[i] for i in same])
-        size = _joined([sizes[i] for i in same])
-        columns, some = _orthonormal(x, np.where(size > least, size, np.inf), basis, kind)
+        x, gram = (_joined([of[i] for i in same]) for of in (variants, grams))
+        columns, some = _orthonormal(x, gram, least, basis, kind)
         rank[width == k] = some
         start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
         out.append(columns)
@@ -447,47 +443,51 @@ def _joined(parts: list[Floats]) -> Floats:
 
 
 def _orthonormal(
-    x: Floats, size: Floats, basis: Floats, kind: type[np.float32 | np.float64]
+    x: Floats, gram: Floats, least: float, basis: Floats, kind: type[np.float32 | np.float64]
 ) -> tuple[Floats, Integers]:
-    """Orthonormalise blocks of rows x / size beside a basis; what is dependent is left out.
+    """Orthonormalise blocks of rows beside a basis; what is dependent is left out.
 
-    ``x``: (b, k, n); ``size``: (b, k). Returns the rows of all blocks (M, n), of each block largest
-    first, and its rank. Some readings are worked on at a time, which processors keep at hand.
+    ``x``: (b, k, n); ``gram``: their inner products (b, k, k); ``least``: squared length of a row
+    that counts as zero. Returns the rows of all blocks (M, n), of each block largest first, and its
+    rank. Some readings are worked on at a time, which processors keep at hand.
     """
     b, k, n = x.shape
-    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
-    parts = [slice(first, first + most) for first in range(0, n, most)]
-    taken = x.reshape(-1, n) @ basis / size.reshape(-1, 1)
-    free = np.empty((b, k, n))
-    gram = np.zeros((b, k, k))
-    for some in parts:
-        own = free[:, :, some]
-        np.divide(x[:, :, some], size[:, :, None], out=own)
-        own -= (taken @ basis[some].T).reshape(own.shape)
-        gram += own @ own.transpose(0, 2, 1)
-    w, u = (gram[:, :, 0], np.ones_like(gram)) if k == 1 else np.linalg.eigh(gram)
+    square = np.diagonal(gram, axis1=1, axis2=2)
+    unit = 1.0 / np.sqrt(np.where(square > least, square, np.inf))
+    taken = (x.reshape(-1, n) @ basis).reshape(b, k, -1) * unit[:, :, None]
+    left = gram * unit[:, :, None] * unit[:, None] - taken @ taken.transpose(0, 2, 1)
+    w, u = (left[:, :, 0], np.ones_like(left)) if k == 1 else np.linalg.eigh(left)
     w, u = w[:, ::-1], u[:, :, ::-1]
     seen = w > DEPENDENT
     weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
-    out: Floats = np.empty((int(seen.sum()), n), dtype=kind)
-    for some in parts:
-        out[:, some] = (weights @ free[:, :, some])[seen]
+    of_basis, weights = (weights @ taken)[seen], weights * unit[:, None]
+    out: Floats = np.empty((len(of_basis), n), dtype=kind)
+    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
+    for first in range(0, n, most):
+        some = slice(first, first + most)
+        of_x = (weights @ x[:, :, some])[seen]
+        np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
     return out, seen.sum(axis=1)
 
 
 def inner(columns: Floats, r: Floats) -> Floats:
-    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision.
+    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision."""
+    return inners([columns], r)[0]
+
+
+def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
+    """Return the same of several arrays of columns; r is read once for all in single precision.
 
     Sums of many numbers in single precision would make columns look independent that are not: only
     those of `SINGLE_SUM` products are, which leaves 1e-9 of the two lengths.
     """
-    if columns.dtype == np.float64:
-        return np.asarray(columns @ r)
-    single = r.astype(np.float32, copy=False)
-    out = np.zeros((len(columns), *r.shape[1:]))
-    for first in range(0, len(single), SINGLE_SUM):
+    out = [x @ r if x.dtype == np.float64 else np.zeros((len(x), *r.shape[1:])) for x in parts]
+    single = [(x, sums) for x, sums in zip(parts, out, strict=True) if x.dtype == np.float32]
+    for first in range(0, len(r) if single else 0, SINGLE_SUM):
         some = slice(first, first + SINGLE_SUM)
-        out += columns[:, some] @ single[some]
+        own = r[some].astype(np.float32, copy=False)  # in its order: others add up less well
+        for x, sums in single:
+            sums += x[:, some] @ own
     return out
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.rotation import cosine_sine
+from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
@@ -261,11 +261,9 @@ def gridded(
 
 def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     """Columns of ``a cos(2π s / p) + b sin(2π s / p)`` by a, b and p, shape (n, 3)."""
-    turn = 2 * np.pi * place / period
-    out = np.zeros((3, len(turn)))
-    out[:2] = cosine_sine(turn)
-    if a or b:  # a search starts without size: then the period changes nothing
-        out[2] = (a * out[1] - b * out[0]) * turn / period
+    out = np.zeros((3, len(place)))
+    rows = wave_rows(place, period, a, b)
+    out[: len(rows)] = rows
     return out.T
 
 
@@ -307,13 +305,14 @@ class _Waves:
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
         out = np.zeros((3, self.count))
-        columns = np.s_[:] if a or b else np.s_[:2]
         for own, place, enters in self.parts:
-            waves = out[columns, own]
+            waves = out[:, own]
             for some in at_hand(len(place)):
-                waves[:, some] += enters[some] * wave(place[some], period, a, b).T[columns]
+                rows = wave_rows(place[some], period, a, b)
+                rows *= enters[some]
+                waves[: len(rows), some] += rows
             if not isinstance(own, slice):
-                out[columns, own] = waves
+                out[:, own] = waves
         return out.T
 
 

@@ -328,13 +328,22 @@ def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
 
     ``residual``: what the basis leaves, (n,).
     """
-    whole, taken = columns.T @ columns, basis.T @ columns
-    left = whole - taken.T @ taken
-    own = left.diagonal()
-    size = np.sqrt(np.where(own > GONE * whole.diagonal(), own, np.inf))
-    share, ways = np.linalg.eigh(left / np.outer(size, size))
-    seen = share > RANK_TOLERANCE**2 * share.max(initial=GONE)
-    return float(np.sum((residual @ columns / size @ ways[:, seen]) ** 2 / share[seen]))
+    return float(gains_beside(columns[None], basis, residual)[0])
+
+
+def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
+    """Return the same of several sets of columns (v, n, k), each by itself, shape (v,)."""
+    rows = variants.transpose(0, 2, 1)
+    v, k, n = rows.shape
+    flat = rows.reshape(-1, n)
+    whole, taken = rows @ variants, (flat @ basis).reshape(v, k, -1)
+    left = whole - taken @ taken.transpose(0, 2, 1)
+    own, before = (np.diagonal(x, axis1=1, axis2=2) for x in (left, whole))
+    size = np.sqrt(np.where(own > GONE * before, own, np.inf))
+    share, ways = np.linalg.eigh(left / (size[:, :, None] * size[:, None]))
+    seen = share > RANK_TOLERANCE**2 * share.max(axis=1, initial=GONE, keepdims=True)
+    along = ((flat @ residual).reshape(v, 1, k) / size[:, None] @ ways)[:, 0]
+    return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
 
 
 def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:

@@ -7,22 +7,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy import optimize
 
+from trunnion.base.units import Floats
+
 MAX_CELLS = 8
 
 
-def best_place(gain: Callable[[float], float], grid: Sequence[float]) -> float:
+def best_place(gains: Callable[[Floats], Floats], grid: Sequence[float]) -> float:
     """Return the positive value at which a gain is largest.
 
     The grid is close enough to find the valley; the best cells are divided first, since the best
     of them may look worse than a side lobe until it is. Then one variable is searched for in the
     best of these.
 
-    gain: What a fit at this value explains.
+    gains: What a fit at each of several values explains.
     grid: Values in ascending order, all above zero, two at least.
     """
     points = np.asarray(grid, dtype=np.float64)
-    scores = np.array([gain(float(g)) for g in points])
-    cells = np.argsort(-scores)[:MAX_CELLS]
+    cells = np.argsort(-gains(points))[:MAX_CELLS]
     fine = np.unique(
         [
             points[c] ** (1 - t) * points[d] ** t
@@ -31,12 +32,12 @@ def best_place(gain: Callable[[float], float], grid: Sequence[float]) -> float:
             for t in (0.0, 0.25, 0.5)
         ]
     )
-    best = fine[int(np.argmax([gain(float(g)) for g in fine]))]
+    best = fine[int(np.argmax(gains(fine)))]
     cell = int(np.clip(np.searchsorted(points, best), 1, len(points) - 1))
     width = 0.3 * float(np.log(points[cell] / points[cell - 1]))
     low, high = best * np.exp(-width), best * np.exp(width)
     found = optimize.minimize_scalar(
-        lambda log: -gain(float(np.exp(log))),
+        lambda log: -float(gains(np.exp([log]))[0]),
         bounds=(float(np.log(low)), float(np.log(high))),
         method="bounded",
         options={"xatol": 1e-5},

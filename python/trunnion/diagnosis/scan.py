@@ -15,7 +15,14 @@ from scipy import special
 
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import BATCH_NUMBERS, ROUNDING, inner, storage
+from trunnion.diagnosis.candidates import (
+    AT_HAND,
+    BATCH_NUMBERS,
+    MIN_ROWS,
+    ROUNDING,
+    inner,
+    storage,
+)
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
 
@@ -199,7 +206,7 @@ class _Part:
 
     def __init__(self, first: int, functions: Floats, components: Floats) -> None:
         self.first, self.functions, self.components = first, functions, components
-        self.size = np.sqrt(self._weighted(functions**2, components**2))  # (m, c, k)
+        self.size = np.sqrt(self._weighted(functions, functions, components**2))  # (m, c, k)
         self.scale = self.size
         self.gram: Floats = np.zeros((0, 0, 0, 0))
 
@@ -232,7 +239,7 @@ class _Part:
             self.gram = np.ones((len(self.functions), len(self.components), k, k))
             for i in range(k):
                 for j in range(i):
-                    g = self._weighted(self.functions[:, i] * self.functions[:, j], squares)
+                    g = self._weighted(self.functions[:, i], self.functions[:, j], squares)
                     self.gram[:, :, i, j] = g
         self.functions = self.functions.astype(kind, copy=False)
 
@@ -247,10 +254,16 @@ class _Part:
         self.gram = self.gram.reshape(-1, k, k)
 
     @staticmethod
-    def _weighted(x: Floats, weights: Floats) -> Floats:
-        """Sum over readings of x (m, ..., n) times each weight (c, n): (m, c, ...)."""
-        flat = x.reshape(-1, x.shape[-1]) @ weights.T
-        return np.asarray(np.moveaxis(flat.reshape(*x.shape[:-1], len(weights)), -1, 1))
+    def _weighted(x: Floats, y: Floats, weights: Floats) -> Floats:
+        """Sum over readings of x y (m, ..., n both) times each weight (c, n): (m, c, ...)."""
+        n, count = x.shape[-1], x.size // x.shape[-1]
+        out = np.zeros((count, len(weights)))
+        most = max(MIN_ROWS, AT_HAND // count)
+        for first in range(0, n, most):
+            some = slice(first, first + most)
+            product = x[..., some] * y[..., some]
+            out += product.reshape(count, -1) @ weights[:, some].T
+        return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
     def products(self, weighted: Floats, component: int) -> Floats:
         """Inner products of the columns of one component with r (n, s), shape (m, k, s).

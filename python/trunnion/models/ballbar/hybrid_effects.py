@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,14 +32,38 @@ SHIFTS = {
 """Id → parameters, errors of the mechanism that they are, label."""
 
 
-def hybrid(path: Path, bar: Bar, mechanism: Mechanism, joints: Floats) -> list[Effect]:
+ENDS = tuple(f"end{k + 1}_{axis}_um" for k in LEGS for axis in "xy")
+ERRORS = (
+    "e5_um",
+    "e6_um",
+    "e7_um",
+    *ENDS,
+    *(name for _, some, _ in SHIFTS.values() for name in some),
+)
+"""Errors of the mechanism of which the effects are made."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """The machine at its commands: tool points (n, 3), passive joints (n, 8), dr/dE of `ERRORS`."""
+
+    tip_mm: Floats
+    passive_deg: Floats
+    rates: Floats  # (n, 3, k)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, joints: Floats) -> Solved:
+        """Solve the loops at commanded joints (n, 5)."""
+        found = mechanism.sensitivity(joints, ERRORS)
+        # copies, so that the many columns that are not needed are given back
+        kept = (found.forward.tip_mm, found.forward.passive_deg, found.tip)
+        return cls(*map(np.array, kept))
+
+
+def hybrid(path: Path, bar: Bar, solved: Solved, joints: Floats) -> list[Effect]:
     """Effects of the hybrid machine; ``joints`` (n, 5) are the commanded ones."""
-    ends = [f"end{k + 1}_{axis}_um" for k in LEGS for axis in "xy"]
-    errors = [name for _, names, _ in SHIFTS.values() for name in names]
-    names = ("e5_um", "e6_um", "e7_um", *ends, *errors)
-    found = mechanism.sensitivity(joints, names)
-    reach = np.einsum("ij,ijk->ik", bar.direction, found.tip)
-    column = dict(zip(names, reach.T, strict=True))
+    reach = np.einsum("ij,ijk->ik", bar.direction, solved.rates)
+    column = dict(zip(ERRORS, reach.T, strict=True))
     length = joints[:, :3]
     sign = [path.travel(length[:, k]) for k in LEGS]
 
@@ -54,7 +79,7 @@ def hybrid(path: Path, bar: Bar, mechanism: Mechanism, joints: Floats) -> list[E
         pairs = [(length[:, k], reach[:, k]) for k in legs]
         screws = f"the screw{'s' if len(legs) > 1 else ''} of {who}"
         out += cyclic(f"screw_cyclic{suffix}", pairs, f"cyclic error of {screws}")
-    sag = _gravity(found.forward.passive_deg, joints, column)
+    sag = _gravity(solved.passive_deg, joints, column)
     out.append(linear("gravity", ["k_um"], sag, "bending of the legs by their weight"))
     for id_, (parameters, parts, label) in SHIFTS.items():
         out.append(linear(id_, parameters, np.column_stack([column[n] for n in parts]), label))

@@ -17,7 +17,7 @@ from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS
 from trunnion.machine.effects import Owner
 from trunnion.models.ballbar.effects import CATALOGUED, Bar, three_axis
-from trunnion.models.ballbar.hybrid_effects import hybrid
+from trunnion.models.ballbar.hybrid_effects import Solved, hybrid
 from trunnion.models.ballbar.path import AXES, Path
 from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
@@ -75,9 +75,13 @@ class Hybrid:
     why_not: str = "it moves the legs or the wrist of the hybrid machine, not linear axes X, Y, Z"
 
     @cached_property
+    def _solved(self) -> Solved:
+        return Solved.of(self.mechanism, self.joints)
+
+    @property
     def tips(self) -> Floats:
         """Tool points through the loops."""
-        return self.mechanism.forward(self.joints).tip_mm
+        return self._solved.tip_mm
 
     @property
     def commands(self) -> Floats:
@@ -106,7 +110,7 @@ class Hybrid:
 
     def effects(self, path: Path, bar: Bar) -> list[Effect]:
         """Those of legs, wrist and base."""
-        return hybrid(path, bar, self.mechanism, self.joints)
+        return hybrid(path, bar, self._solved, self.joints)
 
     def covariates(self, _: Path) -> list[Covariate]:
         """Lengths of the legs and angles of the wrist."""

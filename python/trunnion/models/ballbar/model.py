@@ -20,7 +20,7 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     with_own,
 )
-from trunnion.diagnosis.fit import gain_beside
+from trunnion.diagnosis.fit import gains_beside, variant_columns
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
 from trunnion.hybrid.readings import (
@@ -42,6 +42,7 @@ LEAST_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first 
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
+TRIAL_NUMBERS = 1 << 20  # readings of the trial values that are compared at once
 MIN_SINGULAR_VALUE = 3e-5  # of the largest, of columns of unit length
 
 
@@ -204,11 +205,16 @@ class BallbarModel(Model):
         if effect.linear:
             return effect
         parameter = next(p for p in effect.parameters if not p.linear)
-        linear = [k for k, p in enumerate(effect.parameters) if p.linear]
+        some = max(1, TRIAL_NUMBERS // len(residual))
 
-        def explained(value: float) -> float:
-            at = {p.name: value if p is parameter else 0.0 for p in effect.parameters}
-            return gain_beside(effect.columns(at)[:, linear], basis, residual)
+        def explained(trials: Floats) -> Floats:
+            at = [
+                effect.values(trial if p is parameter else 0.0 for p in effect.parameters)
+                for trial in map(float, trials)
+            ]
+            parts = (at[first : first + some] for first in range(0, len(at), some))
+            columns = (variant_columns(self, effect, self.start, part) for part in parts)
+            return np.concatenate([gains_beside(x, basis, residual) for x in columns])
 
         grid = np.sort(np.array(parameter.grid))
         value = best_place(explained, grid.tolist())

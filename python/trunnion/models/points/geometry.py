@@ -105,6 +105,16 @@ def rotation(angles: Floats) -> tuple[Floats, list[Floats]]:
     return turned[:d, :d], [ARCSEC * x[0, :d, :d] for x in by[3 - len(angles) :]]
 
 
+def turned(at: Floats, turn: Floats) -> Floats:
+    """Rows (m, d), one after the other in memory, turned by a matrix (d, d).
+
+    In a plane as complex numbers: a fifth of the time of a product with a matrix of four numbers.
+    """
+    if len(turn) == 3:
+        return np.asarray(at @ turn.T)
+    return (at.view(np.complex128) * complex(turn[0, 0], turn[1, 0])).view(np.float64)
+
+
 def groups_of(data: Points) -> tuple[list[Any], Integers]:
     """Labels of the set-ups and the group of each row."""
     if data.group is None:

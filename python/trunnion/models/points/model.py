@@ -49,6 +49,7 @@ from trunnion.models.points.geometry import (
     places_of,
     rotation,
     rounded,
+    turned,
 )
 from trunnion.models.points.variance import LEAST_NOISE_UM, variance_components
 
@@ -173,10 +174,10 @@ class PointsModel(Model):
         columns = np.ascontiguousarray(effect.columns(values).T)
         at = columns.reshape(-1, d)
         turns = [rotation(self._own_part(nuisance, g)[d:])[0] for g in range(len(self._frames))]
-        out = at @ turns[0].T
+        out = turned(at, turns[0])
         for g, turn in enumerate(turns[1:], start=1):
             mine = np.tile(self._group == g, len(columns))
-            out[mine] = at[mine] @ turn.T
+            out[mine] = turned(at[mine], turn)
         return np.asarray(out.reshape(columns.shape).T)
 
     def _shifted(self, effects: EffectValues) -> Floats:

@@ -12,7 +12,7 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rotation import rotations
-from trunnion.base.rows import at_hand
+from trunnion.base.rows import at_hand, where
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import (
@@ -168,14 +168,17 @@ class SweepModel(Model):
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Exact derivative by axis average line and targets."""
         turned = self._turned(nuisance, self._moved(effects))
-        by = np.zeros((len(self._turn), 3, len(nuisance)))
-        by[:, 0, 0] = by[:, 1, 1] = 1e-3
+        out = np.zeros((len(nuisance), len(self._turn), 3))
+        out[0], out[1] = self._local[:, :, 0], self._local[:, :, 1]
         for j in range(2):
-            by[:, :, 2 + j] = turned.inside @ turned.tilt_by[j].T * ARCSEC
-        own = 1e-3 * (turned.tilt @ turned.wobble @ turned.spin)
-        for j in range(TARGET_PARAMETERS):
-            by[np.arange(len(by)), :, 4 + TARGET_PARAMETERS * self._target + j] = own[:, :, j]
-        return np.asarray(1e3 * (self._local @ by).reshape(-1, len(nuisance)))
+            lever = turned.inside @ turned.tilt_by[j].T * (1e3 * ARCSEC)
+            out[2 + j] = np.einsum("nij,nj->ni", self._local, lever)
+        own = self._local @ (turned.tilt @ turned.wobble @ turned.spin)
+        for target in range(len(self._labels)):
+            mine, first = where(self._target == target), 4 + TARGET_PARAMETERS * target
+            for j in range(TARGET_PARAMETERS):
+                out[first + j, mine] = own[mine, :, j]
+        return out.reshape(len(out), -1).T
 
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]

@@ -37,8 +37,6 @@ pub fn gradient<'a>(
     reading: &'a Reading,
     parameters: &'a [Parameter],
 ) -> impl Iterator<Item = f64> + 'a {
-    let differential = solution.differential(geometry);
-    parameters.iter().map(move |&parameter| {
-        reading.direction.dot(&differential.of(parameter).tool.fixed_rows::<3>(0))
-    })
+    let along = solution.along(geometry, &reading.direction);
+    parameters.iter().map(move |&parameter| along.of(parameter))
 }

@@ -1,4 +1,5 @@
-//! Many poses at once, in mm and rad. Rows are independent, so the numbers are the same on any number of threads.
+//! Many poses at once, in mm and rad. Rows are independent, or in runs of a fixed length, so the numbers are the same on any
+//! number of threads.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -31,6 +32,9 @@ pub const FORWARD_COLUMNS: usize = 3 + 3 + PASSIVE + 10 + 2;
 /// both (3 + 3), passive joints (8, rad).
 pub const SENSITIVITY_ROWS: usize = 3 + 3 + 3 + 3 + PASSIVE;
 
+/// Rows of which each but the first is solved from the one before.
+const RUN: usize = 128;
+
 fn at_row(row: usize) -> impl Fn(Error) -> Error {
     move |error| match error {
         Error::Input { what, got, expected } => {
@@ -52,19 +56,49 @@ impl Batch<'_> {
         if columns == 0 {
             return Ok(out);
         }
-        // Of several failing rows the first is reported, whichever thread comes to it.
-        let failures: Vec<Error> = out
+        let failures = out
             .par_chunks_mut(columns)
             .enumerate()
             .filter_map(|(row, slot)| fill(row, slot).map_err(at_row(row)).err())
             .collect();
-        failures.into_iter().next().map_or(Ok(()), Err)?;
+        first_of(failures)?;
+        Ok(out)
+    }
+
+    /// The same of rows that follow a path: most are solved from the row before, in half the steps.
+    fn along_path(
+        &self,
+        joints: &[f64],
+        columns: usize,
+        fill: impl Fn(usize, &Solution, &mut [f64]) -> Result<()> + Sync,
+    ) -> Result<Vec<f64>> {
+        let mut out = vec![0.0; joints.len() / ACTIVE * columns];
+        let failures = out
+            .par_chunks_mut(RUN * columns)
+            .enumerate()
+            .filter_map(|(run, slots)| {
+                let mut before = None;
+                slots.chunks_exact_mut(columns).enumerate().find_map(|(at, slot)| {
+                    let row = RUN * run + at;
+                    let own = commanded(joints, row);
+                    self.mechanism
+                        .solve_near(&self.geometry, &own, &self.closure, before.as_ref())
+                        .and_then(|solution| {
+                            fill(row, &solution, slot)?;
+                            before = Some(solution.joints);
+                            Ok(())
+                        })
+                        .map_err(at_row(row))
+                        .err()
+                })
+            })
+            .collect();
+        first_of(failures)?;
         Ok(out)
     }
 
     fn solve(&self, joints: &[f64], row: usize) -> Result<Solution> {
-        let own = std::array::from_fn(|k| joints[ACTIVE * row + k]);
-        self.mechanism.solve(&self.geometry, &own, &self.closure)
+        self.mechanism.solve(&self.geometry, &commanded(joints, row), &self.closure)
     }
 
     /// Forward solutions at `joints` (n × 5: L1, L2, L3 in mm, q4, q5 in rad), n ×
@@ -135,13 +169,12 @@ impl Batch<'_> {
         parameters: &[Parameter],
     ) -> Result<Vec<f64>> {
         same_rows("ball centres", centres.len() / 3, joints.len() / ACTIVE)?;
-        self.rows(joints.len() / ACTIVE, 4 + parameters.len(), |row, slot| {
-            let solution = self.solve(joints, row)?;
+        self.along_path(joints, 4 + parameters.len(), |row, solution, slot| {
             let centre = Vector3::from_column_slice(&centres[3 * row..3 * row + 3]);
-            let reading = ballbar::reading(&solution, &centre)?;
+            let reading = ballbar::reading(solution, &centre)?;
             slot[0] = reading.length;
             slot[1..4].copy_from_slice(reading.direction.as_slice());
-            let gradient = ballbar::gradient(&self.geometry, &solution, &reading, parameters);
+            let gradient = ballbar::gradient(&self.geometry, solution, &reading, parameters);
             for (value, cell) in gradient.zip(&mut slot[4..]) {
                 *cell = value;
             }
@@ -183,6 +216,16 @@ impl Batch<'_> {
             Ok(())
         })
     }
+}
+
+/// Commands of one row.
+fn commanded(joints: &[f64], row: usize) -> [f64; ACTIVE] {
+    std::array::from_fn(|k| joints[ACTIVE * row + k])
+}
+
+/// Of several failing rows the first is reported, whichever thread comes to it.
+fn first_of(failures: Vec<Error>) -> Result<()> {
+    failures.into_iter().next().map_or(Ok(()), Err)
 }
 
 fn same_rows(what: &str, got: usize, expected: usize) -> Result<()> {

@@ -146,7 +146,7 @@ pub(super) fn inverse(
     let mut active = *start;
     let mut last = f64::INFINITY;
     for _ in 0..30 {
-        let solution = home.solve(geometry, &active, closure)?;
+        let solution = home.solve(geometry, &active, closure, None)?;
         let miss = miss(&solution, &pose.tip, &target);
         let size = miss.norm();
         // Converged, or resting on rounding.

@@ -6,7 +6,7 @@ use super::closure::Closure;
 use super::geometry::Geometry;
 use super::inverse::{NominalInverse, inverse, nominal_inverse};
 use super::parameter::{ACTIVE, ERRORS, Errors, NO_CLOSED_FORM, PAPER, PASSIVE};
-use super::posture::ToolPose;
+use super::posture::{Joints, ToolPose};
 use super::solution::{Home, Solution};
 use crate::{Error, Result};
 
@@ -98,7 +98,22 @@ impl Mechanism {
         active: &[f64; ACTIVE],
         closure: &Closure,
     ) -> Result<Solution> {
-        self.home.solve(geometry, active, closure)
+        self.home.solve(geometry, active, closure, None)
+    }
+
+    /// The same where the joints of another solution may be nearer than home: Newton then starts
+    /// there.
+    ///
+    /// # Errors
+    /// As [`Mechanism::solve`].
+    pub fn solve_near(
+        &self,
+        geometry: &Geometry,
+        active: &[f64; ACTIVE],
+        closure: &Closure,
+        near: Option<&Joints>,
+    ) -> Result<Solution> {
+        self.home.solve(geometry, active, closure, near)
     }
 
     /// Closed-form inverse: needs e1 = e2 = e3 = e14 = 0 in the dimensions. q4 keeps `reference`

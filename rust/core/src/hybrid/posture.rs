@@ -295,6 +295,19 @@ impl Posture {
         }
     }
 
+    /// Velocity of the tool point along a direction under a twist.
+    pub(super) fn tip_velocity(
+        &self,
+        twist: &Twist,
+        reach: Reach,
+        direction: &Vector3<f64>,
+    ) -> f64 {
+        match reach {
+            Reach::Central | Reach::Wrist => twist.at(self.tip()).dot(direction),
+            Reach::Leg(_) | Reach::Seat(_) => 0.0,
+        }
+    }
+
     /// Velocity of the tool point and angular velocity of the tool under a twist.
     pub(super) fn tool_velocity(&self, twist: &Twist, reach: Reach) -> SVector<f64, 6> {
         let mut velocity = SVector::<f64, 6>::zeros();

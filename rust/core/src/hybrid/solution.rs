@@ -1,6 +1,6 @@
 //! Forward solution and sensitivities by implicit differentiation (equations (1) and (2)).
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 use super::closure::{Closure, EQUATIONS, Equations, Loops, Residual};
 use super::geometry::Geometry;
@@ -71,6 +71,17 @@ impl Factors {
         }
         self.back_substitute(&mut x);
         x
+    }
+
+    /// (J⁺)ᵀ x = Q R⁻ᵀ x.
+    fn transposed(&self, mut x: SVector<f64, PASSIVE>) -> Equations {
+        for j in 0..PASSIVE {
+            for i in 0..j {
+                x[j] -= self.r[(i, j)] * x[i];
+            }
+            x[j] /= self.r[(j, j)];
+        }
+        self.q * x
     }
 
     /// J⁺.
@@ -194,14 +205,22 @@ impl Home {
         self.sides[first - 3][second - 3]
     }
 
-    /// See [`super::Mechanism::solve`].
+    /// See [`super::Mechanism::solve_near`].
     pub fn solve(
         &self,
         geometry: &Geometry,
         active: &[f64; ACTIVE],
         closure: &Closure,
+        near: Option<&Joints>,
     ) -> Result<Solution> {
         check_active(active)?;
+        let from_home = distance(&self.legs, active);
+        if let Some(near) = near.filter(|near| distance(&near.active, active) < from_home)
+            && let Ok(solution) = newton(geometry, closure, &near.passive, active, MAX_STEPS)
+            && solution.side == self.side(closure)
+        {
+            return Ok(solution);
+        }
         let direct = newton(geometry, closure, &self.passive, active, MAX_STEPS);
         match direct {
             Ok(solution) if solution.side == self.side(closure) => Ok(solution),
@@ -266,6 +285,11 @@ fn side(all: &Jacobian, closure: &Closure) -> f64 {
         square.set_row(row, &all.row(from));
     }
     square.determinant().signum()
+}
+
+/// Largest difference of leg lengths, mm.
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).take(3).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 fn moved(a: &Solution, b: &Solution) -> f64 {
@@ -341,6 +365,18 @@ impl Solution {
         Differential { solution: self, geometry, loops, inverse, tool }
     }
 
+    /// The same for the way of the tool point along a unit vector alone.
+    #[must_use]
+    pub fn along<'a>(&'a self, geometry: &'a Geometry, direction: &'a Vector3<f64>) -> Along<'a> {
+        let posture = &self.posture;
+        let mut joints = SVector::<f64, PASSIVE>::zeros();
+        for (joint, twist) in posture.passive.iter().enumerate() {
+            joints[joint] = posture.tip_velocity(twist, Posture::passive_reach(joint), direction);
+        }
+        let pull = self.factors.transposed(joints);
+        Along { solution: self, geometry, direction, loops: self.closure.loops(posture), pull }
+    }
+
     /// Sensitivities to the 17 parameters of the paper, at the geometry that was solved.
     #[must_use]
     pub fn paper_sensitivities(&self, geometry: &Geometry) -> [Sensitivity; ERRORS] {
@@ -394,5 +430,30 @@ impl Differential<'_> {
             along: left[at + 3],
             about: left[at + 4],
         })
+    }
+}
+
+/// n · ∂r/∂Y [∂G/∂Y]⁺ at a solution: n · dr/de of equation (2) takes one inner product of each
+/// parameter, where [`Differential`] takes products with both matrices.
+pub struct Along<'a> {
+    solution: &'a Solution,
+    geometry: &'a Geometry,
+    direction: &'a Vector3<f64>,
+    loops: Loops,
+    pull: Equations,
+}
+
+impl Along<'_> {
+    /// n · dr/de, mm per mm or rad.
+    #[must_use]
+    pub fn of(&self, parameter: Parameter) -> f64 {
+        let posture = &self.solution.posture;
+        let mut rate = Equations::zeros();
+        let mut serial = 0.0;
+        posture.parameter_twists(self.geometry, parameter, |twist, reach| {
+            self.loops.add_column(twist, reach, &mut rate);
+            serial += posture.tip_velocity(twist, reach, self.direction);
+        });
+        serial - self.pull.dot(&rate)
     }
 }

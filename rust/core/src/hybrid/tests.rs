@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
+use super::batch::Batch;
 use super::*;
 use crate::Error;
 use crate::units::{ARCSEC, DEG, UM, Unit};
@@ -123,6 +124,43 @@ fn every_derivative_agrees_with_differences_of_the_full_solution() {
                     assert!(off < 1e-8, "{} direction {k}: {off:e}", parameter.name());
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn readings_along_a_path_are_those_of_each_row_by_itself() {
+    let mechanism = example();
+    let mut random = Pcg64::seed_from_u64(5);
+    let errors: Vec<_> = Parameter::paper()
+        .into_iter()
+        .map(|p| (p, uniform(&mut random) * if p.unit() == Unit::Um { 0.05 } else { 1e-4 }))
+        .collect();
+    let parameters: Vec<_> = Parameter::paper().into_iter().chain(Parameter::outside()).collect();
+    let closure = Closure::default();
+    let batch = Batch { mechanism: &mechanism, geometry: mechanism.with(&errors), closure };
+    // a slow path, longer than a run, and then jumps
+    let mut joints: Vec<[f64; ACTIVE]> = (0..300)
+        .map(|row| {
+            let (s, c) = (f64::from(row) * 0.01).sin_cos();
+            [1100.0 + 60.0 * s, 1130.0 + 60.0 * c, 1100.0 - 60.0 * s, 0.1 * s, 0.2 * c]
+        })
+        .collect();
+    joints.extend((0..40).map(|_| random_active(&mut random)));
+    let centre = Vector3::new(0.0, -350.0, -1300.0);
+    let centres = [centre.x, centre.y, centre.z].repeat(joints.len());
+    let rows = batch.ballbar(&joints.concat(), &centres, &parameters).unwrap();
+    for (own, row) in joints.iter().zip(rows.chunks_exact(4 + parameters.len())) {
+        let solution = mechanism.solve(&batch.geometry, own, &closure).unwrap();
+        let bar = solution.posture.tip() - centre;
+        assert!((row[0] - bar.norm()).abs() < 1e-10, "{own:?}");
+        let differential = solution.differential(&batch.geometry);
+        for (&parameter, found) in parameters.iter().zip(&row[4..]) {
+            let tip = differential.of(parameter).tool.fixed_rows::<3>(0).into_owned();
+            let expected = tip.dot(&bar) / bar.norm();
+            let off = (found - expected).abs() / tip.norm().max(1.0);
+            // rounding of a metre's lever, times the condition of the loops
+            assert!(off < 1e-10, "{}: {off:e}", parameter.name());
         }
     }
 }
