@@ -77,7 +77,6 @@ NAMING_LEVEL = 0.01
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
-BATCH_COLUMNS = 8  # columns that are, however long: what they are beside is read once for all
 AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
 MIN_ROWS = 2048  # readings of a step
 SINGLE_SUM = 4096  # products that are added up in single precision
@@ -373,7 +372,7 @@ def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
             batch = []
             continue
         batch.append(piece)
-        if sum(v.size for _, v in batch) >= max(BATCH_NUMBERS, BATCH_COLUMNS * piece[1].shape[1]):
+        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
             yield batch
             batch = []
     if batch:
