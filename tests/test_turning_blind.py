@@ -9,7 +9,7 @@ import pytest
 
 from promise import kept, needed_runs
 from trunnion.models.kinds import diagnose
-from turning_blind import draw, measured, outcome
+from turning_blind import LAWS, draw, measured, outcome
 
 GOOD = {"quiet", "found", "alternative"}
 BOTH = ("tool_heating", "tool_wear")
@@ -35,6 +35,16 @@ def test_a_smooth_error_of_no_cause_is_no_sum_of_wrong_names() -> None:
     runs = needed_runs(0.95)
     said = [diagnose(*measured(7000 + i, (), 2 + i % 2, unknown=True)).verdict for i in range(runs)]
     assert kept(said.count("unexplained"), runs, 0.95), said
+
+
+@pytest.mark.power
+def test_it_is_none_beside_a_cause_either() -> None:
+    runs, causes = needed_runs(0.9), list(LAWS)
+    said = [
+        diagnose(*measured(8000 + i, (causes[i % len(causes)],), 2 + i % 2, unknown=True)).verdict
+        for i in range(runs)
+    ]
+    assert kept(said.count("unexplained"), runs, 0.9), said
 
 
 @pytest.mark.power
