@@ -79,7 +79,7 @@ MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
 AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
 MIN_ROWS = 2048  # readings of a step
-SINGLE_SUM = 4096  # products that are added up in single precision
+AT_ONCE = 1024  # readings of columns in single precision
 NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -477,16 +477,16 @@ def inner(columns: Floats, r: Floats) -> Floats:
 def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
     """Return the same of several arrays of columns; r is read once for all in single precision.
 
-    Sums of many numbers in single precision would make columns look independent that are not: only
-    those of `SINGLE_SUM` products are, which leaves 1e-9 of the two lengths.
+    Sums are in double precision, whatever columns are kept in: those of single precision would make
+    columns look independent that are not, and their errors would depend on the machine.
     """
     out = [x @ r if x.dtype == np.float64 else np.zeros((len(x), *r.shape[1:])) for x in parts]
     single = [(x, sums) for x, sums in zip(parts, out, strict=True) if x.dtype == np.float32]
-    for first in range(0, len(r) if single else 0, SINGLE_SUM):
-        some = slice(first, first + SINGLE_SUM)
-        own = r[some].astype(np.float32, copy=False)  # in its order: others add up less well
+    for first in range(0, len(r) if single else 0, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        own = r[some].astype(np.float64, copy=False)
         for x, sums in single:
-            sums += x[:, some] @ own
+            sums += x[:, some].astype(np.float64) @ own
     return out
 
 
