@@ -76,6 +76,18 @@ def run(plan: tn.Touches, first: int = 1) -> str:
     return f"{line}\n; G54 0 0 0 tool length 100\n"
 
 
+def test_a_last_line_that_was_cut_is_no_touch(plan: tn.Touches, tmp_path: Path) -> None:
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan) + ONE + TWO[:-30])
+    assert len(tn.read_probe_log(path, plan)) == 1
+    path.write_text(run(plan) + ONE[:20])
+    with pytest.raises(tn.FileFormatError, match="got no touches"):
+        tn.read_probe_log(path, plan)
+    path.write_text(run(plan) + ONE[:20] + "\n" + TWO)
+    with pytest.raises(tn.FileFormatError, match="fields"):  # not the last: something is wrong
+        tn.read_probe_log(path, plan)
+
+
 def test_a_numbered_log_gives_the_touches_that_it_names(plan: tn.Touches, tmp_path: Path) -> None:
     path = tmp_path / "touches.log"
     path.write_text(run(plan) + TWO)

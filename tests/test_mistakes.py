@@ -94,6 +94,17 @@ def test_a_mirrored_sense_is_named(axes: str) -> None:
     assert tn.identify(data, true).notes == ()
 
 
+def test_a_mirrored_sense_is_named_on_the_grid_of_a_control() -> None:
+    """A tick of 10 µm leaves a tenth of what the mirrored axis does."""
+    given = replace(SETUP, probe=tn.Probe(servo_period_ms=1.0))
+    true = replace(given, axes={"C": tn.AxisSetup(sense=-1)})
+    rng = np.random.default_rng(3)
+    for seed in range(20):
+        errors = {name: float(rng.uniform(-size, size)) / 2 for name, size in SIZES.items()}
+        data = tn.simulate(tn.plan(true), true, errors, PLACEMENT, noise_um=0.3, seed=seed)
+        assert any("sense = -1 of axis C" in note for note in tn.identify(data, given).notes)
+
+
 @pytest.mark.parametrize(
     ("true", "given"),
     [("trt-bc", "table-c-head-b"), ("table-c-head-b", "trt-bc"), ("trt-ca", "trt-bc")],

@@ -35,6 +35,8 @@ MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
 MIN_STEP = 1e-8  # µm, arcsec: what computers make of coordinates of metres
 MAX_PARTS = 5  # steps between the nearest readings
 SAME_STEP = 0.02
+MAX_STEP_SIGMAS = 7.0  # twice √12, of steps that are recognised
+COARSER = 1.5  # times a stated step, that a recognised one is to be taken instead
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
 

@@ -84,7 +84,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     Returns
     -------
     Touches
-        The touches that are in the log, in their order: of a run that was stopped those before.
+        The touches that are in the log, in their order: of a run that was stopped those before,
+        without one whose line in a numbered log is cut off, with fewer fields and no end of line.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last.
 
@@ -226,15 +227,17 @@ def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
 
 def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
     """Return the touches of the last measurement in a log with numbers."""
-    letters = "XYZABC"
+    names = ("touch", "feed", *"XYZABC")
     found: dict[int, _Entry] = {}
+    if data[-1] == len(log.lines) - 1 and len(log.lines[-1].split()) < len(names):
+        data = data[:-1]  # without an end: the control was stopped while it wrote the line
     for i in data:
         text = log.lines[i].strip()
         if text.startswith(RUN):
             if _first_touch(log, i, text, plan) == 1:
                 found = {}
             continue
-        number, feed, *values = log.numbers(i, ("touch", "feed", *letters))
+        number, feed, *values = log.numbers(i, names)
         if number != int(number) or not 1 <= number <= len(plan):
             message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
             raise log.error(i, 0, message)
@@ -244,7 +247,7 @@ def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
         found.pop(row, None)
         found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)
     if not found:
-        raise log.error(data[-1], 0, "got no touches, expected those of the plan")
+        raise log.error(len(log.lines) - 1, 0, "got no touches, expected those of the plan")
     return list(found.values())
 
 

@@ -287,8 +287,9 @@ class Case:
     def least_rms(self) -> float:
         """Rms of what rounding leaves of exact readings, or of the least noise."""
         readings = self.model.readings
-        recorded = readings.values if readings.recorded is None else readings.recorded
-        size = float(np.max(np.abs(recorded), initial=1.0))
+        size = float(np.max(np.abs(readings.values), initial=1.0))
+        if readings.recorded is not None:
+            size = max(size, float(np.max(np.abs(readings.recorded), initial=1.0)))
         least = np.sqrt(np.mean(np.square(readings.least)))
         return max(EXACT * size, MIN_STEP, float(least))
 

@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import Floor, Grid, Repeats, recognised
+from trunnion.base.resolution import COARSER, MAX_STEP_SIGMAS, Floor, Grid, Repeats, recognised
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
@@ -50,7 +50,6 @@ LOG = logging.getLogger("trunnion.diagnosis")
 
 INLIER_SIGMAS = 3.5  # a reading within so many sigma of a model that did not use it is no outlier
 MAX_REVISIONS = 3
-MAX_STEP_SIGMAS = 7.0  # twice √12
 MAX_ROUNDS = 3
 MAX_POINTS = 3  # about which candidates are linearised
 MAX_WORSE = 1.001  # of the rms of the plain model
@@ -306,16 +305,16 @@ def _steps(model: Model, plain: Fit) -> Floats:
     Places on a regular grid are no steps: rounding to these would leave more than the residuals.
     """
     readings = model.readings
-    if readings.step is not None:
-        return np.asarray(readings.step, dtype=np.float64)
+    stated = np.zeros(len(readings)) if readings.step is None else np.asarray(readings.step)
     _, index = units_of(readings)
     recorded = readings.values if readings.recorded is None else readings.recorded
-    steps = []
-    for i in range(index.max() + 1):
-        step = recognised(recorded[index == i])
-        left = float(np.sqrt(np.sum(plain.residuals[index == i] ** 2) / max(plain.dof, 1)))
-        steps.append(step if step <= MAX_STEP_SIGMAS * left else 0.0)
-    return np.asarray(steps)[index]
+    steps = np.array(stated, dtype=np.float64)
+    for some in (index == i for i in range(index.max() + 1)):
+        step = recognised(recorded[some])
+        left = float(np.sqrt(np.sum(plain.residuals[some] ** 2) / max(plain.dof, 1)))
+        if COARSER * stated[some].max() < step <= MAX_STEP_SIGMAS * left:
+            steps[some] = step
+    return steps
 
 
 def _white(grid: Grid, noise: float) -> Whiten:

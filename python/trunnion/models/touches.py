@@ -44,12 +44,14 @@ from trunnion.probing.identify import mistakes_in
 from trunnion.probing.inputs import inputs_of, stated_of, turning
 from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
+    UNKNOWN_TICK,
     TouchModel,
     catalogue,
     known_sigma_um,
     readings_um,
     stops_of,
     ticks_um,
+    way_um,
 )
 from trunnion.setup import Setup
 
@@ -59,10 +61,6 @@ MAX_MOMENTS = 48
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
 MAX_DISTANCE_UM = 5000.0
-UNKNOWN_TICK = (
-    "if this is the tick of the control, half of it is in EZ0A and the placement: state "
-    "probe.servo_period_ms (or probe.tick_um)"
-)
 UNITS = {"um": "µm", "um/h": "µm/h"}
 
 
@@ -133,6 +131,7 @@ class TouchDiagnosisModel(Model):
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
             ticks if np.any(ticks := ticks_um(setup, data)) else None,
+            way_um(data),
             hint=UNKNOWN_TICK,
         )
         self._start = self._full.values()[self._unknown]

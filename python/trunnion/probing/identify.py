@@ -23,12 +23,14 @@ from trunnion.machine.stated import Stated, contradiction
 from trunnion.probing.inputs import certificate, inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
+    UNKNOWN_TICK,
     TouchModel,
     known_sigma_um,
     readings_um,
     rounding_um,
     stops_of,
     ticks_um,
+    unstated_step_um,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
@@ -153,6 +155,8 @@ def _identified(
         found, said = _beside_scatter(problem, jacobian, plain, found)
     sources = _sources(problem, jacobian, plain, found, known, is_known=how.sigma_um > 0)
     result = replace(_result(model, data, own, found, knee, errors), sources=sources)
+    if step := unstated_step_um(setup, data, found.sigma_um):
+        said = (*said, f"Touches are recorded in steps of {step:.4g} µm; {UNKNOWN_TICK}.")
     return replace(result, notes=(*said, *_of_the_certificate(result, stated, how, priors)))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import unit_of
 from trunnion.data.touches import Touches
-from trunnion.probing.model import TouchModel
+from trunnion.probing.model import TouchModel, rounding_um
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.setup import AxisSetup, Machine, Setup
 from trunnion.setup.machines import presets
@@ -40,7 +40,7 @@ SURE_SIGMAS = 5.0
 """Standard errors that an estimate is large for before its size is discussed."""
 
 SHARE = 0.1
-"""Of the residuals: what a guess has to leave at most."""
+"""Of the residuals: what a guess has to leave at most, beside the errors of rounding."""
 
 MAX_BEFORE_UM = 500.0
 """Residuals beyond this, and touches off the surface, count as this."""
@@ -166,7 +166,8 @@ def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
     """Say with what other set-up or unit the touches fit; None: with none that is tried."""
     tried = [(_scatter_um(meant, other), text) for text, meant, other in _guesses(data, setup)]
     best = min((scatter for scatter, _ in tried), default=np.inf)
-    if best > SHARE * min(before_um, MAX_BEFORE_UM):
+    beside_rounding = np.sqrt(max(best**2 - rounding_um(setup, data) ** 2, 0.0))
+    if beside_rounding > SHARE * min(before_um, MAX_BEFORE_UM):
         return None
     texts = [text for scatter, text in tried if scatter <= RIVAL_FACTOR * best]
     return f"the touches fit to {best:.2g} µm {', or '.join(texts)}."

@@ -9,11 +9,17 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
+from trunnion.base.resolution import COARSER, MAX_STEP_SIGMAS, recognised
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.setup import Setup
+
+UNKNOWN_TICK = (
+    "if this is the tick of the control, half of it is in EZ0A and the placement: state "
+    "probe.servo_period_ms (or probe.tick_um)"
+)
 
 
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
@@ -56,6 +62,25 @@ def known_sigma_um(setup: Setup, touches: Touches) -> float:
 def readings_um(touches: Touches) -> Floats:
     """Readings: recorded coordinates along the approaches, µm, shape (n,)."""
     return np.asarray(np.einsum("ij,ij->i", touches.position_mm, touches.direction) * 1e3)
+
+
+def way_um(touches: Touches) -> Floats:
+    """Way (n,) of each touch from its start along the approach, µm; else the coordinate along it.
+
+    A control that looks at the probe once in a tick records multiples of it on this way.
+    """
+    start = touches.start_mm
+    if start is None:
+        return readings_um(touches)
+    way = np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
+    return np.asarray(way * 1e3)
+
+
+def unstated_step_um(setup: Setup, touches: Touches, sigma_um: float) -> float:
+    """Step of the readings that the set-up does not state, µm; 0: none beside such noise."""
+    step = recognised(way_um(touches))
+    coarser = step > COARSER * float(np.max(ticks_um(setup, touches), initial=0.0))
+    return step if coarser and sigma_um < step <= MAX_STEP_SIGMAS * sigma_um else 0.0
 
 
 def stops_of(touches: Touches) -> Integers:
