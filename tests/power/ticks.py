@@ -34,6 +34,7 @@ import os
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
@@ -284,10 +285,13 @@ def run(
     rng = np.random.default_rng([seed, PLANS.index(plan), round(1e3 * ratio), int(dither)])
     noise = ratio * TICK_UM
     scatter = math.hypot(noise, TICK_UM / math.sqrt(12.0))
-    effects = {} if effect is None else hide(rng, plan, effect, scatter)
-    truth = Truth(random_errors(rng), random_placement(rng), effects)
-    start = starts(touched, dither, rng)
-    positions = recorded(touched, setup, truth, noise, start, rng)
+    while True:
+        effects = {} if effect is None else hide(rng, plan, effect, scatter)
+        truth = Truth(random_errors(rng), random_placement(rng), effects)
+        start = starts(touched, dither, rng)
+        with suppress(NoTouchError):  # so large, as the plain model takes it, that none can measure
+            positions = recorded(touched, setup, truth, noise, start, rng)
+            break
     as_stated = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
     data = touches(touched, positions)
     begin = time.process_time()
