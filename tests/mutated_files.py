@@ -14,6 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import openpyxl
 
 import trunnion as tn
@@ -22,6 +23,7 @@ from hostile import MAX_SECONDS, holds_nan
 from result_examples import EXAMPLES, SAMPLES
 from trunnion import nc
 from trunnion.base.report import Result
+from trunnion.data.linuxcnc_log import probe_log_of
 from trunnion.models.kinds import kinds
 from trunnion.studies.study_file import sweep_file
 
@@ -132,6 +134,9 @@ def formats() -> dict[str, Format]:
         for (x, y, z), a, c in zip(plan.position_mm, plan["a_deg"], plan["c_deg"], strict=True)
     )
     found["probe log"] = (lambda path: tn.read_probe_log(path, plan), log.encode())
+    slow = plan.with_columns(feed_mm_min=np.full(2, 60.0))
+    numbered = probe_log_of(slow, slow, "plan.csv")
+    found["numbered log"] = (lambda path: tn.read_probe_log(path, slow), numbered.encode())
     for name in ("cross", "contour", "turning"):
         setup = tn.sample_path(f"{name}/setup.toml").read_bytes()
         found[f"set-up {name}"] = (tn.read_setup, setup)

@@ -161,6 +161,10 @@ def test_present_values_stand_beside_the_new_ones(tmp_path: Path) -> None:
     hal.write_text("setp trunnionkins.ex0c-um seven\n")
     with pytest.raises(tn.FileFormatError, match=r"my.hal, line 1: got 'seven', expected a number"):
         linuxcnc_files(SETUP, TABLE_2, present=[hal])
+    for no_number in ("nan", "inf", "1e999", "1_5"):
+        ini.write_text(f"[JOINT_3]\nHOME_OFFSET = {no_number}\n")
+        with pytest.raises(tn.FileFormatError, match=f"line 2: got '{no_number}', expected"):
+            linuxcnc_files(SETUP, TABLE_2, present=[ini])
 
 
 def test_stock_kinematics_get_tables_of_their_axes() -> None:

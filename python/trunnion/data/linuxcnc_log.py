@@ -26,7 +26,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import parse_number
+from trunnion.files.columns import LARGEST, parse_number
 from trunnion.files.text import Source, decode
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
@@ -35,7 +35,8 @@ COUNTS = {8: "eight", 9: "nine"}
 RUN = "trunnion-touches"
 """How the first line of a run begins."""
 RUN_LINE = (
-    rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ from=(?P<first>\d+)"
+    rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ "
+    r"from=(?P<first>\d{1,9})"
 )
 
 HASHED = frozenset(
@@ -241,8 +242,9 @@ def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
         if number != int(number) or not 1 <= number <= len(plan):
             message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
             raise log.error(i, 0, message)
-        if feed <= 0:
-            raise log.error(i, 1, f"feed: got {feed:g}, expected a number above 0")
+        if not 0 < feed <= LARGEST["mm/min"]:
+            most = LARGEST["mm/min"]
+            raise log.error(i, 1, f"feed: got {feed:g}, expected a number above 0, up to {most:g}")
         row = int(number) - 1
         found.pop(row, None)
         found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.files.columns import parse_number
 from trunnion.setup import Setup
 
 MM = {"mm": 1.0, "inch": 25.4}
@@ -73,7 +75,7 @@ def read_present(paths: Iterable[str | Path]) -> Present:
 
 def _number(path: Path, line: int, text: str) -> float:
     truth = {"true": 1.0, "false": 0.0}
-    try:
-        return truth[text.lower()] if text.lower() in truth else float(text)
-    except ValueError:
-        raise FileFormatError(f"{path}, line {line}: got {text!r}, expected a number") from None
+    value = truth[text.lower()] if text.lower() in truth else parse_number(text)
+    if value is None or not math.isfinite(value):
+        raise FileFormatError(f"{path}, line {line}: got {text!r}, expected a number")
+    return value
