@@ -114,12 +114,12 @@ def test_a_tick_is_recognised_on_the_way_from_the_start(stated: float) -> None:
     control = Setup(Artefact("cross"), probe=Probe(servo_period_ms=1.0))  # 10 µm at F600
     errors = {"EZ0A": 20.0, "EA0A": 10.0}
     touches = tn.simulate(tn.plan(control), control, errors, noise_um=0.3, seed=3)
-    believed = Setup(Artefact("cross"), probe=Probe(tick_um=stated))
-    for notes in (tn.diagnose(touches, believed).notes, tn.identify(touches, believed).notes):
+    given = Setup(Artefact("cross"), probe=Probe(tick_um=stated))
+    for notes in (tn.diagnose(touches, given).notes, tn.identify(touches, given).notes):
         said = [note for note in notes if "in steps of 10 µm" in note]
         assert said
         assert "half of it is in EZ0A" in said[0]
-    assert tn.diagnose(touches, believed).sigma >= 10.0 / np.sqrt(12.0)
+    assert tn.diagnose(touches, given).sigma >= 10.0 / np.sqrt(12.0)
     assert not [n for n in tn.identify(touches, control).notes if "in steps" in n]
 
 

@@ -20,7 +20,7 @@ import positioning_twin
 import trunnion as tn
 import turning_blind
 from power.measured_twin import POINT_EFFECTS, SPACE_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
-from power.study import draw_effects, draw_unknown, ground
+from power.study import ALIKE, draw_effects, draw_unknown, ground
 from trunnion import contouring as ct
 from trunnion.setup import Artefact, Setup
 from twin.forward import Truth
@@ -30,7 +30,6 @@ Rng = np.random.Generator
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
-ALIKE = 0.7  # correlation from which two effects are not drawn together
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
 HYBRID_UM = {**ballbar_study.HYBRID_UM, **ballbar_study.HYBRID_DRIFTS_UM}
 

@@ -213,6 +213,15 @@ def recognised(values: Floats) -> float:
     return 0.0
 
 
+def unstated(values: Floats, stated: float, sigma: float) -> float:
+    """Step that is recognised in readings and coarser than the stated one; 0: none.
+
+    A step far above the standard deviation of the readings is none: places lie on a regular grid.
+    """
+    step = recognised(values)
+    return step if COARSER * stated < step <= MAX_STEP_SIGMAS * sigma else 0.0
+
+
 class Repeats:
     """Errors of readings of which repeats share a part; called, it makes them white.
 

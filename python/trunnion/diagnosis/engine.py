@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import COARSER, MAX_STEP_SIGMAS, Floor, Grid, Repeats, recognised
+from trunnion.base.resolution import Floor, Grid, Repeats, unstated
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
@@ -310,9 +310,8 @@ def _steps(model: Model, plain: Fit) -> Floats:
     recorded = readings.values if readings.recorded is None else readings.recorded
     steps = np.array(stated, dtype=np.float64)
     for some in (index == i for i in range(index.max() + 1)):
-        step = recognised(recorded[some])
         left = float(np.sqrt(np.sum(plain.residuals[some] ** 2) / max(plain.dof, 1)))
-        if COARSER * stated[some].max() < step <= MAX_STEP_SIGMAS * left:
+        if step := unstated(recorded[some], float(stated[some].max()), left):
             steps[some] = step
     return steps
 

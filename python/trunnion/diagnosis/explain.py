@@ -365,7 +365,7 @@ def _evidence(case: Case, f: Fit) -> Floats:
 
 
 def _with_terms(
-    case: Case, picked: Sequence[int], first: Search
+    case: Case, picked: list[int], first: Search
 ) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
     """Let some terms compete with the causes; ``first``: search of these alone."""
     d, c, plain = case.dictionary, case.candidates, case.plain
@@ -373,7 +373,7 @@ def _with_terms(
     both = c.beside(
         [d.variants(i) for i in picked],
         np.full(len(picked), d.level),
-        UNNAMED_TERM_PENALTY + more[list(picked)],
+        UNNAMED_TERM_PENALTY + more[picked],
     )
     searched = search(both, plain.white, floor=case.floor, after=first)
     top = searched.top

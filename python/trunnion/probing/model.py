@@ -9,7 +9,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import COARSER, MAX_STEP_SIGMAS, recognised
+from trunnion.base.resolution import unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -78,9 +78,9 @@ def way_um(touches: Touches) -> Floats:
 
 def unstated_step_um(setup: Setup, touches: Touches, sigma_um: float) -> float:
     """Step of the readings that the set-up does not state, µm; 0: none beside such noise."""
-    step = recognised(way_um(touches))
-    coarser = step > COARSER * float(np.max(ticks_um(setup, touches), initial=0.0))
-    return step if coarser and sigma_um < step <= MAX_STEP_SIGMAS * sigma_um else 0.0
+    stated = float(np.max(ticks_um(setup, touches), initial=0.0))
+    step = unstated(way_um(touches), stated, sigma_um)
+    return step if step > sigma_um else 0.0
 
 
 def stops_of(touches: Touches) -> Integers:
