@@ -16,6 +16,9 @@ from typing import Any, TypeVar
 from trunnion.base.errors import InputError
 from trunnion.base.interrupts import held_interrupts
 
+CLEARING_S = 5.0
+"""The thread of a pool that is broken off is waited for no longer than this."""
+
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -93,7 +96,12 @@ def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
             process.join()
         # The pool's thread would wait for the rest of a result that was being sent.
         pool._result_queue._writer.close()  # type: ignore[attr-defined]
+        thread: Any = pool._executor_manager_thread
         pool.shutdown(wait=False, cancel_futures=True)
+        # Ended in the middle of its clearing up, it would leave semaphores that are half given back
+        # and a warning of Python's below the last line.
+        if thread is not None:
+            thread.join(CLEARING_S)
         raise
     pool.shutdown()
 
