@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
-from controller import needs_linuxcnc, run
+from controller import Bench, needs_linuxcnc, run
 from probing_bench import ERRORS, SPEED, Hidden, hidden, run_program, work_offset
 
 pytestmark = needs_linuxcnc
@@ -70,6 +70,7 @@ REFUSED = {
     "rotary offset": (["G10 L2 P1 R0 C90"], "G54 shifts C by 90"),
     "G92": (["G10 L2 P1 C0", "G92 X3"], "a G92 offset is active"),
     "another tool": (["G92.1", "T2 M6"], "tool 2.* is in the spindle, expected tool 1"),
+    "spindle": (["T1 M6", "M3 S100"], "the spindle was on and is stopped"),
 }
 
 
@@ -80,7 +81,7 @@ def test_dirty_states_are_refused_before_the_first_move(tmp_path: Path) -> None:
     states = []
     for lines, _ in REFUSED.values():
         states.append([*right, *lines])
-    leftovers = [*right, "G20 G91 G64 G18", "M3 S100", "M7", "G55"]
+    leftovers = [*right, "G20 G91 G64 G18", "M7", "G55"]
     bare, *reports = dirty(case, tmp_path, *states, leftovers)
     assert any("none is in force by G43" in said for said in bare["messages"])
     assert bare["travel"] == 0
@@ -94,7 +95,7 @@ def test_dirty_states_are_refused_before_the_first_move(tmp_path: Path) -> None:
 
 
 def test_tool_centre_point_control_is_seen(tmp_path: Path) -> None:
-    """Where A or C is turned before the first move, at zero by the move at C90; M429 cures it."""
+    """Where A or C is turned before the first move, at zero by the move at C5; M429 cures it."""
     case = hidden(11)
     case = replace(case, bench=replace(case.bench, kinematics="xyzac-trt-kins"))
     text = tn.probing_program(case.plan, case.setup, dry_run=True).text()
@@ -112,7 +113,7 @@ def test_tool_centre_point_control_is_seen(tmp_path: Path) -> None:
     ]
     reports = run(case.bench, steps, tmp_path)
     at_zero, turned, off = (r for r in reports if "program" in r)
-    assert any("joint 0 moved" in said for said in at_zero["messages"])
+    assert any("joints 0 and 1 moved" in said for said in at_zero["messages"])
     assert at_zero["strikes"] == at_zero["touches"] == 0
     assert any(re.search("joint . is not where . is", said) for said in turned["messages"])
     assert turned["travel"] == 0
@@ -124,17 +125,66 @@ def test_tool_centre_point_control_is_seen(tmp_path: Path) -> None:
 def test_an_artefact_out_of_place_stops_the_way_down(tmp_path: Path) -> None:
     """The bench sees what a rapid way down would do; the program's own stops on contact."""
     case = hidden(12, clearance=2.0, kind="cross")
-    place = case.bench.place_s.copy()
-    place[2, 3] += 10.0
-    moved = replace(case, bench=replace(case.bench, place_s=place))
-    report = run_program(moved, tmp_path)
+    aside, higher = (replace(case, bench=shifted(case, *way)) for way in ((8, 8, 0), (0, 0, 10)))
+    report = run_program(aside, tmp_path)
     assert any("contact on the way down to its start" in said for said in report["messages"])
     assert report["strikes"] == 0
     assert report["deepest"] < 2 * 33.3**2 / (2 * 2000)  # stops from 2000 mm/min at 2000 mm/s²
-    text = tn.probing_program(case.plan, case.setup).text().replace("G38.3 Z", "G0 Z")
-    rapid = run_program(moved, tmp_path, text=text)
+    report = run_program(higher, tmp_path)
+    assert any("contact above the artefact" in said for said in report["messages"])
+    assert report["strikes"] == 0
+    assert report["joints"][3:] == [0, 0]
+    text = tn.probing_program(case.plan, case.setup).text()
+    rapid = run_program(higher, tmp_path, text=re.sub(r"G38\.3( X\S+ Y\S+)? Z", r"G0\1 Z", text))
     assert rapid["strikes"] > 0
     assert rapid["struck-depth"] > 2.0
+
+
+def shifted(case: Hidden, x: float, y: float, z: float) -> Bench:
+    """The machine of a case, its artefact this far from where it stood."""
+    place = case.bench.place_s.copy()
+    place[:3, 3] += x, y, z
+    return replace(case.bench, place_s=place)
+
+
+LEFT_OVER = {
+    (0, 0, -250): "contact above the artefact",
+    (0, 0, -6): "contact above the artefact|contact from above",
+    (0, 0, 6): "no contact from above|contact from above",
+    (0, 0, 250): "no contact from above",
+    (300, 0, 0): "no contact from above",
+}
+
+
+@pytest.mark.parametrize("kind", ["cross", "sphere"])
+def test_a_work_offset_that_nobody_stated_is_seen_before_anything_turns(
+    kind: str, tmp_path: Path
+) -> None:
+    """Without `centre_mm` there is nothing to compare with: the operator is asked, then the probe.
+
+    Nobody looks here: the bench presses cycle start.
+    """
+    case = hidden(16, clearance=2.0, kind=kind)
+    right = case.setup.control.centre_mm or (0, 0, 0)
+    bare = replace(case.setup, control=replace(case.setup.control, centre_mm=None))
+    (tmp_path / "probe.ngc").write_text(tn.probing_program(case.plan, bare).text())
+    steps: list[dict[str, str]] = [{"mdi": "T1 M6"}]
+    for off in LEFT_OVER:
+        x, y, z = np.add(right, off)
+        steps += [{"mdi": "G53 G0 Z300"}, {"mdi": f"G10 L2 P1 X{x:.4f} Y{y:.4f} Z{z:.4f} R0"}]
+        steps += [{"program": "probe.ngc"}]
+    done = run(case.bench, steps, tmp_path)
+    for (off, message), before, report in zip(
+        LEFT_OVER.items(), done[2::3], done[3::3], strict=True
+    ):
+        assert any(re.search(message, said) for said in report["messages"]), (off, report)
+        assert report["strikes"] == report["stem-strikes"] == 0, (off, report)
+        assert report["joints"][3:] == [0, 0]
+        # Asked where everything still is.
+        (_, at), *more = report["pauses"]
+        assert not more
+        assert np.allclose(at, before["joints"], atol=1e-3)
+    assert not (tmp_path / "touches.log").exists()
 
 
 def test_a_stopped_run_is_gone_on_with(tmp_path: Path) -> None:

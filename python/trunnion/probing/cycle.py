@@ -22,7 +22,7 @@ BACK_OFF_DEG = 5.0
 """How far an axis goes beyond a position to come to it from the other sense."""
 SHORTEST_PROBE_MM = 0.3
 """LinuxCNC refuses probing moves below 0.254 mm."""
-CHECK_DEG, CHECK_MM = 90.0, 10.0
+CHECK_DEG, CHECK_MM = 5.0, 10.0
 """Where C stands, and how far X moves, to see whether tool centre point control is on."""
 Frame: TypeAlias = Literal["machine", "corrected", "table"]
 """What X Y Z of the approaches are: the linear axes', these with corrections, the table's (TCP)."""
@@ -73,18 +73,50 @@ class Cycle:
         """Whether the program moves to see that tool centre point control is off."""
         return self.setup.control.tcp_check and "C" in self.letters
 
+    @property
+    def first_look(self) -> Step | None:
+        """The touch from above, nothing turned, that shows the height before anything turns."""
+        for step in self.steps:
+            (x, y, z), to = step.start, step.end
+            if (x, y) == to[:2] and z > to[2] and not any(step.angles.values()):
+                return step
+        return None
+
+    def look_mm(self, look: Step) -> float:
+        """How far the contact of the first look may be from where it is planned."""
+        artefact, reach = self.setup.artefact, math.hypot(*look.contact[:2])
+        tilted = math.radians(artefact.tolerance_deg) * reach
+        return artefact.tolerance_mm + tilted + self.setup.control.centre_tolerance_mm
+
+    def _begin(self) -> Iterator[Move]:
+        """Moves before the first touch; what may be in the way stops those to the touches."""
+        down = self.setup.control.positioning_mm_min
+        yield 0, {"Z": self.swing}, 0.0
+        yield 0, dict.fromkeys(self.letters, 0.0), 0.0
+        if self.checks_tcp:
+            yield 0, {"C": CHECK_DEG}, 0.0
+            yield 0, {"X": CHECK_MM}, 0.0
+            yield 0, {"C": 0.0}, 0.0
+        yield 1, {"X": 0.0, "Y": 0.0}, down
+        look = self.first_look
+        if look is not None and not self.dry_run:
+            x, y, z = look.start
+            if (x, y) != (0.0, 0.0):
+                yield 1, {"X": x, "Y": y}, down
+            yield 1, {"Z": z}, down
+            yield 1, {"Z": look.end[2]}, look.feed
+            yield 0, {"Z": self.swing}, 0.0
+
     def moves(self) -> Iterator[tuple[int, Move]]:
         """Every move with the number of its touch, 0 outside touches."""
         at = dict.fromkeys(self.letters, 0.0)
         sense = dict.fromkeys(self.letters, 0)
-        yield 0, (0, {"Z": self.swing}, 0.0)
-        yield 0, (0, {"X": 0.0, "Y": 0.0}, 0.0)
-        yield 0, (0, dict(at), 0.0)
         if self.checks_tcp:
-            at["C"], sense["C"] = CHECK_DEG, 1
-            yield 0, (0, {"C": CHECK_DEG}, 0.0)
-            yield 0, (0, {"X": CHECK_MM}, 0.0)
-        x, y, z = (CHECK_MM if self.checks_tcp else 0.0), 0.0, self.swing
+            sense["C"] = -1
+        x, y, z = 0.0, 0.0, self.swing
+        for move in self._begin():
+            yield 0, move
+            x, y = move[1].get("X", x), move[1].get("Y", y)
         for number, step in enumerate(self.steps, start=1):
             if number < self.start_at:
                 continue
@@ -114,10 +146,11 @@ class Cycle:
             yield 0, (0, dict.fromkeys(self.letters, 0.0), 0.0)
 
     def blocks(self) -> list[str | list[tuple[str, float]]]:
-        """Return the moves as blocks of a program without expressions."""
+        """Return the moves as blocks of a program without expressions, from X0 Y0."""
         blocks: list[str | list[tuple[str, float]]] = [
             f"moves of plan {self.name} {self.plan_hash}",
             [("G", 21), ("G", 90), ("G", 94), ("G", 61)],
+            [("G", 0), ("X", 0.0), ("Y", 0.0)],
         ]
         for _, (code, to, feed) in self.moves():
             words = [("G", 38.3 if code else 0.0), *to.items()]

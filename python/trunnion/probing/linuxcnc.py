@@ -9,12 +9,16 @@ from trunnion.probing.notes import assumptions
 from trunnion.setup.control import WORK_OFFSETS
 
 TOLERANCE_MM = 0.01
+TELLS_MM = 0.1
+"""Joints that move otherwise than X by more than this are under tool centre point control."""
 CORRECTION_MM = 2.0
 """Corrections of a machine are smaller; tool centre point control is further off."""
 ROTARY_OFFSET_DEG = 1.0
 """Rotary work offsets beyond this are left over, not the zero of an axis."""
-
-
+TURNING_PER_S = 0.05
+"""Turns of the spindle in a second, as its encoder reads them, that are no noise of it."""
+HIGHEST_RISE_MM = 2000.0
+"""Limits of Z that are further away are none."""
 SAME_READING_MM = "0.000000001"
 """Readings of two approaches never agree so far; one that was not renewed agrees exactly."""
 
@@ -49,7 +53,7 @@ def _header(cycle: Cycle) -> Iterator[str]:
         on = cycle.setup.control.tcp_on
         kinematics = f"TCP on for the approaches alone: {on}, {cycle.mode}"
     yield f"(state of the control: homed, {kinematics},)"
-    yield "(no G92, no rotation of the work offset, feed override 100 %)"
+    yield "(no G92, no rotation of the work offset, spindle at rest)"
     ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"(ranges in {control.wcs}: {ranges})"
     yield from (f"({said})" for said in assumptions(setup))
@@ -72,6 +76,11 @@ def _settings(cycle: Cycle) -> Iterator[str]:
     yield control.wcs
     if control.tool_number:
         yield f"G43 H{control.tool_number}"
+    yield "#<_unit> = 1 (mm of a unit of the machine)"
+    yield "o120 if [#<_metric_machine> EQ 0]"
+    yield "  #<_unit> = 25.4"
+    yield "o120 endif"
+    yield "#<spindle_was_on> = #<_spindle_on>"
     yield "M5"
     yield "M9"
     if cycle.mode:
@@ -92,6 +101,13 @@ def _state(cycle: Cycle) -> Iterator[str]:
     yield ""
     yield "(state of the control)"
     yield "o100 if [#<_task> EQ 1]"
+    yield "  M66 E0 L0 (waits for all that was commanded)"
+    yield from _stop_if(130, "#<spindle_was_on> EQ 1", f"the spindle was on and is stopped, {_LOOK}")
+    yield "  o131 if [EXISTS[#<_hal[spindle.0.speed-in]>]]"
+    yield from _stop_if(
+        132, f"ABS[#<_hal[spindle.0.speed-in]>] GT {_n(TURNING_PER_S)}", f"the spindle turns, {_LOOK}"
+    )
+    yield "  o131 endif"
     if control.tool_number:
         number = control.tool_number
         why = f"expected tool {number}, the probe"
@@ -107,10 +123,6 @@ def _state(cycle: Cycle) -> Iterator[str]:
             label, f"ABS[#{number}] GT {_n(ROTARY_OFFSET_DEG)}",
             f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
         )  # fmt: skip
-    yield "#<_unit> = 1 (mm of a unit of the machine)"
-    yield "o120 if [#<_metric_machine> EQ 0]"
-    yield "  #<_unit> = 25.4"
-    yield "o120 endif"
     # #5403 is the length of the tool in the spindle, whether it is in force (G43) or not.
     yield f"#<length> = [#<_abs_z> - #5422 - #{base + 2} * #<_unit>]"
     if control.tool_check:
@@ -131,7 +143,6 @@ def _state(cycle: Cycle) -> Iterator[str]:
 
 def _identity(tolerance_mm: float) -> Iterator[str]:
     """Compare joints with machine coordinates where they stand."""
-    yield "  M66 E0 L0 (waits for all that was commanded)"
     yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
     for joint, axis in enumerate("xyz"):
         far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
@@ -144,6 +155,7 @@ def _identity(tolerance_mm: float) -> Iterator[str]:
     yield "  o121 endif"
 
 
+_LOOK = "look at the probe and start again"
 _TCP_IS_ON = "switch tool centre point control off, e.g. M429"
 
 
@@ -260,6 +272,7 @@ def _approach(places: Sequence[str], feed: str) -> Iterator[str]:
     yield "#<hit> = 1"
     yield "#<stale> = 0"
     yield "o304 if [#<_dry> EQ 0]"
+    yield "  M50 P0 (the feed is what the override cannot change)"
     yield f"  G38.3 X{to_x} Y{to_y} Z{to_z} F{feed}"
     yield "  #<hit> = [[#<_task> EQ 0] OR [#5070 EQ 1]]"
     yield from _renewed()
@@ -279,6 +292,7 @@ def _approach(places: Sequence[str], feed: str) -> Iterator[str]:
     yield "  o306 if [#<hit> AND [#<_task> EQ 1] AND [#<stale> EQ 0]]"
     yield f"    (LOG,%d#1 %.6f#<feed> {positions})"
     yield "  o306 endif"
+    yield "  M50 P1"
     yield f"  G0 X{x} Y{y} Z{z}"
     yield "o304 endif"
 
@@ -292,7 +306,7 @@ def _renewed() -> Iterator[str]:
 
 def _end(message: str, indent: str = "  ") -> Iterator[str]:
     """Rise and stop with a message; the log is kept."""
-    yield f"{indent}G0 Z#<_swing>"
+    yield f"{indent}G0 Z#<_up>"
     yield f"{indent}M66 E0 L0"
     yield f"{indent}(LOGCLOSE)"
     yield f"{indent}(ABORT,%d {message})"
@@ -300,17 +314,16 @@ def _end(message: str, indent: str = "  ") -> Iterator[str]:
 
 def _begin(cycle: Cycle) -> Iterator[str]:
     control = cycle.setup.control
+    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
     yield ""
-    yield "o400 if [#5422 LT #<_swing> - 0.00005]"
-    yield "  G0 Z#<_swing>"
-    yield "o400 endif"
-    yield "G0 X0 Y0"
     yield f"(DEBUG,plan {cycle.name}, {len(cycle.steps)} touches)"
-    yield "(DEBUG,%.3f is the ball #5422 mm above the centre of the table?)"
+    yield f"(DEBUG,%.2f {control.wcs} is at machine X#{base} Y#{base + 1} Z#{base + 2})"
+    yield "(DEBUG,%.1f from the centre of the table top the ball is now X#5420 Y#5421 Z#5422 mm)"
     expected = "corrections on" if cycle.frame == "corrected" else "TCP off"
-    yield f"(MSG,spindle at rest, {expected}? then cycle start)"
+    yield f"(MSG,look whether it is; spindle at rest, {expected}? then cycle start)"
     yield "M0"
     yield from (line.strip() for line in _own(control.probe_on))
+    yield from _rise(cycle)
     yield from (f"#<_{axis}_read> = 999999 (no reading yet)" for axis in "xyz")
     for letter in cycle.letters:
         yield f"#<_{letter.lower()}_at> = 0"
@@ -320,7 +333,8 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     if cycle.checks_tcp:
         yield from _tcp_move()
     yield from (line.strip() for line in _own(control.after_turn))
-    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
+    yield from _first_look(cycle)
+    yield "#<_up> = #<_swing>"
     yield "o410 if [[#<_task> EQ 1] AND [#<_dry> EQ 0]]"
     yield f"  (LOGAPPEND,{cycle.log})"
     yield (
@@ -331,28 +345,86 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     yield "o410 endif"
 
 
+def _rise(cycle: Cycle) -> Iterator[str]:
+    """Rise above all that swings; where nobody stated the work offset, as high as the axis goes."""
+    if cycle.setup.control.centre_mm is None:
+        yield "o401 if [EXISTS[#<_ini[axis_z]max_limit>]]"
+        yield "  #<top> = [#<_ini[axis_z]max_limit> * #<_unit> - 0.01]"
+        yield f"  o402 if [[#<top> GT #<_abs_z>] AND [#<top> - #<_abs_z> LT {_n(HIGHEST_RISE_MM)}]]"
+        yield "    G53 G0 Z#<top>"
+        yield "  o402 endif"
+        yield "o401 endif"
+    yield "o400 if [#5422 LT #<_swing> - 0.00005]"
+    yield "  G0 Z#<_swing>"
+    yield "o400 endif"
+    yield "#<_up> = #5422 (where to rise to on a contact)"
+
+
 def _tcp_move() -> Iterator[str]:
-    yield f"#<_c_at> = {_n(CHECK_DEG)}"
-    yield "#<_c_sense> = 1"
+    """With C turned a little X must move joint 0 alone; then C comes back."""
     yield f"G0 C{_n(CHECK_DEG)}"
-    yield "#<joint> = 0"
-    yield "o420 if [#<_task> EQ 1]"
-    yield "  M66 E0 L0"
-    yield "  o421 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
-    yield "    #<joint> = #<_hal[joint.0.pos-cmd]>"
-    yield "  o421 endif"
+    yield f"#<step> = {_n(CHECK_MM)}"
+    yield "o420 if [#5420 GT 0.00005]"
+    yield "  #<step> = [0 - #<step>]"
     yield "o420 endif"
-    yield f"G0 X{_n(CHECK_MM)}"
-    yield "o422 if [#<_task> EQ 1]"
+    yield "o421 if [#<_task> EQ 1]"
     yield "  M66 E0 L0"
-    yield "  o423 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
-    yield "    #<way> = [[#<_hal[joint.0.pos-cmd]> - #<joint>] * #<_unit>]"
+    yield "  o422 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
+    yield from (f"    #<joint_{i}> = #<_hal[joint.{i}.pos-cmd]>" for i in range(2))
+    yield "  o422 endif"
+    yield "o421 endif"
+    yield "G0 X[#5420 + #<step>]"
+    yield "o423 if [#<_task> EQ 1]"
+    yield "  M66 E0 L0"
+    yield "  o424 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
+    for i, axis in enumerate("xy"):
+        yield f"    #<{axis}> = [[#<_hal[joint.{i}.pos-cmd]> - #<joint_{i}>] * #<_unit>]"
     yield from _stop_if(
-        424, f"ABS[ABS[#<way>] - {_n(CHECK_MM)}] GT {_n(TOLERANCE_MM)}",
-        f"joint 0 moved #<way> with X{_n(CHECK_MM)} at C{_n(CHECK_DEG)}: {_TCP_IS_ON}",
+        425, f"ABS[#<x> - #<step>] + ABS[#<y>] GT {_n(TELLS_MM)}",
+        f"with X by #<step> at C{_n(CHECK_DEG)} joints 0 and 1 moved #<x> and #<y>: {_TCP_IS_ON}",
     )  # fmt: skip
-    yield "  o423 endif"
-    yield "o422 endif"
+    yield "  o424 endif"
+    yield "o423 endif"
+    yield "G0 C0"
+    yield "#<_c_sense> = -1"
+
+
+def _first_look(cycle: Cycle) -> Iterator[str]:
+    """Go over the table and touch from above, ready to stop, before anything turns far."""
+    yield from _protected(500, "X0 Y0", "ABS[#5420] + ABS[#5421]", "on the way to X0 Y0")
+    look = cycle.first_look
+    if look is None:
+        return
+    x, y, z, end = (_n(v) for v in (*look.start, look.end[2]))
+    planned, within = _n(look.contact[2]), _n(cycle.look_mm(look))
+    why = f"{cycle.setup.control.wcs}, tool length or artefact are not as planned"
+    yield "o510 if [#<_dry> EQ 0]"
+    way = f"ABS[#5420 - [{x}]] + ABS[#5421 - [{y}]]"
+    yield from _protected(511, f"X{x} Y{y}", way, "on the way to the artefact")
+    what = f"above the artefact, its top is planned at Z{planned}: {why}"
+    yield from _protected(514, f"X{x} Y{y} Z{z}", f"#5422 - [{z}]", what)
+    yield f"  G38.3 X{x} Y{y} Z{end} F{_n(look.feed)}"
+    yield "  o517 if [#<_task> EQ 1]"
+    yield "    o518 if [#5070 EQ 0]"
+    yield from _end(f"no contact from above down to Z{end}: {why}", "      ")
+    yield f"    o518 elseif [ABS[#5063 - [{planned}]] GT {within}]"
+    yield from _end(
+        f"contact from above at Z %.3f#5063, expected {planned} to {within}: {why}", "      "
+    )
+    yield "    o518 endif"
+    yield "  o517 endif"
+    yield "  G0 Z#<_swing>"
+    yield "o510 endif"
+
+
+def _protected(label: int, to: str, way: str, where: str) -> Iterator[str]:
+    """Move, and stop the program on contact."""
+    yield f"o{label} if [{way} GT {_n(SHORTEST_PROBE_MM)}]"
+    yield f"  G38.3 {to} F#<_down>"
+    yield f"  o{label + 1} if [[#<_task> EQ 1] AND [#5070 EQ 1]]"
+    yield from _end(f"contact {where}", "    ")
+    yield f"  o{label + 1} endif"
+    yield f"o{label} endif"
 
 
 def _calls(cycle: Cycle) -> Iterator[str]:
