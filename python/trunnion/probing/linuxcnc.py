@@ -409,7 +409,7 @@ def _first_look(cycle: Cycle) -> Iterator[str]:
     yield from _end(f"no contact from above down to Z{end}: {why}", "      ")
     yield f"    o518 elseif [ABS[#5063 - [{planned}]] GT {within}]"
     yield from _end(
-        f"contact from above at Z %.3f#5063, expected {planned} to {within}: {why}", "      "
+        f"contact from above at Z %.3f#5063, expected {planned} within {within} mm: {why}", "      "
     )
     yield "    o518 endif"
     yield "  o517 endif"
