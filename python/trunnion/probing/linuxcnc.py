@@ -76,10 +76,6 @@ def _settings(cycle: Cycle) -> Iterator[str]:
     yield control.wcs
     if control.tool_number:
         yield f"G43 H{control.tool_number}"
-    yield "#<_unit> = 1 (mm of a unit of the machine)"
-    yield "o120 if [#<_metric_machine> EQ 0]"
-    yield "  #<_unit> = 25.4"
-    yield "o120 endif"
     yield "#<spindle_was_on> = #<_spindle_on>"
     yield "M5"
     yield "M9"
@@ -102,11 +98,11 @@ def _state(cycle: Cycle) -> Iterator[str]:
     yield "(state of the control)"
     yield "o100 if [#<_task> EQ 1]"
     yield "  M66 E0 L0 (waits for all that was commanded)"
-    yield from _stop_if(130, "#<spindle_was_on> EQ 1", f"the spindle was on and is stopped, {_LOOK}")
+    was_on = f"the spindle was on and is stopped, {_LOOK}"
+    yield from _stop_if(130, "#<spindle_was_on> EQ 1", was_on)
     yield "  o131 if [EXISTS[#<_hal[spindle.0.speed-in]>]]"
-    yield from _stop_if(
-        132, f"ABS[#<_hal[spindle.0.speed-in]>] GT {_n(TURNING_PER_S)}", f"the spindle turns, {_LOOK}"
-    )
+    turns = f"ABS[#<_hal[spindle.0.speed-in]>] GT {_n(TURNING_PER_S)}"
+    yield from _stop_if(132, turns, f"the spindle turns, {_LOOK}")
     yield "  o131 endif"
     if control.tool_number:
         number = control.tool_number
@@ -123,6 +119,10 @@ def _state(cycle: Cycle) -> Iterator[str]:
             label, f"ABS[#{number}] GT {_n(ROTARY_OFFSET_DEG)}",
             f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
         )  # fmt: skip
+    yield "#<_unit> = 1 (mm of a unit of the machine)"
+    yield "o120 if [#<_metric_machine> EQ 0]"
+    yield "  #<_unit> = 25.4"
+    yield "o120 endif"
     # #5403 is the length of the tool in the spindle, whether it is in force (G43) or not.
     yield f"#<length> = [#<_abs_z> - #5422 - #{base + 2} * #<_unit>]"
     if control.tool_check:
@@ -348,7 +348,7 @@ def _begin(cycle: Cycle) -> Iterator[str]:
 def _rise(cycle: Cycle) -> Iterator[str]:
     """Rise above all that swings; where nobody stated the work offset, as high as the axis goes."""
     if cycle.setup.control.centre_mm is None:
-        yield "o401 if [EXISTS[#<_ini[axis_z]max_limit>]]"
+        yield "o401 if [[#<_task> EQ 1] AND [EXISTS[#<_ini[axis_z]max_limit>]]]"
         yield "  #<top> = [#<_ini[axis_z]max_limit> * #<_unit> - 0.01]"
         yield f"  o402 if [[#<top> GT #<_abs_z>] AND [#<top> - #<_abs_z> LT {_n(HIGHEST_RISE_MM)}]]"
         yield "    G53 G0 Z#<top>"

@@ -42,7 +42,7 @@ class ProbingProgram:
     >>> setup = tn.Setup(tn.Artefact("cross"))
     >>> program = tn.probing_program(tn.plan(setup)[:4], setup)
     >>> round(program.seconds)
-    13
+    17
     """
 
     cycle: Cycle
@@ -95,7 +95,9 @@ def probing_program(
     """Write a plan as a LinuxCNC probing program.
 
     Before the first move the program checks what it can of the control's state (`[control]` of the
-    set-up) and stops with a message if it is not as planned. Each touch is a call of one
+    set-up), stops with a message if it is not as planned, and asks (M0). It goes to the artefact
+    by moves that stop on contact and touches it once from above: a top that is not where it is
+    planned stops the program before anything turns. Each touch is a call of one
     subroutine: across above everything, down to the start by G38.3, which stops on contact, the
     approach through the expected contact to the overtravel of the set-up, and back up. With
     `slow_feed_mm_min` in `[plan]` it touches twice, the second time at that feed. Before a rotary
