@@ -134,8 +134,9 @@ power-turning: build  ## the same for diameters of turned passes, ten minutes, i
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/turning_blind.py 200 --out docs/results/power-turning.md
 
 .PHONY: linuxcnc
-linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, an hour, into docs/results/linuxcnc-runs.md
+linuxcnc: build  ## 200 machines with hidden errors probed in a real LinuxCNC, and from wrong states, two hours, into docs/results/linuxcnc-*.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/probing_bench.py 200 --out docs/results/linuxcnc-runs.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/states_bench.py 200 --out docs/results/linuxcnc-states.md
 
 .PHONY: linuxcnc-corrected
 linuxcnc-corrected: build  ## 20 hidden machines corrected in a real LinuxCNC, twenty minutes, into docs/results/linuxcnc-corrected.md

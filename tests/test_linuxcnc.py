@@ -13,6 +13,7 @@ import pytest
 import trunnion as tn
 from controller import Bench, needs_linuxcnc, run
 from probing_bench import ERRORS, SPEED, Hidden, hidden, passes, run_program, work_offset
+from states_bench import refusals
 
 pytestmark = needs_linuxcnc
 
@@ -51,77 +52,27 @@ def test_two_passes_are_finer_than_one_in_less_time(tmp_path: Path) -> None:
     assert seconds < 0.5 * slow_seconds
 
 
-def dirty(case: Hidden, folder: Path, *states: list[str]) -> list[dict[str, Any]]:
-    """Start the program from each state, one after the other; reports of the program."""
-    (folder / "probe.ngc").write_text(
-        tn.probing_program(case.plan, case.setup, dry_run=True).text()
-    )
-    control = replace(case.setup.control, tool_number=0)
-    bare = tn.probing_program(case.plan, replace(case.setup, control=control), dry_run=True)
-    (folder / "bare.ngc").write_text(bare.text())
-    steps = [*work_offset(case), {"mdi": "G49"}, {"program": "bare.ngc"}]
-    for lines in states:
-        steps += [{"mdi": line} for line in lines] + [{"program": "probe.ngc"}]
-    reports = run(case.bench, steps, folder)
-    return [r for r in reports if r.get("program")]
+def test_wrong_states_are_refused(tmp_path: Path) -> None:
+    """Before the first move; what shows only in a move, before anything turns."""
+    for state, found in refusals(7, tmp_path).items():
+        assert found["refused"], (state, found)
+        assert found["in_time"], (state, found)
+        assert not found["hit"], (state, found)
 
 
-REFUSED = {
-    "work offset": (["G10 L2 P1 Z0", "G10 L2 P1 X9"], "expected .* as in the set-up"),
-    "rotation": (["G10 L2 P1 R1.5"], "G54 is rotated by 1.5"),
-    "rotary offset": (["G10 L2 P1 R0 C90"], "G54 shifts C by 90"),
-    "G92": (["G10 L2 P1 C0", "G92 X3"], "a G92 offset is active"),
-    "another tool": (["G92.1", "T2 M6"], "tool 2.* is in the spindle, expected tool 1"),
-    "spindle": (["T1 M6", "M3 S100"], "the spindle was on and is stopped"),
-}
-
-
-def test_dirty_states_are_refused_before_the_first_move(tmp_path: Path) -> None:
-    case = hidden(7)
-    x, y, z = case.setup.control.centre_mm or (0, 0, 0)
-    right = [f"G10 L2 P1 X{x:.4f} Y{y:.4f} Z{z:.4f} R0 A0 C0", "G92.1", "T1 M6"]
-    states = []
-    for lines, _ in REFUSED.values():
-        states.append([*right, *lines])
-    leftovers = [*right, "G20 G91 G64 G18", "M7", "G55"]
-    bare, *reports = dirty(case, tmp_path, *states, leftovers)
-    assert any("none is in force by G43" in said for said in bare["messages"])
-    assert bare["travel"] == 0
-    for (name, (_, message)), report in zip(REFUSED.items(), reports, strict=False):
-        assert any(re.search(message, said) for said in report["messages"]), (name, report)
-        assert report["travel"] == 0, name
-    last = reports[-1]
-    assert last["travel"] > 1000
-    assert last["strikes"] == last["stem-strikes"] == last["touches"] == 0
-    assert not any("expected" in said for said in last["messages"])
-
-
-def test_tool_centre_point_control_is_seen(tmp_path: Path) -> None:
-    """Where A or C is turned before the first move, at zero by the move at C5; M429 cures it."""
+def test_what_is_left_over_and_does_not_matter(tmp_path: Path) -> None:
+    """Modes are set anew, and M429 of the set-up switches tool centre point control off."""
     case = hidden(11)
     case = replace(case, bench=replace(case.bench, kinematics="xyzac-trt-kins"))
-    text = tn.probing_program(case.plan, case.setup, dry_run=True).text()
-    (tmp_path / "probe.ngc").write_text(text)
     control = replace(case.setup.control, tcp_off="M429")
-    cured = tn.probing_program(case.plan, replace(case.setup, control=control), dry_run=True)
-    (tmp_path / "cured.ngc").write_text(cured.text())
-    steps = [
-        *work_offset(case),
-        {"mdi": "M428"},
-        {"program": "probe.ngc"},
-        {"mdi": "G0 A20"},
-        {"program": "probe.ngc"},
-        {"program": "cured.ngc"},
-    ]
-    reports = run(case.bench, steps, tmp_path)
-    at_zero, turned, off = (r for r in reports if "program" in r)
-    assert any("joints 0 and 1 moved" in said for said in at_zero["messages"])
-    assert at_zero["strikes"] == at_zero["touches"] == 0
-    assert any(re.search("joint . is not where . is", said) for said in turned["messages"])
-    assert turned["travel"] == 0
-    assert not any("joint" in said for said in off["messages"])
-    assert off["travel"] > 1000
-    assert off["strikes"] == off["stem-strikes"] == 0
+    text = tn.probing_program(case.plan, replace(case.setup, control=control), dry_run=True).text()
+    (tmp_path / "probe.ngc").write_text(text)
+    left = ["M428", "G20 G91 G64 G18", "M7", "G55"]
+    steps = [*work_offset(case), *({"mdi": line} for line in left), {"program": "probe.ngc"}]
+    report = run(case.bench, steps, tmp_path)[-1]
+    assert report["travel"] > 1000
+    assert report["strikes"] == report["stem-strikes"] == report["touches"] == 0
+    assert not any("expected" in said or "joint" in said for said in report["messages"])
 
 
 def test_an_artefact_out_of_place_stops_the_way_down(tmp_path: Path) -> None:
