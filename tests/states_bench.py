@@ -92,7 +92,8 @@ def refusals(seed: int, folder: Path) -> dict[str, dict[str, Any]]:
             "refused": any(re.search(state.message, said) for said in report["messages"]),
             "still": report["travel"] == 0,
             "in_time": report["travel"] == 0 if state.still else max(turned) <= 5.0,
-            "hit": report["strikes"] + report["stem-strikes"] > 0,
+            "hit": report["strikes"] > 0,
+            "aside": report["strikes"] == 0 < report["stem-strikes"],
             "said": report["messages"],
         }
     return found
@@ -128,7 +129,7 @@ def main(count: int, out: Path | None) -> None:
     rows = []
     for state in found[0]:
         some = [machine[state] for machine in found]
-        counts = [sum(s[key] for s in some) for key in ("refused", "still", "hit")]
+        counts = [sum(s[key] for s in some) for key in ("refused", "still", "hit", "aside")]
         rows.append(f"| {state} | {' | '.join(map(str, counts))} |")
     write([*HEAD.format(count=count).splitlines(), *rows], out)
 
@@ -139,15 +140,16 @@ Made by `make linuxcnc`. Random machines, artefacts and placements as in
 [the runs](linuxcnc-runs.md), with kinematics that know tool centre point control. Each program
 is started from each state, and cycle start is pressed where it asks. *Refused*: stopped by the
 message that names the state. *Before the first move*: no joint had moved. *Hit*: a contact
-outside a probing move, or of the stem or the table.
+outside a probing move. *Aside*: a probing move, which stops on contact, met the table, or the stem
+met something.
 
 Two states show only in a move: the control says nowhere whether tool centre point control is on
 at A0 C0, where it changes nothing, and nothing is known of a work offset that the set-up does not
 state. These are refused after Z has risen and X has moved by 10 mm, and by a touch from above,
 before anything turns by more than 5°.
 
-| state | refused | before the first move | hit |
-|---|---|---|---|
+| state | refused | before the first move | hit | aside |
+|---|---|---|---|---|
 """
 
 if __name__ == "__main__":
