@@ -332,9 +332,10 @@ class _Gridded:
         out = np.zeros((len(own), len(self.parameters)))
         flat = np.array([p.linear for p in self.parameters])
         out[:, flat] = own
-        if self.slopes is not None:
+        there = any(values[p.name] for p in self.parameters if p.linear)
+        if there and self.slopes is not None:
             out[:, ~flat] = self.slopes(values)
-        elif any(values[p.name] for p in self.parameters if p.linear):
+        elif there:
             for j in np.flatnonzero(~flat):
                 name = self.parameters[j].name
                 step = STEP * abs(values[name])

@@ -79,6 +79,7 @@ class PointsModel(Model):
         self.dimension = data.dimension
         nominal = data.nominal_mm
         self._labels, self._group = groups_of(data)
+        self._at: tuple[bytes, list[Floats]] | None = None
         self._frames = [
             Frame.of(nominal[self._group == g], data.measured_mm[self._group == g], str(label))
             for g, label in enumerate(self._labels)
@@ -173,12 +174,20 @@ class PointsModel(Model):
         d = self.dimension
         columns = np.ascontiguousarray(effect.columns(values).T)
         at = columns.reshape(-1, d)
-        turns = [rotation(self._own_part(nuisance, g)[d:])[0] for g in range(len(self._frames))]
+        turns = self._turns(nuisance)
         out = turned(at, turns[0])
         for g, turn in enumerate(turns[1:], start=1):
             mine = np.tile(self._group == g, len(columns))
             out[mine] = turned(at[mine], turn)
         return np.asarray(out.reshape(columns.shape).T)
+
+    def _turns(self, nuisance: Floats) -> list[Floats]:
+        """Rotation of each group (d, d); the last ones are kept: all columns need them."""
+        key = nuisance.tobytes()
+        if self._at is None or self._at[0] != key:
+            parts = (self._own_part(nuisance, g) for g in range(len(self._frames)))
+            self._at = key, [rotation(part[self.dimension :])[0] for part in parts]
+        return self._at[1]
 
     def _shifted(self, effects: EffectValues) -> Floats:
         """Where the features are on the part, mm."""
