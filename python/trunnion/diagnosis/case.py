@@ -1,8 +1,9 @@
 """A model with the readings of it that are used, and what they were explained by."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import TypeAlias
 
 import numpy as np
 from scipy import special
@@ -39,6 +40,9 @@ SINGULAR = 1e-8  # of a correlation matrix of estimates
 CERTAIN_P = 1e-9  # below which an effect is there without doubt, however many were tried
 RARE_LEVEL = 1e-12  # at which a rare effect is named
 TINY = 1e-300
+
+Sets: TypeAlias = list[tuple[dict[int, int], float, float]]
+"""Candidate: variant; distance to the best set; RSS."""
 
 
 @dataclass
@@ -372,18 +376,21 @@ class Explanation:
         What repeats or the stated noise say against the model.
     least:
         Sum of squares that the best set of causes leaves, as linearised.
+    behind:
+        Finds sets with an effect behind those of others, which only a report asks for.
     """
 
     fit: Fit
     rss: float
     penalty: float
-    sets: list[tuple[dict[int, int], float, float]]
+    sets: Sets
     terms: list[tuple[Term, float]]
     alarm: float
     candidates: Candidates
     probabilities: Weighed
     note: str | None = None
     least: float = np.inf
+    behind: Callable[[], Sets] | None = None
 
 
 def kept_rows(n: int, bad: Integers) -> Flags:

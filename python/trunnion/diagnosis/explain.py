@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,14 +11,12 @@ from trunnion.base.resolution import Floor
 from trunnion.base.units import Floats
 from trunnion.diagnosis.alarms import CAUSE_LEVEL, Alarm, scatter
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.case import Case, Explanation, Sets
 from trunnion.diagnosis.effect import Effect
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
-
-Sets = list[tuple[dict[int, int], float, float]]  # candidate: variant; distance; RSS
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
@@ -82,8 +81,7 @@ def _with_errors(case: Case, share: float) -> Case:
 def _exact_among(case: Case, noisy: Case) -> Explanation | None:
     """Explain by the sets of fewest causes that fit exactly, found in a case with so much noise."""
     found = _explained(noisy)
-    hidden = {b.members for b in found.probabilities.behind}
-    tried = [s for s in found.sets if frozenset(s[0]) not in hidden][:MAX_EXACT]
+    tried = found.sets[:MAX_EXACT]
     fits = [_fit_members(case, members) for members, _, _ in tried]
     exact: dict[frozenset[int], tuple[dict[int, int], Fit]] = {}
     for (members, _, _), f in zip(tried, fits, strict=True):
@@ -96,8 +94,8 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
     exact = {members: one for members, one in exact.items() if len(members) == fewest}
     sets = [(members, 0.0, f.rss) for members, f in exact.values()]
     first = next(iter(exact.values()))[1]
-    only = Only(frozenset(exact))
-    return replace(found, fit=first, rss=case.least_rss, sets=sets, terms=[], probabilities=only)
+    only, rss = Only(frozenset(exact)), case.least_rss
+    return replace(found, fit=first, rss=rss, sets=sets, terms=[], probabilities=only, behind=None)
 
 
 def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int], Fit]:
@@ -143,13 +141,37 @@ def _explained(case: Case) -> Explanation:
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
-    sets, behind = _alternatives(case, best, named, hidden=not terms) if demanded else ([], [])
+    sets = _alternatives(case, best, named) if demanded else []
+    behind = partial(_behind, case, best.score, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
-    probabilities = Probabilities(searched, candidates, behind)
     return Explanation(
-        extended, best.rss, penalty, sets, terms, alarm, candidates, probabilities, note, least
+        fit=extended,
+        rss=best.rss,
+        penalty=penalty,
+        sets=sets,
+        terms=terms,
+        alarm=alarm,
+        candidates=candidates,
+        probabilities=Probabilities(searched, candidates),
+        note=note,
+        least=least,
+        behind=behind,
+    )
+
+
+def with_behind(e: Explanation) -> Explanation:
+    """Return an explanation with the sets that have an effect behind the others, sought now."""
+    behind = [] if e.behind is None else e.behind()
+    if not behind:
+        return e
+    known = [Behind(frozenset(members), distance) for members, distance, _ in behind]
+    return replace(
+        e,
+        sets=sorted([*e.sets, *behind], key=lambda s: s[1]) if e.sets else [],
+        probabilities=e.probabilities.with_behind(known),
+        behind=None,
     )
 
 
@@ -243,10 +265,8 @@ def best_score(case: Case) -> float:
     return min(found.top.score, _one_term_score(case, case.plain))
 
 
-def _alternatives(
-    case: Case, best: Found, named: Sequence[Found], *, hidden: bool
-) -> tuple[Sets, list[Behind]]:
-    """List all sets within reach of the best, with what may hide behind them."""
+def _alternatives(case: Case, best: Found, named: Sequence[Found]) -> Sets:
+    """List all sets within reach of the best."""
     sets: Sets = []
     for f in named:
         if case.dependent and f.members > best.members:
@@ -254,9 +274,7 @@ def _alternatives(
         if f.score <= best.score + WITHIN:
             distance = max(f.score - best.score, 0.0)
             sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
-    behind = _behind(case, best.score, sets) if hidden else []
-    sets = sorted([*sets, *behind], key=lambda s: s[1])
-    return sets, [Behind(frozenset(members), distance) for members, distance, _ in behind]
+    return sorted(sets, key=lambda s: s[1])
 
 
 def _behind(case: Case, best: float, sets: Sets) -> Sets:

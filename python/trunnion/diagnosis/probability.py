@@ -26,7 +26,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -55,11 +55,6 @@ class Weighed(Protocol):
     """Probabilities of sets of candidates, by the candidates' numbers."""
 
     @property
-    def behind(self) -> Sequence[Behind]:
-        """Sets with an effect behind the others."""
-        ...
-
-    @property
     def none(self) -> float:
         """Probability that no cause of the catalogue acts."""
         ...
@@ -72,13 +67,16 @@ class Weighed(Protocol):
         """Probability that a cause acts, alone or with others."""
         ...
 
+    def with_behind(self, behind: Sequence[Behind]) -> Weighed:
+        """Return those with these sets that have an effect behind the others."""
+        ...
+
 
 @dataclass(frozen=True)
 class Only:
     """Sets that fit exactly: one of them is it, and no data say which."""
 
     sets: frozenset[Members]
-    behind: Sequence[Behind] = ()
     none: float = 0.0
 
     def of_set(self, members: Members) -> float:
@@ -88,6 +86,10 @@ class Only:
     def of_cause(self, member: int) -> float:
         """Probability that a cause acts, alone or with others."""
         return sum(member in s for s in self.sets) / len(self.sets)
+
+    def with_behind(self, behind: Sequence[Behind]) -> Only:  # noqa: ARG002
+        """Return these: nothing more than they fits exactly."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,10 @@ class Probabilities:
     candidates: Candidates
     behind: Sequence[Behind] = ()
 
+    def with_behind(self, behind: Sequence[Behind]) -> Probabilities:
+        """Return those with these sets that have an effect behind the others."""
+        return replace(self, behind=behind)
+
     @property
     def none(self) -> float:
         """Probability that no cause of the catalogue acts."""
@@ -117,17 +123,14 @@ class Probabilities:
         """Probability that just these causes of the catalogue act."""
         if members in self._hidden:
             return self._hidden[members] / self._total
-        leaders = frozenset(self._leader.get(m, m) for m in members)
-        return self._sets.get(leaders, 0.0) / self._total
+        leaders = {self._leader.get(m, m) for m in members}
+        return self._sets.get(sum(1 << m for m in leaders), 0.0) / self._total
 
     def of_cause(self, member: int) -> float:
         """Probability that a cause acts, alone or with others."""
         leader = self._leader.get(member, member)
-        own = sum(
-            w * self._count(s) / len(self.candidates.alike[leader])
-            for s, w in self._sets.items()
-            if leader in s
-        )
+        own = sum(w for s, w in self._together.items() if s >> leader & 1)
+        own /= len(self.candidates.alike.get(leader, [leader]))
         return (own + sum(w for s, w in self._hidden.items() if member in s)) / self._total
 
     @cached_property
@@ -136,9 +139,9 @@ class Probabilities:
         return {j: home for home, alike in self.candidates.alike.items() for j in alike}
 
     @cached_property
-    def _sets(self) -> dict[Members, float]:
-        """Weight of each set of leaders, of one of the sets that it stands for."""
-        out: dict[Members, float] = {}
+    def _sets(self) -> dict[int, float]:
+        """Weight of each set of leaders, by its mask, of one of the sets that it stands for."""
+        out: dict[int, float] = {}
         weights = {
             mask: self._weight(score) * self._large_enough(mask, score)
             for mask, score in self.search.scores.items()
@@ -146,8 +149,8 @@ class Probabilities:
         for mask, weight in self._unseen():
             weights[mask] = max(weight, weights.get(mask, 0.0))
         for mask, weight in weights.items():
-            members = _members(mask & self._catalogue)
-            out[members] = out.get(members, 0.0) + weight
+            causes = mask & self._catalogue
+            out[causes] = out.get(causes, 0.0) + weight
         return out
 
     @cached_property
@@ -190,21 +193,21 @@ class Probabilities:
 
     def _large_enough(self, mask: int, score: float) -> float:
         """How likely the weakest cause of a set is one that can be seen, 1 where it pays."""
-        short = 0.0
-        for member in _members(mask & self._catalogue):
-            alone = self.search.scores.get(mask ^ (1 << member), np.inf)
+        short, scores = 0.0, self.search.scores
+        for bit in _bits(mask & self._catalogue):
+            alone = scores.get(mask ^ bit, np.inf)
             if alone < score:  # it is better without
-                least = self._least[member]
+                least = self._least[bit]
                 seen = max(alone - score + least, 0.0)
                 short = max(short, math.sqrt(least) - math.sqrt(seen))
         return math.erfc(short / math.sqrt(2.0))
 
     @cached_property
     def _least(self) -> dict[int, float]:
-        """Least penalty of each leader."""
+        """Least penalty of each leader, by its bit."""
         c = self.candidates
         least = np.minimum.reduceat(c.penalty, c.first_of_leader)
-        return dict(zip(c.leaders.tolist(), least.tolist(), strict=True))
+        return {1 << j: own for j, own in zip(c.leaders.tolist(), least.tolist(), strict=True)}
 
     @cached_property
     def _hidden(self) -> dict[Members, float]:
@@ -213,28 +216,25 @@ class Probabilities:
 
     @cached_property
     def _total(self) -> float:
-        all_ = sum(w * self._count(s) for s, w in self._sets.items())
-        return all_ + sum(self._hidden.values())
-
-    def _count(self, leaders: Members) -> int:
-        """How many sets one of leaders stands for."""
-        return math.prod(self._many[m] for m in leaders if m in self._many)
+        return sum(self._together.values()) + sum(self._hidden.values())
 
     @cached_property
-    def _many(self) -> dict[int, int]:
-        """How many candidates a leader stands for, where it is more than itself."""
+    def _together(self) -> dict[int, float]:
+        """Weight of all sets together that each set of leaders stands for, by its mask."""
         sizes = ((leader, len(alike)) for leader, alike in self.candidates.alike.items())
-        return {leader: count for leader, count in sizes if count > 1}
+        many = [(leader, count) for leader, count in sizes if count > 1]
+        return {
+            s: w * math.prod(count for leader, count in many if s >> leader & 1)
+            for s, w in self._sets.items()
+        }
 
 
-def _members(mask: int) -> Members:
-    """Candidates of a set, from the bits of its mask."""
-    out = []
+def _bits(mask: int) -> Iterator[int]:
+    """Bits of a mask, each by itself."""
     while mask:
         low = mask & -mask
-        out.append(low.bit_length() - 1)
+        yield low
         mask ^= low
-    return frozenset(out)
 
 
 def _mean_likelihood(seen: Floats, least: Floats) -> Floats:

@@ -14,7 +14,7 @@ from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.explain import MIN_EXPLAINED
+from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
 from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
@@ -78,7 +78,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
     """Return what an explanation leaves: the same as its report says."""
     kept, model = case.without(dropped), case.model
     unexplained = remaining(kept, e.fit, e.terms) or _unexplained(e)
-    named = e.fit if _alternatives(case, e) else kept.plain
+    named = e.fit if e.sets else kept.plain
     f = with_structure(kept, e, named)[1]
     rows = np.asarray(model.readings.rows)
     return Left(
@@ -96,6 +96,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
 
     ``case``: of all readings.
     """
+    e = with_behind(e)
     model, f = case.model, e.fit
     alternatives = _alternatives(case, e)
     rows = np.flatnonzero(kept_rows(len(model.readings), dropped))
