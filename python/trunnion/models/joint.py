@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -63,6 +64,16 @@ class _Acts:
     effect: Effect
     sign: float
 
+    @cached_property
+    def signs(self) -> Floats:
+        """Of each parameter: places and times have none."""
+        return np.array([self.sign if p.linear else 1.0 for p in self.effect.parameters])
+
+    def values(self, joint: Mapping[str, float]) -> Values:
+        """Return the part's values for those of the joint effect."""
+        names = (p.name for p in self.effect.parameters)
+        return Values(zip(names, (self.signs * list(joint.values())).tolist(), strict=True))
+
 
 @dataclass(frozen=True)
 class _Change:
@@ -80,7 +91,11 @@ class _Whitener:
     parts: tuple[tuple[slice, Whiten], ...]
 
     def __call__(self, columns: Floats) -> Floats:
-        return np.concatenate([np.asarray(whiten(columns[at])) for at, whiten in self.parts])
+        white = np.zeros_like(columns, dtype=np.float64)
+        for at, whiten in self.parts:
+            if columns[at].any():  # what is one measurement's own is zero in all others
+                white[at] = whiten(columns[at])
+        return white
 
 
 class JointModel(Model):
@@ -264,13 +279,10 @@ class JointModel(Model):
                 acts.part < change.since or not self._concerns(acts.part, change)
             ):
                 continue
-            names = (p.name for p in acts.effect.parameters)
-            signs = np.array([acts.sign if p.linear else 1.0 for p in acts.effect.parameters])
-            own_values = Values(zip(names, signs * list(values.values()), strict=True))
             at = nuisance[self._index[acts.part]]
             model = self.parts[acts.part].model
-            own = model.effect_jacobian(at, acts.effect, own_values)
-            out[self._at[acts.part]] = own * signs
+            own = model.effect_jacobian(at, acts.effect, acts.values(values))
+            np.multiply(own, acts.signs, out=out[self._at[acts.part]])
         return out
 
     def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
