@@ -5,7 +5,7 @@ waves of unknown length, a jump, a class of its own) times one component by whic
 enter the readings. A term is no cause. It says that something is there, and what it goes with.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,8 +94,9 @@ class Dictionary:
         self._model, self._rows, self._whiten = model, rows, whiten
         self.terms: list[Term] = []
         self._parts: list[_Part] = []
+        self._covariates = tuple(model.covariates)
         numbers_kept = 0
-        for v, said, values, enter in _covariates(model, rows):
+        for v, said, values, enter in _saying(self._covariates, model.components, rows):
             for kind, numbers, f in _functions(v, values):
                 if not len(f) or (said and kind != "jump"):
                     continue
@@ -181,7 +182,7 @@ class Dictionary:
         causes that are not there. Waves in places have causes of their own, of any length.
         """
         of = self.terms[term]
-        along = next(v for v in self._model.covariates if v.name == of.covariate)
+        along = next(v for v in self._covariates if v.name == of.covariate)
         if of.kind != "wave" or not along.sequence:
             return self.block(term)[None]
         values = np.asarray(along.values, dtype=np.float64)
@@ -301,17 +302,17 @@ def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
     return gain, rank
 
 
-def _covariates(
-    model: Model, rows: Integers
+def _saying(
+    covariates: Iterable[Covariate], components: Mapping[str, Floats], rows: Integers
 ) -> Iterator[tuple[Covariate, bool, NDArray[Any], dict[str, Floats]]]:
     """Covariates that say something new, whether all but the jumps is said, values, components."""
     enter = {"": np.ones(len(rows))}
-    for name, c in model.components.items():
+    for name, c in components.items():
         c = np.asarray(c, dtype=np.float64)[rows]
         if not any(np.array_equal(c, d) for d in enter.values()) and np.any(c):
             enter[name] = c
     seen: list[tuple[bool, bool, Integers]] = []
-    for v in model.covariates:
+    for v in covariates:
         values = np.asarray(v.values)[rows]
         said = False
         if not v.classes:

@@ -135,7 +135,7 @@ class TouchDiagnosisModel(Model):
             hint=UNKNOWN_TICK,
         )
         self._start = self._full.values()[self._unknown]
-        self._models: dict[tuple[str, ...], TouchModel] = {(): TouchModel(setup)}
+        self._models: dict[tuple[str, ...], TouchModel] = {}
         self._at: dict[bytes, Floats] = {}
         self._given = tuple(effects)
         self._stated = stated_of(setup)
@@ -153,7 +153,7 @@ class TouchDiagnosisModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
-        return mistakes_in(self._models[()], self.data)
+        return mistakes_in(self._model(()), self.data)
 
     @property
     def start(self) -> Floats:
@@ -229,7 +229,7 @@ class TouchDiagnosisModel(Model):
 
     def _model(self, ids: tuple[str, ...]) -> TouchModel:
         if ids not in self._models:
-            self._models[ids] = TouchModel(self.setup, ids)
+            self._models[ids] = TouchModel(self.setup, ids, chain=self._full.chain)
         return self._models[ids]
 
     def _effect(self, info: EffectInfo) -> Effect:
@@ -289,7 +289,7 @@ class TouchDiagnosisModel(Model):
     @property
     def turning(self) -> Mapping[str, Floats]:
         """As each rotary axis stands further, from the model of the machine."""
-        return turning(self._models[()], self.data, self._whole(self.start))
+        return turning(self._model(()), self.data, self._whole(self.start))
 
     @property
     def groups(self) -> Integers:

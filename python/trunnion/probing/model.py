@@ -101,14 +101,20 @@ class TouchModel:
     setup: Machine, artefact, probe.
     effects: Ids of the catalogue.
     tick_um: Tick of the trigger; the set-up's unless given.
+    chain: That of the set-up, where another model of it has one.
 
     Its `unknown` (flags, (p,)) leaves out what is none: the rotation of a sphere.
     """
 
     def __init__(
-        self, setup: Setup, effects: Sequence[str] = (), *, tick_um: float | None = None
+        self,
+        setup: Setup,
+        effects: Sequence[str] = (),
+        *,
+        tick_um: float | None = None,
+        chain: Chain | None = None,
     ) -> None:
-        self.chain = Chain(setup)
+        self.chain = Chain(setup) if chain is None else chain
         self.setup = setup
         self.effect_ids = tuple(map(self.chain.effect_id, effects))
         self.core = _core.TouchModel(
