@@ -45,6 +45,10 @@ fuzz: build  ## hostile arguments and 300,000 mutated files, an hour; FILES=1000
 bench: build  ## medians and ratios of the main job beside peers in the same run
 	$(BIN)/python tests/benches/bench_main.py
 
+.PHONY: bench-joint
+bench-joint: build  ## what a joint diagnosis costs beside its measurements one by one, two minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -W ignore tests/benches/bench_joint.py
+
 .PHONY: sweep-size
 sweep-size: build  ## what a sweep costs by its size, 10⁴ to 10⁷ samples, ten minutes, into docs/results/sweep-size.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/sweep_size.py --out docs/results/sweep-size.md

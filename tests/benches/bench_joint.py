@@ -1,0 +1,94 @@
+"""Time of a joint diagnosis over that of its measurements one by one, processor time, one thread.
+
+Run by ``make bench-joint``. Measurements are those of `power.random_cases`: causes drawn at random,
+none to three of each measurement, one unknown in an eighth.
+"""
+
+import argparse
+import dataclasses
+import os
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+import trunnion as tn
+from power.random_cases import draw
+
+JOINT: tuple[tuple[str, ...], ...] = (
+    ("touches", "touches"),
+    ("touches", "points"),
+    ("touches", "sweep"),
+    ("touches", "ballbar"),
+    ("touches", "positioning", "positioning"),
+    ("touches", "axislog"),
+    ("touches", "ballbar", "positioning", "positioning"),
+    ("touches", "points", "sweep"),
+    ("points", "points"),
+    ("points", "ballbar"),
+    ("points", "diameters"),
+    ("sweep", "sweep"),
+    ("sweep", "positioning"),
+    ("diameters", "positioning"),
+    ("ballbar", "ballbar"),
+    ("ballbar", "positioning", "positioning"),
+    ("hybrid ballbar", "hybrid ballbar"),
+    ("hybrid ballbar", "positioning"),
+    ("positioning", "positioning"),
+    ("positioning", "axislog"),
+)
+APART = 1000  # numbers between the cases of a joint one
+
+
+def measured(kinds: tuple[str, ...], number: int, seed: int) -> tuple[list[Any], Any]:
+    """Draw a measurement of each kind, and the set-up of all."""
+    numbers = [number + (0 if kind == "axislog" else APART * i) for i, kind in enumerate(kinds)]
+    drawn = [draw(kind, n, seed) for kind, n in zip(kinds, numbers, strict=True)]
+    setups = {kind: one.setup for kind, one in zip(kinds, drawn, strict=True) if one.setup}
+    setup: Any = next(iter(setups.values()), None)
+    if "axislog" in setups:
+        setup = dataclasses.replace(setup, servo=setups["axislog"].servo)
+    return [one.data for one in drawn], setup
+
+
+def least(work: Callable[[], Any], rounds: int) -> float:
+    """Least processor time of a call: what else the machine does only adds to it."""
+    times = []
+    for _ in range(rounds):
+        begun = time.process_time()
+        work()
+        times.append(time.process_time() - begun)
+    return min(times)
+
+
+def main() -> None:
+    """Print each case, and the median of all."""
+    ask = argparse.ArgumentParser(description=__doc__)
+    ask.add_argument("--cases", type=int, default=2, help="of each combination of kinds")
+    ask.add_argument("--rounds", type=int, default=3, help="of which the quickest counts")
+    ask.add_argument("--seed", type=int, default=5)
+    given = ask.parse_args()
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        if os.environ.get(name) != "1":
+            ask.error(f"{name}: got {os.environ.get(name)}, expected 1 (make bench-joint)")
+    print(f"{'measurements':44} {'one by one':>10} {'together':>10}   ratio")
+    ratios = []
+    for kinds in JOINT:
+        for number in range(given.cases):
+            data, setup = measured(kinds, number, given.seed)
+            alone = sum(least(partial(tn.diagnose, one, setup), given.rounds) for one in data)
+            together = least(partial(tn.diagnose, data, setup), given.rounds)
+            ratios.append(together / alone)
+            said = f"{alone * 1e3:7.0f} ms {together * 1e3:7.0f} ms {ratios[-1]:7.2f}"
+            print(f"{', '.join(kinds):44} {said}", flush=True)
+    median, worst = statistics.median(ratios), max(ratios)
+    print(f"{'median of all, largest':44} {median:29.2f} {worst:.2f}")
+
+
+if __name__ == "__main__":
+    main()
