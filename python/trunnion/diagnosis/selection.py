@@ -249,11 +249,12 @@ class Search:
         states = [self.expected()]
         for _ in range(min(most, len(self.c.leaders), self.c.dof - 2)):
             before = self.best
-            states = self.grow(states, beam)
-            if not states:
+            chosen = self.grow(states, beam)
+            scores = [self.known[s.mask | self.bit(block)].score for s, block in chosen]
+            if not scores or min(scores) > before + self.within:
                 break
-            if min(self.known[s.mask].score for s in states) > before + self.within:
-                break
+            self.c.prepare(block for _, block in chosen)
+            states = [_extend(self.c, s, block, self.bit(block)) for s, block in chosen]
 
     def take_over(self, other: "Search", keep: int) -> None:
         """Know the sets of a search among fewer candidates; try every other beside the best."""
@@ -374,8 +375,11 @@ class Search:
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
         return left, seen
 
-    def grow(self, states: list[_State], keep: int) -> list[_State]:
-        """Try every candidate on every state; remember all sets near the best, keep some."""
+    def grow(self, states: list[_State], keep: int) -> list[tuple[_State, int]]:
+        """Try every candidate on every state; remember all sets near the best, and the best `keep`.
+
+        Return the latter: a state each, and the block that was added to it.
+        """
         c = self.c
         gain, rank = _gains(c, states)
         size = np.array([s.taken.shape[0] for s in states])
@@ -390,7 +394,7 @@ class Search:
         order = np.argsort(low, axis=None, kind="stable")
         self.best = min(self.best, float(low.flat[order[0]]))
         last = np.append(c.first_of_leader[1:], len(c.owner))
-        chosen: list[tuple[_State, int, int]] = []
+        chosen: list[tuple[_State, int]] = []
         seen: set[int] = set()
         for i, q in (divmod(int(flat), len(c.leaders)) for flat in order):
             value = float(low[i, q])
@@ -411,9 +415,8 @@ class Search:
             columns = int(size[i] + rank[i, block])
             self.remember(mask, (*states[i].blocks, block), value, float(rss[i, block]), columns)
             if len(chosen) < keep:
-                chosen.append((states[i], block, bit))
-        c.prepare(block for _, block, _ in chosen)
-        return [_extend(c, *one) for one in chosen]
+                chosen.append((states[i], block))
+        return chosen
 
     def remember(
         self, mask: int, blocks: tuple[int, ...], score: float, rss: float, columns: int
