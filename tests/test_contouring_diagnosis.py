@@ -21,12 +21,12 @@ import trunnion as tn
 from trunnion import contouring as ct
 from trunnion._core import contour_axis_response
 from trunnion.base.errors import DataError, FileFormatError, InputError, UnknownNameError
-from trunnion.diagnosis.noise import (
+from trunnion.diagnosis.autoregression import (
     Autoregression,
-    fit_noise,
     levinson,
     partial_autocorrelations,
 )
+from trunnion.diagnosis.noise import fit_noise
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.axis_log import AxisLogModel, effects, servo_effects
 from trunnion.models.kinds import diagnose

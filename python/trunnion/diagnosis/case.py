@@ -204,6 +204,14 @@ class Case:
         every = self.segments
         return [every[i] for i in self.whiten.dependent]
 
+    @property
+    def wandering(self) -> list[Integers]:
+        """Used readings in a row that wander as nothing of the catalogue makes them."""
+        if not isinstance(self.whiten, Whitener):
+            return []
+        every = self.segments
+        return [every[i] for i in self.whiten.wandering]
+
     def growth(self, f: Fit, variance: float) -> Floats:
         """How many times their standard errors errors are.
 

@@ -7,7 +7,7 @@ at the engine's price, and is not taken for noise.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -16,48 +16,30 @@ from scipy.special import chdtri
 
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
+from trunnion.diagnosis.autoregression import (
+    Autoregression,
+    levinson,
+    partial_autocorrelations,
+    predicted_off,
+)
 from trunnion.diagnosis.dependence import changes, length
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Dictionary
+from trunnion.diagnosis.wander import (
+    Wander,
+    deviance,
+    fit_wander,
+    innovations_beside,
+    penalised,
+    price_of_wander,
+)
 
 MAX_ORDER = 6
 MAX_STRUCTURE = 4  # terms of unexplained structure in a channel
 MAX_TRIED = 2  # terms tried at each step
 MEMORY_SIGMAS = 1.0  # by which an estimated memory of the noise is taken longer
+DEPENDENT, WANDERING = "dependent", "wandering"
 MIN_NOISE = 1e-6  # µm, arcsec: rounding of numbers
-
-
-@dataclass(frozen=True)
-class Autoregression:
-    """Autoregressive noise.
-
-    Attributes
-    ----------
-    predictors:
-        ``predictors[k]``: coefficients that predict a reading from the k before it, last first.
-    sizes:
-        ``sizes[k]``: standard deviation of what is left then. The last pair holds from there on.
-    """
-
-    predictors: tuple[Array, ...] = (np.zeros(0),)
-    sizes: tuple[float, ...] = (1.0,)
-
-    @property
-    def order(self) -> int:
-        """How many readings back the noise remembers; 0: white."""
-        return len(self.predictors) - 1
-
-    def whiten(self, values: Array) -> Array:
-        """Innovations of (n, m) consecutive values in units of their size."""
-        order = min(self.order, len(values))
-        out = np.array(values, dtype=np.float64)
-        for i, ar in enumerate(self.predictors[:order]):
-            for k, a in enumerate(ar, start=1):
-                out[i : i + 1] -= a * values[i - k : i - k + 1]
-            out[i : i + 1] /= self.sizes[i]
-        if len(values) > order:
-            out[order:] = _predicted_off(values, self.predictors[-1], order) / self.sizes[-1]
-        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +71,12 @@ class Whitener:
     filters: Consecutive readings, and their noise.
     dependent: Filters of readings whose residual is no stationary noise
         (:mod:`.dependence`): they are divided by the root of their long-run variance.
+    wandering: Filters of readings that wander as no cause and no term does (:mod:`.wander`).
     """
 
     filters: tuple[tuple[IntArray, Autoregression], ...]
     dependent: tuple[int, ...] = ()
+    wandering: tuple[int, ...] = ()
 
     def __call__(self, values: Array) -> Array:
         """Whiten each column; readings where all columns are zero stay so."""
@@ -116,8 +100,9 @@ def whitener(
     """Noise of each channel, as left when all that need not be noise is fitted at once.
 
     An effect is thus not mistaken for noise; what the fit takes of the noise is allowed for. Where
-    the residual has a memory, unexplained structure is fitted too if that explains more. What is no
-    stationary noise gets its long-run variance and no autoregression.
+    the residual has a memory, unexplained structure is fitted too if that explains more, or a
+    wander of no known form. What is no stationary noise gets its long-run variance and no
+    autoregression.
 
     Parameters
     ----------
@@ -133,39 +118,94 @@ def whitener(
         Take no residual for stationary noise.
     """
     filters: list[tuple[IntArray, Autoregression]] = []
-    dependent: list[int] = []
-    terms: dict[str, list[Array]] | None = None
+    marked: dict[str, list[int]] = {DEPENDENT: [], WANDERING: []}
+    terms: dict[str, list[Array]] = {}
     every_least = np.broadcast_to(np.asarray(model.readings.least), len(residuals))
+
+    def unnamed(channel: Channel) -> list[Array]:
+        terms.update({} if terms else structure_terms(model))
+        return [x[channel.rows] for x in terms[channel.component]]
+
     for channel in channels:
         least = float(np.max(every_least[channel.rows], initial=MIN_NOISE))
         y, own_groups = residuals[channel.rows], groups[channel.rows]
         segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
         segments = [s for s in segments if len(s)]
         q = _absorbed(y, channel, Autoregression(), segments)
-        left = y - q @ (q.T @ y)
-        if float(left @ left) < len(left) * least**2:  # what is left is no evidence of a memory
-            filters += [(channel.rows[s], Autoregression(sizes=(least,))) for s in segments]
-            continue
-        if all_dependent or changes(innovations([left[s] for s in segments])):
-            noise = _long_run_noise([left[s] for s in segments], q.shape[1])
-            dependent += range(len(filters), len(filters) + len(segments))
-            filters += [(channel.rows[s], noise) for s in segments]
-            continue
-        noise = fit_noise(y, q, segments)
-        if noise.order:  # beside noise with a memory another place may fit best
-            q = _absorbed(y, channel, noise, segments)
-            terms = structure_terms(model) if terms is None else terms
-            unnamed = [x[channel.rows] for x in terms[channel.component]]
-            noise = fit_noise_beside_structure(y, q, segments, unnamed)
+        series = [(y - q @ (q.T @ y))[s] for s in segments]
+        mark = ""
+        if sum(float(x @ x) for x in series) < len(y) * least**2:
+            noise = Autoregression(sizes=(least,))  # what is left is no evidence of a memory
+        elif all_dependent:
+            noise, mark = _long_run_noise(series, q.shape[1]), DEPENDENT
+        else:
+            noise, mark = _noise(y, q, channel, segments, unnamed)
+        if mark:
+            marked[mark] += range(len(filters), len(filters) + len(segments))
         filters += [(channel.rows[s], noise) for s in segments]
-    return Whitener(tuple(filters), tuple(dependent))
+    return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))
 
 
-def innovations(series: Sequence[Array]) -> Array:
-    """What an autoregression leaves of series, one after the other."""
+def _noise(
+    y: Array,
+    q: Array,
+    channel: Channel,
+    segments: Sequence[IntArray],
+    unnamed: Callable[[Channel], Sequence[Array]],
+) -> tuple[Autoregression, str]:
+    """Noise of a channel beside columns q, and whether it is dependent or wandering.
+
+    ``unnamed``: columns of unexplained structure that a channel may have.
+    """
+    left = y - q @ (q.T @ y)
+    series = [left[s] for s in segments]
+    white, order = innovations(series)
+    changing = changes(white)
+    # White noise beside a wander is no autoregression of first order.
+    wander = fit_wander(y, q, segments) if order > 1 else None
+    if changing and (wander is None or changes(innovations_beside(wander.noise, y, q, segments))):
+        return _long_run_noise(series, q.shape[1]), DEPENDENT
+    noise = fit_noise(y, q, segments)
+    if noise.order:  # beside noise with a memory another place may fit best
+        beside = _absorbed(y, channel, noise, segments)
+        if changing:
+            score = penalised(noise, y, beside, segments)
+        else:
+            noise, score = fit_noise_beside_structure(y, beside, segments, unnamed(channel))
+        below = score - price_of_wander(len(y))
+        if wander is not None and deviance(wander.noise, y, q, segments) < below:
+            slow = _wander(y, channel, segments, wander, below)
+            if slow is not None and not (changing and changes(slow[1])):
+                return slow[0], WANDERING
+    if changing:
+        return _long_run_noise(series, q.shape[1]), DEPENDENT
+    return noise, ""
+
+
+def _wander(
+    y: Array, channel: Channel, segments: Sequence[IntArray], start: Wander, below: float
+) -> tuple[Autoregression, Array] | None:
+    """Noise of readings that wander, innovations; None where -2 ln L is not below a value.
+
+    A wave of the best of many places is much of any wander: such columns have to pay for the place.
+    """
+    found: list[tuple[float, Autoregression, Array]] = []
+    for sought in (channel.sought, ()) if channel.sought else ((),):
+        own = replace(channel, sought=sought)
+        for _ in range(2):  # another place may fit best beside it
+            q = _absorbed(y, own, start.noise, segments)
+            start = fit_wander(y, q, segments, start.place)
+        paid = sum(float(chdtri(x.shape[2], SCAN_LEVEL / len(x))) for x in sought)
+        found.append((deviance(start.noise, y, q, segments) + paid, start.noise, q))
+    score, noise, q = min(found, key=lambda one: one[0])
+    return (noise, innovations_beside(noise, y, q, segments)) if score < below else None
+
+
+def innovations(series: Sequence[Array]) -> tuple[Array, int]:
+    """What an autoregression leaves of series, one after the other; its order."""
     ar = _autoregression(series)
-    parts = [_predicted_off(x[:, None], ar, len(ar))[:, 0] for x in series if len(x) > len(ar)]
-    return np.concatenate(parts) if parts else np.zeros(0)
+    parts = [predicted_off(x[:, None], ar, len(ar))[:, 0] for x in series if len(x) > len(ar)]
+    return np.concatenate(parts) if parts else np.zeros(0), len(ar)
 
 
 def _long_run_noise(series: Sequence[Array], fitted: int) -> Autoregression:
@@ -207,7 +247,7 @@ def fit_noise(y: Array, q: Array, segments: Sequence[IntArray]) -> Autoregressio
     count = sum(max(len(s) - order, 0) for s in segments) - q.shape[1]
 
     def triangle(ar: Array) -> Array:
-        white = [_predicted_off(both[s], ar, order) for s in segments if len(s) > order]
+        white = [predicted_off(both[s], ar, order) for s in segments if len(s) > order]
         corner = np.asarray(np.linalg.qr(np.concatenate(white), mode="r"), dtype=np.float64)
         return np.asarray(np.abs(np.diag(corner)))
 
@@ -227,11 +267,12 @@ def fit_noise(y: Array, q: Array, segments: Sequence[IntArray]) -> Autoregressio
 
 def fit_noise_beside_structure(
     y: Array, q: Array, segments: Sequence[IntArray], terms: Sequence[Array]
-) -> Autoregression:
-    """Noise of y where unexplained structure may be beside q, a term at a time.
+) -> tuple[Autoregression, float]:
+    """Noise of y where unexplained structure may be beside q, a term at a time; its -2 ln L.
 
-    A term is taken if it makes readings likelier than noise with a longer memory does, by the price
-    that the engine asks for it.
+    The likelihood is penalised by what the terms and the memory of the noise cost. A term is taken
+    if it makes readings likelier than noise with a longer memory does, by the price that the engine
+    asks for it.
     """
 
     def score(basis: Array) -> tuple[float, Autoregression]:
@@ -245,6 +286,7 @@ def fit_noise_beside_structure(
         )
 
     best, noise = score(q)
+    paid = 0.0
     for _ in range(MAX_STRUCTURE):
         if not noise.order:
             break
@@ -261,36 +303,11 @@ def fit_noise_beside_structure(
         value, other, price, wider = min(tried, key=lambda t: t[0] + t[2])
         if value + price >= best:
             break
-        best, noise, q = value, other, wider
-    return noise
+        best, noise, q, paid = value, other, wider, paid + price
+    return noise, penalised(noise, y, q, segments) + paid
 
 
 # --- autoregressions
-
-
-def levinson(partial: Array) -> tuple[Array, ...]:
-    """Coefficients of every order from 0 up, from partial autocorrelations."""
-    out: list[Array] = [np.zeros(0)]
-    for r in partial:
-        out.append(np.append(out[-1] - r * out[-1][::-1], r))
-    return tuple(out)
-
-
-def partial_autocorrelations(ar: Array) -> Array:
-    """Partial autocorrelations of an autoregression; of an unstable one, those to where it is."""
-    out, a = np.zeros(len(ar)), np.asarray(ar, dtype=np.float64)
-    for k in range(len(ar) - 1, -1, -1):
-        out[k] = a[k]
-        a = (a[:k] + a[k] * a[:k][::-1]) / max(1.0 - a[k] ** 2, 1e-6)
-    return out
-
-
-def _predicted_off(values: Array, ar: Array, first: int) -> Array:
-    """Values (n, m) from row ``first`` on, less what an autoregression predicts."""
-    out = np.array(values[first:], dtype=np.float64)
-    for k, a in enumerate(ar, start=1):
-        out -= a * values[first - k : len(values) - k]
-    return out
 
 
 def _autoregression(series: Sequence[Array]) -> Array:

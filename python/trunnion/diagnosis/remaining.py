@@ -6,11 +6,11 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case, rms
-from trunnion.diagnosis.dependence import BLOCK
+from trunnion.diagnosis.dependence import BLOCK, length
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of, with_unit
-from trunnion.diagnosis.scan import Term
+from trunnion.diagnosis.scan import Dictionary, Term
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there
 MAX_STRETCHES = 3
@@ -23,6 +23,10 @@ def remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | 
     ``terms``: quantities that it depends on, with their share of its variance.
     """
     segments = case.dependent
+    said = "is left that is no stationary noise"
+    if not segments and not terms:
+        segments, said = case.wandering, "is left that wanders as no known cause does"
+        terms = _goes_with(case, f, segments) if segments else []
     if not segments:
         return None
     rows = case.rows[np.concatenate(segments)]
@@ -35,12 +39,29 @@ def remaining(case: Case, f: Fit, terms: Sequence[tuple[Term, float]]) -> str | 
     ]
     where = [name for name, c in case.model.components.items() if np.any(np.asarray(c)[rows])]
     axis = f" of {', '.join(where)}" if where and any(where) else ""
-    text = f"{' and '.join(sizes)} rms{axis} is left that is no stationary noise"
+    text = f"{' and '.join(sizes)} rms{axis} {said}"
     if terms:
         said = " or ".join(term.sentence() for term, _ in terms)
         text += f"; it depends on {said}: {100 * terms[0][1]:.0f} % of its variance"
     places = [case.rows[some] for some in segments]
     return text + _when(case.model, left, places)
+
+
+def _goes_with(case: Case, f: Fit, segments: Sequence[Integers]) -> list[tuple[Term, float]]:
+    """Term that explains most of readings that wander, and its share of the variance, if any does.
+
+    By the criterion of Schwarz (1978), of as many readings as would be independent.
+    """
+    places = np.concatenate(segments)
+    left = f.residuals[case.rows[places]]
+    left = left - left.mean()
+    known = Dictionary(case.model, case.rows[places])
+    gain, rank = known.gains(left, np.full((len(left), 1), len(left) ** -0.5))
+    share = np.clip(gain / max(float(left @ left), 1e-300), 0.0, 1.0 - 1e-12)
+    count = len(left) / length([f.residuals[case.rows[s]] for s in segments])
+    worth = -count * np.log(1.0 - share) - rank * np.log(max(count, 1.0))
+    best = int(np.argmax(worth)) if len(worth) else 0
+    return [(known.terms[best], float(share[best]))] if np.any(worth > 0) else []
 
 
 def _when(model: Model, left: Floats, segments: Sequence[Integers]) -> str:

@@ -6,7 +6,8 @@ cross-coupled control the commands to log are those that the position loops get.
 
 Readings are means over blocks of samples (as many as keep some thousand readings), predictions
 likewise. Noise is divided out axis by axis and, where what no servo effect can make is
-autocorrelated, whitened by an autoregression (:mod:`trunnion.diagnosis.noise`).
+autocorrelated, whitened by an autoregression (:mod:`trunnion.diagnosis.noise`); readings that
+wander have a covariance of their own (:mod:`trunnion.diagnosis.wander`).
 
 The response of an axis is simulated exactly (:mod:`trunnion.contouring`). Each effect's column is a
 chord of it (:mod:`.servo_effects`). A single effect is thus compared and sized without any
