@@ -63,6 +63,26 @@ def test_a_log_of_a_stopped_run_gives_the_touches_before(plan: tn.Touches, tmp_p
     assert touches.position_mm[0].tolist() == [37.500012, 0.0, 26.0031]
 
 
+def test_a_log_in_another_unit_is_named(plan: tn.Touches, tmp_path: Path) -> None:
+    """All touches are where they were planned in inches; one false touch is none of these."""
+    path = tmp_path / "probe.log"
+    for factor, said in (
+        (1 / 25.4, "Z are in inches (G20)"),
+        (25.4, "Z are in mm, taken for inches"),
+    ):
+        rows = [[float(n) for n in line.split()] for line in (FIRST, SECOND)]
+        lines = (
+            " ".join(f"{n:.6f}" for n in [*(factor * x for x in row[:3]), *row[3:]]) for row in rows
+        )
+        path.write_text("\n".join(lines))
+        with pytest.raises(tn.FileFormatError, match=r":1:1: X \(touch 1\): got a touch") as error:
+            tn.read_probe_log(path, plan)
+        assert str(error.value).endswith(f"; all are where they were planned if X, Y and {said}")
+    path.write_text(FIRST + SECOND.replace("50.9987", "56.0013"))
+    with pytest.raises(tn.FileFormatError, match=r"1\.000\)$"):
+        tn.read_probe_log(path, plan)
+
+
 ONE = "1 600.000000 37.500012 0.000000 26.003100 0.000000 0.000000 90.000000\n"
 TWO = "2 60.000000 50.998700 12.500000 1.000000 -90.000000 0.000000 180.000100\n"
 

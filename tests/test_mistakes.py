@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.setup.machines import presets
 
 SETUP = tn.Setup(artefact=tn.Artefact("cross"))
 PLAN = tn.plan(SETUP)
@@ -22,6 +23,84 @@ def test_a_tool_measured_to_the_tip_is_named() -> None:
     assert abs(fit.errors["EZ0A"] + 1000.0) < 2.0  # said, not corrected
     for method in (tn.closed_form, tn.diagnose):
         assert "to the tip of the ball?" in method(tip, SETUP).summary().replace("\n", " ")
+
+
+HEADS = ("table-c-head-b", "head-bc", "head-ac", "nutating-head")
+PLACED_ONLY = ("four-axis-c", "three-axis")
+
+
+def on_machine(preset: str, **more: Any) -> tuple[tn.Setup, tn.Touches]:
+    """Touches of a cross on a machine with location errors, the cross near its place."""
+    setup = replace(SETUP, machine=tn.Machine(preset))
+    plan = tn.plan(setup)
+    rng = np.random.default_rng(more.pop("seed", 1))
+    errors = {name: float(rng.uniform(-60, 60)) for name in tn.identify(plan, setup).errors}
+    placement = {name: float(rng.uniform(-300, 300)) for name in ("dx_um", "dy_um", "dz_um")}
+    return setup, tn.simulate(plan, setup, errors, placement | more, noise_um=0.3, seed=2)
+
+
+def along_spindle(data: tn.Touches, setup: tn.Setup) -> np.ndarray[Any, Any]:
+    """Return the direction from the tool point to the spindle of a head, by its own formulas."""
+    turn = {"b": np.radians(data.columns.get("b_deg", np.zeros(len(data))))}
+    turn["a"] = np.radians(data.columns.get("a_deg", np.zeros(len(data))))
+    turn["c"] = np.radians(data.columns.get("c_deg", np.zeros(len(data))))
+    zero, b, a, c = np.zeros(len(data)), turn["b"], turn["a"], turn["c"]
+    up = {
+        "table-c-head-b": (np.sin(b), zero, np.cos(b)),
+        "head-bc": (np.cos(c) * np.sin(b), np.sin(c) * np.sin(b), np.cos(b)),
+        "head-ac": (np.sin(c) * np.sin(a), -np.cos(c) * np.sin(a), np.cos(a)),
+        "nutating-head": (np.sin(b) / np.sqrt(2), (1 - np.cos(b)) / 2, (1 + np.cos(b)) / 2),
+    }
+    return np.column_stack(up[setup.machine.name])
+
+
+@pytest.mark.parametrize("preset", HEADS)
+@pytest.mark.parametrize(("sign", "end"), [(1, "to the tip of"), (-1, "beyond the centre of")])
+def test_a_tool_of_a_head_that_is_measured_to_the_tip_is_named(
+    preset: str, sign: int, end: str
+) -> None:
+    """A control that follows the tool point has it wrong along the spindle."""
+    setup, data = on_machine(preset)
+    x, y, z = (data.position_mm - sign * along_spindle(data, setup)).T
+    wrong = data.with_columns(x_mm=x, y_mm=y, z_mm=z)
+    for method in (tn.identify, tn.diagnose):
+        said = likely_cause(method, wrong, setup)
+        assert said.endswith(
+            f"if the tool's length was measured {end} the ball (not to its centre)."
+        )
+
+
+@pytest.mark.parametrize("preset", [*HEADS, *PLACED_ONLY])
+@pytest.mark.parametrize(("sign", "where"), [(-1, "below"), (1, "above")])
+def test_a_tool_to_the_tip_that_no_touch_tells_is_a_doubt(
+    preset: str, sign: int, where: str
+) -> None:
+    """Along Z it is as an artefact that stands lower: both are said, and what they are in."""
+    setup, data = on_machine(preset, dz_um=0.0)
+    offset = {"head-ac": "EZ0A and ", **dict.fromkeys(PLACED_ONLY, "")}.get(preset, "EZ0B and ")
+    z_mm = data["z_mm"] + sign * setup.probe.ball_radius_mm
+    for method in (tn.identify, tn.diagnose):
+        said = " ".join(method(data.with_columns(z_mm=z_mm), setup).notes)
+        assert f"µm {where} its place in the set-up, about the radius of the ball (1000" in said
+        assert f"do not say which: either is in {offset}dz_um." in said
+    (note,) = (n for n in tn.plan_notes(data, setup) if "to the tip of the ball" in n)
+    assert f"is in {offset}dz_um" in note
+    assert ("no error of the machine shows it" in note) == (preset in PLACED_ONLY)
+
+
+@pytest.mark.parametrize("preset", ["trt-ca", "trt-bc", "tt-ab", "nutating-table", "four-axis-a"])
+def test_a_tool_to_the_tip_is_named_on_every_table(preset: str) -> None:
+    setup, data = on_machine(preset)
+    fit = tn.identify(data.with_columns(z_mm=data["z_mm"] - 1.0), setup)
+    assert any("to the tip of the ball? It is expected to the centre" in n for n in fit.notes)
+    assert not any("tip of the ball" in note for note in tn.plan_notes(data, setup))
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_no_ordinary_machine_of_any_preset_is_suspected(preset: str) -> None:
+    for seed in range(12):
+        setup, data = on_machine(preset, seed=seed)
+        assert suspected(tn.identify(data, setup)) == []
 
 
 def test_no_ordinary_machine_is_suspected() -> None:
@@ -40,6 +119,11 @@ def suspected(fit: tn.IdentificationResult) -> list[str]:
 ERRORS = {"EX0C": 20.0, "EY0A": -15.0, "EB0A": 12.0, "EZ0A": 30.0}
 PLACEMENT = {"dx_um": 80.0, "dy_um": -50.0, "rc_arcsec": 60.0}
 METHODS: list[Callable[..., Any]] = [tn.identify, tn.closed_form, tn.diagnose]
+FACTORS = [
+    *((1 / 25.4, "inches"), (1e3, "µm"), (0.1, "cm"), (1e-3, "m")),
+    (25.4, "mm but were taken for inches"),
+]
+"""What lengths in mm are multiplied by, and how they are then."""
 
 
 def measured(setup: tn.Setup) -> tn.Touches:
@@ -52,15 +136,69 @@ def moved(data: tn.Touches, factor: float) -> tn.Touches:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("factor", "unit"), [(1 / 25.4, "inches"), (1e3, "µm"), (0.1, "cm"), (1e-3, "m")]
-)
+@pytest.mark.parametrize(("factor", "unit"), FACTORS)
 def test_positions_in_another_unit_are_named(
     method: Callable[..., Any], factor: float, unit: str
 ) -> None:
     off = "modelled (surface|artefact)"
     with pytest.raises(tn.DataError, match=f"{off}.*if their positions are in {unit}\\.$"):
         method(moved(measured(SETUP), factor), SETUP)
+
+
+ARTEFACTS = [
+    {"kind": "cross", "length_mm": 80.0, "width_mm": 20.0, "height_mm": 20.0},
+    {"kind": "cuboid", "length_mm": 80.0, "width_mm": 60.0, "height_mm": 40.0},
+    {"kind": "sphere", "diameter_mm": 22.0, "centre_mm": (30.0, 10.0, 80.0)},
+    {
+        "kind": "spheres",
+        "diameter_mm": 20.0,
+        "spheres_mm": ((60.0, 0.0, 60.0), (-60.0, 10.0, 60.0)),
+    },
+    {"kind": "ring", "diameter_mm": 60.0, "outer_diameter_mm": 90.0, "height_mm": 30.0},
+]
+
+
+RECIPROCAL = {
+    "inches": ["their positions are in mm but were taken for inches"],
+    "mm but were taken for inches": ["their positions are in inches"],
+    "m": ["their positions are in µm"],
+}
+"""Unit of a set-up in whose place the touches may be in another one."""
+
+
+def in_unit(artefact: dict[str, Any], factor: float) -> tn.Artefact:
+    """Return an artefact whose lengths are all stated in another unit."""
+    kind = {"kind": artefact["kind"]}
+    lengths = {k: (np.array(v) * factor).tolist() for k, v in artefact.items() if k != "kind"}
+    return tn.Artefact(**kind, **lengths)
+
+
+@pytest.mark.parametrize("artefact", ARTEFACTS, ids=lambda artefact: artefact["kind"])
+@pytest.mark.parametrize(("factor", "unit"), FACTORS)
+def test_an_artefact_in_another_unit_is_named(
+    artefact: dict[str, Any], factor: float, unit: str
+) -> None:
+    """Alone, and with the ball of the probe, where it may as well be the touches that are wrong."""
+    true = tn.Setup(artefact=tn.Artefact(**artefact), probe=tn.Probe(ball_radius_mm=1.5))
+    data = measured(true)
+    methods = METHODS if artefact["kind"] == "cross" else (tn.identify, tn.diagnose)
+    ball = tn.Probe(ball_radius_mm=1.5 * factor)
+    for probe, tables in ((true.probe, "[artefact]"), (ball, "[artefact] and [probe]")):
+        given = tn.Setup(artefact=in_unit(artefact, factor), probe=probe)
+        for method in methods:
+            said = likely_cause(method, data, given)
+            *others, last = said.split("µm if ")[-1].split(", or if ")
+            assert last == f"the lengths in {tables} are in {unit}.", said
+            assert [*others] == (RECIPROCAL.get(unit, []) if probe is ball else []), said
+
+
+def likely_cause(method: Callable[..., Any], data: tn.Touches, setup: tn.Setup) -> str:
+    """Return what is named: in the notes, or in the error where touches are off the surface."""
+    try:
+        found = method(data, setup)
+    except tn.DataError as error:
+        return str(error)
+    return str(next(iter(found.notes), ""))
 
 
 def test_angles_in_radians_are_named() -> None:

@@ -211,8 +211,19 @@ class _Log:
                     entry.line,
                     first,
                     f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
-                    f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})",
+                    f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
+                    f"{_in_another_unit(entries, planned)}",
                 )
+
+
+def _in_another_unit(entries: Sequence[_Entry], planned: Floats) -> str:
+    """Say that all touches are where they were planned if they are in inches; else nothing."""
+    logged = np.array([entry.values[:3] for entry in entries])
+    expected = planned[[entry.row for entry in entries], :3]
+    for text, factor in (("in inches (G20)", 25.4), ("in mm, taken for inches", 1 / 25.4)):
+        if np.linalg.norm(factor * logged - expected, axis=1).max() <= DISTANCE_MM:
+            return f"; all are where they were planned if X, Y and Z are {text}"
+    return ""
 
 
 def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:

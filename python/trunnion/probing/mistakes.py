@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from trunnion.base.errors import DataError, TrunnionError
-from trunnion.base.units import unit_of
+from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
+from trunnion.machine.chain import Chain
 from trunnion.probing.model import TouchModel, rounding_um
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
-from trunnion.setup import AxisSetup, Machine, Setup
+from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from trunnion.setup.machines import presets
 
 TIP_SHARE = 0.1
@@ -53,7 +54,16 @@ MIN_FREEDOM = 5
 MAX_STEPS = 50
 
 UNITS = {"inches": 25.4, "µm": 1e-3, "cm": 10.0, "m": 1e3}
-"""Units that positions may be in, in mm."""
+"""Units that lengths may be in, in mm."""
+
+FACTORS = {
+    **{f"are in {unit}": mm for unit, mm in UNITS.items()},
+    "are in mm but were taken for inches": 1 / 25.4,
+}
+"""What lengths may be by which they are wrong, and what takes them to mm."""
+
+TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
+"""Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
 
 ROUND_MM = (0.5, 1.0, 2.0, -0.5, -1.0, -2.0)
 """By how much a length is easily wrong."""
@@ -66,7 +76,19 @@ LENGTHS = (
 )
 """Lengths that residuals show; an artefact's height looks like its placement."""
 
-Guess = tuple[str, Touches, Setup]
+
+@dataclass(frozen=True)
+class Guess:
+    """What may have been meant.
+
+    text: How it reads.
+    unit_mm: What positions were recorded in, for scatters to be compared in it.
+    """
+
+    text: str
+    data: Touches
+    setup: Setup
+    unit_mm: float = 1.0
 
 
 def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -> tuple[str, ...]:
@@ -79,7 +101,7 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
             said.append(f"Residuals of {before:.4g} µm have a likely cause: {cause}")
     # Where the placement is not estimated, it is in the errors.
     if result.placement is not None and not said:
-        said += _by_size(result, setup)
+        said += [*_by_size(result, setup), *_higher_or_longer(result, setup)]
     if _as_planned(result, setup):
         said.append(
             "Every touch lies where the set-up expects it, the placement of the artefact included: "
@@ -143,7 +165,7 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
         height = value - setup.machine.errors.get(name, 0.0)
         near = abs(abs(height) - radius) <= TIP_SHARE * radius
         if name.startswith("EZ0") and near and abs(height) >= LEAST_UM:
-            where = "to the tip of the ball" if height < 0 else "beyond the centre of the ball"
+            where = next(end for end, sign in TOOL_ENDS.items() if sign * height > 0)
             said.append(
                 f"{name} is {height:+.0f} µm, about the radius of the ball ({radius:.0f} µm): was "
                 f"the tool's length measured {where}? It is expected to the centre."
@@ -162,30 +184,110 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
     return said
 
 
+def _higher_or_longer(result: IdentificationResult, setup: Setup) -> list[str]:
+    """Say where a ball's radius in Z may be the tool's length or the place of the artefact."""
+    last = offsets_along_z(setup)
+    told = "table" in last and np.isfinite(result.std_errors.get(last["table"], np.inf))
+    if told or result.placement is None or "dz_um" not in result.placement:
+        return []
+    off = {n: result.errors[n] - setup.machine.errors.get(n, 0.0) for n in last.values()}
+    # A head that is higher than the set-up says is as work that is lower.
+    parts = (off[name] if side == "table" else -off[name] for side, name in last.items())
+    height = result.placement["dz_um"] + sum(parts)
+    radius = setup.probe.ball_radius_mm * 1e3
+    if abs(abs(height) - radius) > TIP_SHARE * radius or abs(height) < LEAST_UM:
+        return []
+    end = next(end for end, sign in TOOL_ENDS.items() if sign * height > 0)
+    where = "below" if height < 0 else "above"
+    return [
+        f"The artefact is found {abs(height):.0f} µm {where} its place in the set-up, about the "
+        f"radius of the ball ({radius:.0f} µm): it stands there, or the tool's length was measured "
+        f"{end} (expected: to the centre). These touches do not say which: either is in "
+        f"{' and '.join([*last.values(), 'dz_um'])}."
+    ]
+
+
+def offsets_along_z(setup: Setup) -> dict[str, str]:
+    """Return the Z offset of the table's last axis and of the head's, by side.
+
+    Those nearest to the work and to the tool; none of a side whose axes have none.
+    """
+    chain = Chain(setup)
+    offsets = ((chain.sides[letter], f"EZ0{letter}") for letter in chain.letters)
+    return {side: name for side, name in offsets if name in chain.location_errors}
+
+
 def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
     """Say with what other set-up or unit the touches fit; None: with none that is tried."""
-    tried = [(_scatter_um(meant, other), text) for text, meant, other in _guesses(data, setup)]
-    best = min((scatter for scatter, _ in tried), default=np.inf)
-    beside_rounding = np.sqrt(max(best**2 - rounding_um(setup, data) ** 2, 0.0))
-    if beside_rounding > SHARE * min(before_um, MAX_BEFORE_UM):
+    tried = [(_scatter_um(guess.data, guess.setup), guess) for guess in _guesses(data, setup)]
+    rounding = rounding_um(setup, data)
+    limit = SHARE * min(before_um, MAX_BEFORE_UM)
+    fitting = [(s, g) for s, g in tried if np.sqrt(max(s**2 - rounding**2, 0.0)) <= limit]
+    if not fitting:
         return None
-    texts = [text for scatter, text in tried if scatter <= RIVAL_FACTOR * best]
-    return f"the touches fit to {best:.2g} µm {', or '.join(texts)}."
+    best = min(scatter / guess.unit_mm for scatter, guess in fitting)
+    near = [(s, g) for s, g in fitting if s / g.unit_mm <= RIVAL_FACTOR * best]
+    left = min(scatter for scatter, _ in near)
+    return f"the touches fit to {left:.2g} µm {', or '.join(guess.text for _, guess in near)}."
 
 
 def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
-    """Yield what may have been meant: how it reads, the touches and the set-up then."""
-    for unit, mm in UNITS.items():
-        x, y, z = data.position_mm.T * mm
+    """Yield what may have been meant."""
+    for what, factor in FACTORS.items():
         with suppress(TrunnionError):  # too far for positions
-            meant = data.with_columns(x_mm=x, y_mm=y, z_mm=z)
-            yield f"if their positions are in {unit}", meant, setup
+            meant = _at(data, data.position_mm * factor)
+            yield Guess(f"if their positions {what}", meant, setup, factor)
     turned = {f"{letter}_deg": np.degrees(angle) for letter, angle in data.rotary_deg.items()}
     with suppress(TrunnionError):  # too far for angles
-        yield "if their angles are in radians", data.with_columns(**turned), setup
+        yield Guess("if their angles are in radians", data.with_columns(**turned), setup)
+    if "head" in Chain(setup).sides.values():  # else it is a location error, named by its size
+        along = setup.probe.ball_radius_mm * _spindle(data, setup)
+        for end, sign in TOOL_ENDS.items():
+            meant = _at(data, data.position_mm - sign * along)
+            text = f"if the tool's length was measured {end} (not to its centre)"
+            yield Guess(text, meant, setup)
+    for what, factor in FACTORS.items():
+        for parts in ("artefact",), ("artefact", "probe"):
+            tables = " and ".join(f"[{part}]" for part in parts)
+            with suppress(TrunnionError):  # too large or too small for an artefact
+                scaled: dict[str, Any] = {
+                    part: _in_mm(getattr(setup, part), factor) for part in parts
+                }
+                yield Guess(f"if the lengths in {tables} {what}", data, replace(setup, **scaled))
     for part, changes, text in _changes(data, setup):
         with suppress(TrunnionError):  # not a set-up: other axes, a cross without arms
-            yield text, data, replace(setup, **{part: changes})
+            yield Guess(text, data, replace(setup, **{part: changes}))
+
+
+def _at(data: Touches, position_mm: Floats) -> Touches:
+    """Return touches at other recorded positions, (n, 3)."""
+    x, y, z = position_mm.T
+    return data.with_columns(x_mm=x, y_mm=y, z_mm=z)
+
+
+def _spindle(data: Touches, setup: Setup) -> Floats:
+    """Return the direction of the spindle from the tool point, machine frame, (n, 3)."""
+    chain = Chain(setup)
+    head = {x: turn * (chain.sides[x.upper()] == "head") for x, turn in data.rotary_deg.items()}
+    axes = np.column_stack([np.zeros((len(data), 3)), chain.to_machine(head, len(data))])
+    return np.asarray(chain.machine({}).forward(axes)[:, 3:])
+
+
+def _in_mm(part: Artefact | Probe, factor: float) -> Artefact | Probe:
+    """Return a part whose lengths are in another unit in mm; those by default are, already."""
+    lengths = {
+        name: getattr(part, name)
+        for name, declared in part.own_keys().items()
+        if name.endswith("_mm") and getattr(part, name) != declared.default
+    }
+    return replace(part, **{name: _times(length, factor) for name, length in lengths.items()})
+
+
+def _times(length: Any, factor: float) -> Any:
+    """Return a length, or a tuple of lengths, times a factor."""
+    if isinstance(length, tuple):
+        return tuple(_times(each, factor) for each in length)
+    return length * factor
 
 
 def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from trunnion.base.statistics import linear_fit
@@ -9,6 +11,7 @@ from trunnion.base.units import without_unit
 from trunnion.data.touches import Touches
 from trunnion.machine.estimate import in_words, named_combination
 from trunnion.probing.design import missing_positions
+from trunnion.probing.mistakes import offsets_along_z
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 from trunnion.setup.artefact import HOLDERS
@@ -73,10 +76,29 @@ def _not_identifiable(plan: Touches, setup: Setup) -> list[str]:
     model = TouchModel(setup)
     _, jacobian = model.core.linearise(model.moves(plan), model.values())
     fit = linear_fit(jacobian, np.zeros(len(jacobian)), hold=~model.unknown)
-    blind = [name for name in model.error_names if np.isinf(fit.std[model.names.index(name)])]
+    std = dict(zip(model.names, map(float, fit.std), strict=True))
+    blind = [name for name in model.error_names if np.isinf(std[name])]
+    length = _tool_length(setup, std)
     if not blind:
-        return []
+        return length
     combinations = [named_combination(model.names, row) for row in fit.combinations]
     why = [in_words(c) for c in combinations if set(c) & set(blind)]
     advice = missing_positions(plan, setup)
-    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}", *advice]
+    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}", *length, *advice]
+
+
+def _tool_length(setup: Setup, std: Mapping[str, float]) -> list[str]:
+    """Say where a wrong length of the tool would be, unless an error of its own shows it."""
+    offsets = offsets_along_z(setup)
+    if "table" in offsets and np.isfinite(std[offsets["table"]]):
+        return []
+    names = [*offsets.values(), "dz_um"]
+    alone = (
+        "alone: no error of the machine shows it" if len(names) == 1 else "and in no other error"
+    )
+    if "head" in offsets:
+        alone += ", where the control takes that length along Z"
+    return [
+        "A tool's length measured to the tip of the ball, not to its centre, is in "
+        f"{' and '.join(names)} {alone}."
+    ]
