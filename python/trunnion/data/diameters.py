@@ -21,6 +21,7 @@ class Diameters(Table):
     """
 
     in_order = False
+    clock = "pass"
 
     z_mm = Number("position along the part, from the chuck face outward")
     error_um = Number("measured minus nominal diameter")

@@ -86,6 +86,7 @@ class Table(Saved):
     kinds: ClassVar[Mapping[str, Column[Any]]] = {}
     choice: ClassVar[str] = ""  # columns of which a table needs some, in words
     in_order: ClassVar[bool] = True  # rows stand in the order of measurement
+    clock: ClassVar[str] = ""  # column of what each has its own time from zero
     __slots__ = ("_columns", "_origin")
 
     _columns: Mapping[str, NDArray[Any]]

@@ -18,6 +18,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import InputError
 from trunnion.base.units import Integers
+from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.engine import leave
@@ -250,25 +251,6 @@ def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
     return (data, None) if len(first) == len(data) else (data[first], first)
 
 
-def _time_notes(data: Any) -> tuple[str, ...]:
-    """Say that times do not rise; those of a log or a circular test that fall are errors."""
-    time = data.columns.get("time_s") if isinstance(data, Table) else None
-    if time is None or len(time) < MIN_TIMES or not data.in_order:
-        return ()
-    steps = np.diff(time)
-    if not steps.any():
-        return (f"time_s is {time[0]:g} in every row: no change with time can be found.",)
-    if (steps < 0).all():
-        return (
-            "time_s falls from every row to the next: rows are taken to be made at these times, "
-            "the last row first. If they count down, a drift has the other sign.",
-        )
-    return ()
-
-
-MIN_TIMES = 3
-
-
 @checked
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
@@ -356,7 +338,7 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
-    found = replace(found, notes=(*_time_notes(data), *found.notes))
+    found = replace(found, notes=(*time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
+from trunnion.data.times import time_notes
 from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
@@ -122,11 +123,11 @@ def joined(
         for start, one in zip(starts, measured, strict=True)
         for row in one.alone.outliers
     ]
-    notes = [
-        f"{part.name} alone: {one.alone.unexplained}."
-        for part, one in zip(model.parts, measured, strict=True)
-        if one.alone.unexplained is not None
-    ]
+    notes = []
+    for part, one in zip(model.parts, measured, strict=True):
+        notes += [f"{part.name}: {note}" for note in time_notes(one.data)]
+        if one.alone.unexplained is not None:
+            notes.append(f"{part.name} alone: {one.alone.unexplained}.")
     return replace(
         found,
         data=tuple(one.data for one in measured),

@@ -15,6 +15,7 @@ from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import ANY_PLACE, Grid, Repeats, growth
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.times import time_notes
 from trunnion.data.touches import Touches
 from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
@@ -150,9 +151,11 @@ def _identified(
         found, errors = _beside_rounding(model, data, moves, found, known)
     problem = TouchProblem(model, data, moves, own)
     jacobian = problem.jacobian(found.values)
-    said: tuple[str, ...] = ()
+    timed = any("time_s" in model.chain.effects[name].needs for name in model.effect_ids)
+    said = time_notes(data) if timed else ()
     if not (knee or how.sigma_um):
-        found, said = _beside_scatter(problem, jacobian, plain, found)
+        found, scatter = _beside_scatter(problem, jacobian, plain, found)
+        said = (*said, *scatter)
     sources = _sources(problem, jacobian, plain, found, known, is_known=how.sigma_um > 0)
     result = replace(_result(model, data, own, found, knee, errors), sources=sources)
     if step := unstated_step_um(setup, data, found.sigma_um):
