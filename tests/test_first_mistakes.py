@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -195,6 +196,69 @@ def test_which_touches_are_not_in_a_log(tmp_path: Path, left_out: Sequence[int],
     for files in (("plan.csv", "run.log"), ("run.log", "plan.csv")):
         paths = [tmp_path / file for file in files]
         assert said in said_by("touches", *paths, "-o", tmp_path / "m.csv", "--force", code=0)
+
+
+def logged(tmp_path: Path, off_um: float = 0.0, touch: int = 1) -> tuple[tn.Touches, list[str]]:
+    """A plan of a cross in plan.csv, its set-up, and the log of its program; one touch is off."""
+    from trunnion.data.linuxcnc_log import probe_log_of
+
+    setup = tn.Setup(tn.Artefact("cross"))
+    tn.plan(setup).to_csv(tmp_path / "plan.csv")
+    (tmp_path / "setup.toml").write_text(setup.to_toml())
+    plan = tn.read_touches(tmp_path / "plan.csv")
+    made = tn.simulate(plan, setup, {"EX0C": 15.0}, {"dx_um": 40.0}, noise_um=0.3, seed=1)
+    along = np.zeros(len(made))
+    along[touch - 1] = 1e-3 * off_um
+    x, y, z = (made.position_mm + along[:, None] * made.direction).T
+    made = made.with_columns(x_mm=x, y_mm=y, z_mm=z)
+    return plan, probe_log_of(plan, made, "plan").splitlines()
+
+
+def test_a_last_line_that_was_cut_is_said(tmp_path: Path) -> None:
+    """What is left out of a log, and where: on the screen, in the CSV and in JSON."""
+    _, lines = logged(tmp_path)
+    log = tmp_path / "run.log"
+    log.write_text("\n".join([*lines[:6], lines[6][:20]]))
+    cut = "Line 7 of run.log is cut off (3 of 8 fields, no end of line): its touch is left out."
+    plan, setup = tmp_path / "plan.csv", tmp_path / "setup.toml"
+    measured = tmp_path / "m.csv"
+    said = said_by("touches", plan, log, "-o", measured, code=0)
+    assert said.startswith(f"{cut} 5 of 72 planned touches; not in the log: 6 to 72; ")
+    printed = CliRunner().invoke(app, ["touches", str(plan), str(log)]).output
+    assert printed.splitlines()[0] == f"# {cut}"
+    (tmp_path / "printed.csv").write_text(printed)
+    assert tn.read(tmp_path / "printed.csv") == tn.read(measured)
+    assert cut in said_by("touches", plan, log, "--json", code=0)
+    log.write_text("\n".join([*lines[:-1], lines[-1][:20]]))
+    cut = cut.replace("Line 7", "Line 73")
+    assert cut in said_by("diagnose", plan, setup, "--probe-log", log, code=0)
+    log.write_text("\n".join(lines))
+    whole = said_by("touches", plan, log, "-o", measured, "--force", code=0)
+    assert whole.startswith("72 of 72 planned touches wrote")
+    assert "cut off" not in said_by("diagnose", plan, setup, "--probe-log", log, code=0)
+
+
+def test_outliers_of_a_log_are_named_by_its_lines_and_touches(tmp_path: Path) -> None:
+    """The line of the plan is another one: its header has one line, the log's has two here."""
+    _, lines = logged(tmp_path, off_um=30.0, touch=12)
+    log = tmp_path / "run.log"
+    log.write_text("\n".join([lines[0], "; G54 0 0 0", *lines[1:]]) + "\n")
+    plan, setup = tmp_path / "plan.csv", tmp_path / "setup.toml"
+    said = said_by("diagnose", plan, setup, "--probe-log", log, code=0)
+    assert "Outlier, left out: line 14 of run.log (touch 12)." in said
+    assert log.read_text().splitlines()[13].startswith("12 ")
+    read = tn.read_probe_log(log, tn.read_touches(plan))
+    d = tn.diagnose(read, tn.read_setup(setup))
+    assert tn.Diagnosis.from_json(d.to_json()).sentences() == d.sentences()
+    both = tn.Touches.concatenate([tn.read_touches(plan), read])
+    assert both.place(72 + 11) == "line 14 of run.log (touch 12)"
+    assert both.place(11) == "line 13 of plan.csv"
+    rows = [line.split() for line in lines]
+    rows[12][2] = "9999.0"  # off the surface
+    log.write_text("\n".join(" ".join(row) for row in rows) + "\n")
+    assert "run.log:13:15: X (touch 12): got a touch" in said_by(
+        "diagnose", plan, setup, "--probe-log", log
+    )
 
 
 def test_another_sweep_in_the_file(tmp_path: Path) -> None:

@@ -40,6 +40,7 @@ class Measured(TypedDict):
     touches: int
     planned: int
     columns: list[str]
+    notes: list[str]
 
 
 def register(app: typer.Typer) -> None:
@@ -139,17 +140,24 @@ def touches(
         plan, log = log, plan
     planned = tn.read_touches(plan)
     measured = read_log(log, planned, tn.read_setup(set_ups[0]) if set_ups else None)
-    values = {"touches": len(measured), "planned": len(planned), "columns": list(measured.columns)}
+    notes = measured.recognised.notes if measured.recognised else ()
+    values = {
+        "touches": len(measured),
+        "planned": len(planned),
+        "columns": list(measured.columns),
+        "notes": list(notes),
+    }
     if output is None:
-        return Answer(values, (measured.to_csv().rstrip("\n"),))
+        return Answer(values, (*(f"# {note}" for note in notes), measured.to_csv().rstrip("\n")))
     said = f"{len(measured)} of {len(planned)} planned touches{_missing(planned, measured)}"
-    return Answer(values, (said, save(output, measured.save)))
+    return Answer(values, (*notes, said, save(output, measured.save)))
 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
     """Say which touches of a plan are not in its log, and how its program goes on with them."""
-    there = {measured.place(row) for row in range(len(measured))}
-    numbers = [row + 1 for row in range(len(planned)) if planned.place(row) not in there]
+    touches = None if measured.origin is None else measured.origin.touch
+    there = set() if touches is None else set(touches.tolist())
+    numbers = [number for number in range(1, len(planned) + 1) if number not in there]
     if not numbers:
         return ""
     runs: list[list[int]] = []

@@ -27,9 +27,11 @@ from trunnion.base.errors import FileFormatError
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import LARGEST, parse_number
+from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
+NUMBERED = ("touch", "feed", *"XYZABC")
 COUNTS = {8: "eight", 9: "nine"}
 
 RUN = "trunnion-touches"
@@ -86,7 +88,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     -------
     Touches
         The touches that are in the log, in their order: of a run that was stopped those before,
-        without one whose line in a numbered log is cut off, with fewer fields and no end of line.
+        without one whose line in a numbered log is cut off, with fewer fields and no end of line,
+        which `recognised` says. Their places are the lines of the log, with the touch's number.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last.
 
@@ -111,8 +114,10 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     lines = decode(name, Path(path).read_bytes()).split("\n")
     data = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#;"]
     log = _Log(name, lines)
+    notes: tuple[str, ...] = ()
     if data and lines[data[0]].lstrip().startswith(RUN):
-        entries = _numbered(log, data, plan)
+        notes = log.cut(data[-1])
+        entries = _numbered(log, data[:-1] if notes else data, plan)
     else:
         entries = _in_order(log, data, plan)
     log.check(entries, plan)
@@ -121,7 +126,10 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     x_mm, y_mm, z_mm = logged[:, :3].T
     made = plan[rows].with_columns(x_mm=x_mm, y_mm=y_mm, z_mm=z_mm)
     feeds = [entry.feed for entry in entries]
-    return made if None in feeds else made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
+    if None not in feeds:
+        made = made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
+    taken = Recognised("the log of a probing program", "Touches", separator=" ", notes=notes)
+    return made.read_from(name, [entry.line + 1 for entry in entries], taken, rows + 1)
 
 
 def logged_hash(path: str | PathLike[str]) -> str | None:
@@ -186,6 +194,19 @@ class _Log:
             values.append(value)
         return values
 
+    def cut(self, last: int) -> tuple[str, ...]:
+        """Say that the last line, whose number is given, is cut off; nothing if it is whole.
+
+        It has no end: the control was stopped while it wrote the line.
+        """
+        fields = len(self.lines[last].split())
+        if last < len(self.lines) - 1 or fields >= len(NUMBERED):
+            return ()
+        return (
+            f"Line {last + 1} of {Path(self.name).name} is cut off ({fields} of {len(NUMBERED)} "
+            "fields, no end of line): its touch is left out.",
+        )
+
     def check(self, entries: Sequence[_Entry], plan: Touches) -> None:
         """Check where the touches are."""
         planned = _planned_joints(plan)
@@ -239,17 +260,14 @@ def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
 
 def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
     """Return the touches of the last measurement in a log with numbers."""
-    names = ("touch", "feed", *"XYZABC")
     found: dict[int, _Entry] = {}
-    if data[-1] == len(log.lines) - 1 and len(log.lines[-1].split()) < len(names):
-        data = data[:-1]  # without an end: the control was stopped while it wrote the line
     for i in data:
         text = log.lines[i].strip()
         if text.startswith(RUN):
             if _first_touch(log, i, text, plan) == 1:
                 found = {}
             continue
-        number, feed, *values = log.numbers(i, names)
+        number, feed, *values = log.numbers(i, NUMBERED)
         if number != int(number) or not 1 <= number <= len(plan):
             message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
             raise log.error(i, 0, message)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.records import Cause, chance, labelled, percent, with_unit
-from trunnion.files.table import places
+from trunnion.files.origin import places
 
 if TYPE_CHECKING:
     from trunnion.diagnosis.result import Diagnosis

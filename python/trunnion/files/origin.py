@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from trunnion.base.errors import InputError
 from trunnion.base.units import Integers
 from trunnion.files.recognised import Recognised
+
+FROM_0 = " (counted from 0)"
 
 
 class HasOrigin(Protocol):
@@ -38,16 +41,41 @@ class Origin:
         Line of each row in its file, from 1, (n,).
     recognised
         What each of the files was taken for; empty where that is not known.
+    touch
+        Number of each row in the plan that it is of, from 1, (n,); 0: of none. None: no plans.
     """
 
     files: tuple[str, ...]
     file: Integers
     line: Integers
     recognised: tuple[Recognised | None, ...] = ()
+    touch: Integers | None = None
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], rows: int) -> Origin:
+        """Return the origin of so many rows from plain values.
+
+        Raises
+        ------
+        InputError
+            A row without a file or a line, or in a file that is not named.
+        """
+        file, line = (np.asarray(values[key], dtype=np.intp) for key in ("file", "line"))
+        files = tuple(map(str, values["files"]))
+        touch = values.get("touch")
+        touch = None if touch is None else np.asarray(touch, dtype=np.intp)
+        named = len(files) > file.max(initial=-1) and file.min(initial=0) >= -1
+        if not named or any(
+            each is not None and each.shape != (rows,) for each in (file, line, touch)
+        ):
+            raise InputError(f"origin: got {dict(values)!r:.60}, expected file and line a row")
+        known = tuple(r and Recognised.from_dict(r) for r in values.get("recognised", ()))
+        return cls(files, file, line, known, touch)
 
     def __getitem__(self, index: Any) -> Origin:
         """Return the origin of some rows."""
-        return replace(self, file=self.file[index], line=self.line[index])
+        touch = None if self.touch is None else self.touch[index]
+        return replace(self, file=self.file[index], line=self.line[index], touch=touch)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,8 +92,12 @@ class Origin:
         if all(table.origin is None for table in tables):
             return None
         files: dict[str, int] = {}
-        file, line = [], []
+        file, line, touch = [], [], []
         for table in tables:
+            if table.origin is None or table.origin.touch is None:
+                touch.append(np.zeros(len(table), dtype=np.intp))
+            else:
+                touch.append(table.origin.touch)
             if table.origin is None:
                 file.append(np.full(len(table), -1))
                 line.append(np.zeros(len(table), dtype=np.intp))
@@ -79,8 +111,36 @@ class Origin:
             np.concatenate(file),
             np.concatenate(line),
             tuple(known.get(name) for name in files),
+            np.concatenate(touch) if any(map(np.any, touch)) else None,
         )
 
     @property
     def _recognised(self) -> dict[str, Recognised]:
         return {f: r for f, r in zip(self.files, self.recognised, strict=False) if r is not None}
+
+
+def places(table: HasOrigin, rows: Sequence[int], most: int = 20) -> str:
+    """Say where people find rows: "lines 59 and 142 of touches.csv", or the rows, from 0.
+
+    Those of the log of a plan: "line 15 of run.log (touch 12)".
+    """
+    origin = getattr(table, "origin", None)
+    found: dict[int, list[int]] = {}
+    for row in rows[:most]:
+        found.setdefault(-1 if origin is None else int(origin.file[row]), []).append(row)
+    parts = []
+    for file, mine in found.items():
+        if origin is None or file < 0:
+            parts.append(f"{_counted('row', mine)}{FROM_0}")
+            continue
+        of_plan = [] if origin.touch is None else [n for n in origin.touch[mine].tolist() if n]
+        touches = f" ({_counted('touch', of_plan, 'touches')})" if of_plan else ""
+        lines = _counted("line", origin.line[mine].tolist())
+        parts.append(f"{lines} of {origin.names[file]}{touches}")
+    more = f" and {len(rows) - most} more" if len(rows) > most else ""
+    return ", ".join(parts) + more
+
+
+def _counted(what: str, numbers: Sequence[int], several: str = "") -> str:
+    *most, last = map(str, numbers)
+    return f"{several or f'{what}s'} {', '.join(most)} and {last}" if most else f"{what} {last}"

@@ -29,7 +29,7 @@ from trunnion.base.saved import Columns, Gridded, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json
 from trunnion.files.columns import Column, ColumnError, has_break, natural, raw_array
 from trunnion.files.csv_file import write_columns
-from trunnion.files.origin import Origin
+from trunnion.files.origin import FROM_0, Origin, places
 from trunnion.files.recognised import Recognised
 
 if TYPE_CHECKING:
@@ -39,7 +39,6 @@ Rows: TypeAlias = int | slice | Sequence[int] | Sequence[bool] | NDArray[Any]
 """What chooses rows: a number, a slice, numbers, a mask."""
 
 MAX_HTML_ROWS = 12
-FROM_0 = " (counted from 0)"
 
 
 class ColumnMapping(Protocol):
@@ -232,13 +231,21 @@ class Table(Saved):
         return known[0] if len(known) == 1 else None
 
     def read_from(
-        self, file: str, lines: ArrayLike, recognised: "Recognised | None" = None
+        self,
+        file: str,
+        lines: ArrayLike,
+        recognised: "Recognised | None" = None,
+        touches: ArrayLike | None = None,
     ) -> Self:
-        """Return the table with its origin: a file and the line (from 1) of each row in it."""
+        """Return the table with its origin: a file and the line (from 1) of each row in it.
+
+        touches: Number (from 1) of each row in the plan that a log is of.
+        """
         line = np.asarray(lines, dtype=np.intp)
         if line.shape != (len(self),):
             raise InputError(f"lines: got {line.size}, expected one a row, {len(self)}")
-        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,))
+        touch = None if touches is None else np.asarray(touches, dtype=np.intp)
+        origin = Origin((file,), np.zeros(len(line), dtype=np.intp), line, (recognised,), touch)
         return self._of(self._columns, origin)
 
     def place(self, row: int) -> str:
@@ -397,13 +404,7 @@ class Table(Saved):
             made = cls(values.get("columns", {}))
             if (origin := values.get("origin")) is None:
                 return made
-            file, line = (np.asarray(origin[key], dtype=np.intp) for key in ("file", "line"))
-            files = tuple(map(str, origin["files"]))
-            named = len(files) > file.max(initial=-1) and file.min(initial=0) >= -1
-            if not named or not file.shape == line.shape == (len(made),):
-                raise InputError(f"origin: got {plain(origin)!r:.60}, expected file and line a row")
-            known = tuple(r and Recognised.from_dict(r) for r in origin.get("recognised", ()))
-            return cls._of(made._columns, Origin(files, file, line, known))
+            return cls._of(made._columns, Origin.from_dict(origin, len(made)))
 
     @classmethod
     def from_json(cls, source: str | PathLike[str]) -> Self:
@@ -453,30 +454,6 @@ class Table(Saved):
             return "<td>…</td>" * (len(self._columns) + 1)
         fields = (_html_field(values[row]) for values in self._columns.values())
         return f"<th>{row}</th>" + "".join(f"<td>{field}</td>" for field in fields)
-
-
-def places(table: Any, rows: Sequence[int], most: int = 20) -> str:
-    """Say where people find rows: "lines 59 and 142 of touches.csv", or the rows, from 0."""
-    origin = table.origin if isinstance(table, Table) else None
-    found: dict[int, list[int]] = {}
-    for row in rows[:most]:
-        file = -1 if origin is None else int(origin.file[row])
-        found.setdefault(file, []).append(
-            row if origin is None or file < 0 else int(origin.line[row])
-        )
-    parts = [
-        f"{_counted('row', numbers)}{FROM_0}"
-        if origin is None or file < 0
-        else f"{_counted('line', numbers)} of {origin.names[file]}"
-        for file, numbers in found.items()
-    ]
-    more = f" and {len(rows) - most} more" if len(rows) > most else ""
-    return ", ".join(parts) + more
-
-
-def _counted(what: str, numbers: Sequence[int]) -> str:
-    *most, last = map(str, numbers)
-    return f"{what}s {', '.join(most)} and {last}" if most else f"{what} {last}"
 
 
 def _restored(

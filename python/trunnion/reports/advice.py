@@ -17,8 +17,8 @@ from trunnion.diagnosis.families import WARM
 from trunnion.diagnosis.records import percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.sentences import unit_in
+from trunnion.files.origin import places
 from trunnion.files.table import Table as DataTable
-from trunnion.files.table import places
 from trunnion.models.next_measurement import USEFUL, next_measurement
 from trunnion.models.next_passes import next_passes
 from trunnion.plot.diagnosis import record_of

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.units import unit_of, without_unit
-from trunnion.files.table import Table, places
+from trunnion.files.origin import places
+from trunnion.files.table import Table
 from trunnion.plot.picture import MAX_COLUMNS, Form, Picture, Series
 
 MAX_SHOWN = 8
