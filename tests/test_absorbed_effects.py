@@ -9,6 +9,7 @@ import pytest
 
 import trunnion as tn
 from power.study import ground
+from trunnion.reports.results import plain_words
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
@@ -53,10 +54,41 @@ def test_the_bias_by_an_absorbed_effect_is_what_its_sentence_says(effect: str) -
     assert float(foreseen[3]) == pytest.approx(shift, rel=0.02)
 
 
+PLACED = re.compile(
+    r"^what is always fitted absorbs it: 5 (µm|arcsec) of it would shift (\w+) by ([+-][\d.]+) "
+    r"(µm|arcsec) \(only the placement\)$"
+)
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "placement"),
+    [("artefact_height", "dh_um", "dz_um"), ("c_backlash", "b_arcsec", "rc_arcsec")],
+)
+def test_what_the_placement_absorbs_shifts_it_as_its_sentence_says(
+    effect: str, parameter: str, placement: str
+) -> None:
+    """No error of the machine moves: C is always reached in the same sense."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    plan = tn.plan(setup).with_columns(c_dir=np.ones(72, dtype=int))
+    without, hidden = (
+        tn.diagnose(
+            tn.simulate(plan, setup, {"EX0C": 15.0}, effects=e, noise_um=0.3, seed=1), setup
+        )
+        for e in ({}, {effect: {parameter: 10.0}})
+    )
+    said = PLACED.match(hidden.not_identifiable[effect])
+    assert said, hidden.not_identifiable[effect]
+    assert said[2] == placement
+    bias = hidden.model.placement[placement] - without.model.placement[placement]
+    assert bias == pytest.approx(2 * float(said[3]), rel=0.1)
+    for name, value in hidden.errors_after.items():
+        assert abs(value - without.errors_after[name]) < 0.5 * hidden.errors_std[name]
+    words = plain_words(hidden.not_identifiable[effect])
+    assert re.search(r"would change the (shift|turn) of the artefact (along|about) Z", words)
+
+
 def test_an_effect_that_shifts_the_placement_only_has_no_bias() -> None:
     """The height of the artefact is its place in Z: no error of the machine."""
-    d = diagnosed("paper", {}, 2)
-    assert d.not_identifiable["artefact_height"] == "what is always fitted absorbs it"
     _, _, _, setup = ground("paper")
     seen = tn.observability(tn.plan(setup), setup)
     assert "artefact_height" not in seen.bias

@@ -32,6 +32,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.machine.budget import MODEL, Source, of_readings, root
+from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 from trunnion.machine.stated import Stated, conditioned, contradiction
 from trunnion.machine.unnoticed import unnoticed
@@ -40,6 +41,7 @@ LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
 PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
+PLACED_ONLY = " (only the placement)"
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
@@ -283,6 +285,8 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     and they are not in the fit ``f``, which has no standard errors for such a combination.
     """
     out, plain = {}, case.plain
+    nuisance = zip(case.model.nuisance, f.std(), strict=False)
+    placement = {x.name: float(s) for x, s in nuisance if x.owner is Owner.PLACEMENT}
     along = case.white(plain.jacobian) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
@@ -296,8 +300,11 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         units = {f"{effect.id}.{p.name}": p.unit for p in linear}
         names = [*(x.name for x in case.model.nuisance), *units]
         rows = confounded(plain, along, case.white(columns))
-        bias = bias_in_words((dict(zip(names, row, strict=True)) for row in rows), units, std)
+        combinations = [dict(zip(names, row, strict=True)) for row in rows]
+        bias = bias_in_words(combinations, units, std)
         if rank[j] == 0:
+            if not bias and (placed := bias_in_words(combinations, units, placement)):
+                bias = f"{placed}{PLACED_ONLY}"
             out[effect.id] = f"{ABSORBED}: {bias}" if bias else ABSORBED
         elif bias:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"

@@ -17,6 +17,7 @@ COVERAGE = 2.0
 EXPANDED = "U (k = 2)"
 NO_DECISION = "–"
 _ERROR = re.compile(r"(?<=would shift )\S+(?= by )")
+_TWICE = re.compile(r"would shift (shift|turn)\b")
 _PARAMETER = re.compile(r"(?<= of )(\w+?)_(?:um|arcsec|ppm)(?:_\w+)?\b")
 _MINUS = re.compile(r"(?<![\w.])-(?=\d)")
 
@@ -112,7 +113,8 @@ def plain_words(text: str) -> str:
     text = text.replace("what is always fitted absorbs it", "what is always estimated takes it up")
     text = text.replace("what is always fitted absorbs", "what is always estimated takes up")
     text = _PARAMETER.sub(r"its part \1", _MINUS.sub("−", text))
-    return _ERROR.sub(lambda match: called(match[0]), text)
+    text = _ERROR.sub(lambda match: called(match[0]), text)
+    return _TWICE.sub(r"would change the \1", text)  # a placement
 
 
 def largest_of(errors: Mapping[str, float], std: Mapping[str, float]) -> dict[str, str]:
