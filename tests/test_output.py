@@ -3,16 +3,21 @@ name lines of files."""
 
 import os
 import stat
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import trunnion as tn
+from command_lines import command_lines
 from result_examples import cross, diagnosis_of, error_map
 from trunnion.base.output import whole_file, write_text
 from trunnion.cli import app
+from trunnion.cli.command import COMMANDS
 
 RUN = CliRunner().invoke
 CROSS = tn.sample_path("cross")
@@ -79,45 +84,82 @@ def test_every_writer_goes_through_a_draft(
     assert target.read_text() != "kept"
 
 
-def commands(folder: Path) -> dict[str, tuple[list[str], str]]:
-    """A command line of every command that writes, and the file it writes."""
-    setup, touches = str(CROSS / "setup.toml"), str(CROSS / "touches.csv")
-    plan = str(folder / "a plan.csv")
-    tn.plan(cross()[1]).to_csv(plan)
-    (folder / "errors.json").write_text('{"EX0C": 10.0}')
-    turning = tn.sample_path("turning")
-    part = str(turning / "part.ngc")
-    contour = str(tn.sample_path("contour/setup.toml"))
-    return {
-        "plan": (["plan", setup, "-o", "OUT"], "out.csv"),
-        "program": (["plan", setup, "--program", "OUT"], "out.ngc"),
-        "simulate": (["simulate", setup, "--noise-um", "0", "-o", "OUT"], "out.csv"),
-        "html": (["diagnose", touches, setup, "--html", "OUT"], "out.html"),
-        "compensate": (
-            ["compensate", str(folder / "errors.json"), setup, "-o", "DIR"],
-            "parameters.json",
-        ),
-        "turning path": (["turning", "path", part, "--no-chuck", "-o", "OUT"], "out.ngc"),
-        "contour simulate": (["contour", "simulate", contour, "-o", "OUT"], "out.csv"),
-    }
+WRITE = ("output", "html", "picture")
+"""Options that name a file or a folder to write, whichever command has them."""
+
+OTHERS = [
+    *(("plan", "--program"), ("simulate", "--probe-log"), ("diagnose", "--out")),
+    ("positioning results", "--comp-file"),
+]
+"""Further ones of single commands."""
+
+ENDINGS = (".json", ".csv", ".html", ".ngc", ".png", ".nc", ".comp")
 
 
-NAMES = ("plan", "program", "simulate", "html", "compensate", "turning path", "contour simulate")
+def writers(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
+    """Every command below this one, with each of its options that names what is written."""
+    for name, one in getattr(command, "commands", {}).items():
+        yield from writers(one, (*words, name))
+    for parameter in getattr(command, "params", ()):
+        if words and parameter.name in WRITE:
+            yield " ".join(words), parameter.opts[0]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_no_command_overwrites_without_force(name: str, tmp_path: Path) -> None:
-    line, file = commands(tmp_path)[name]
-    target = tmp_path / file
-    target.write_text("kept")
-    given = [{"OUT": str(target), "DIR": str(tmp_path)}.get(word, word) for word in line]
-    refused = RUN(app, given)
-    assert refused.exit_code == 2, refused.output
-    assert "--force" in refused.output.replace("\n", " ")
-    assert target.read_text() == "kept"
+WRITERS_OF_COMMANDS = [*writers(typer.main.get_command(app)), *OTHERS]
+
+
+def test_every_command_has_an_output() -> None:
+    assert {name for name, option in WRITERS_OF_COMMANDS if option == "--output"} == set(COMMANDS)
+    assert len({option for _, option in WRITERS_OF_COMMANDS}) == len(WRITE) + len(OTHERS)
+
+
+def files_below(folder: Path) -> set[Path]:
+    return {path for path in folder.rglob("*") if path.is_file()}
+
+
+def figures() -> set[int]:
+    """Figures that pyplot keeps."""
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    return set() if pyplot is None else set(pyplot.get_fignums())
+
+
+def line_that_writes(name: str, option: str, folder: Path) -> tuple[list[str], set[Path]]:
+    """A command line with an option, and the files that it writes."""
+    for line in command_lines(folder)[name]:
+        if "-o" in line and option == "--output":
+            at = line.index("-o")
+            line = [*line[:at], *line[at + 2 :]]
+        for ending in ENDINGS:
+            given = [*line, option, str(folder / f"out{ending}")]
+            before = files_below(folder)
+            done = RUN(app, [*given, "--force"])
+            if made := files_below(folder) - before:
+                assert done.exit_code == 0, done.output
+                return given, made
+    raise AssertionError(f"{name} {option}: {done.output}")
+
+
+@pytest.mark.parametrize(("name", "option"), WRITERS_OF_COMMANDS)
+def test_no_command_overwrites_without_force(
+    name: str, option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whichever of its files is there already."""
+    monkeypatch.chdir(tmp_path)
+    kept = figures()
+    given, made = line_that_writes(name, option, tmp_path)
+    for there in made:
+        for each in made:
+            each.unlink(missing_ok=True)
+        there.parent.mkdir(parents=True, exist_ok=True)
+        there.write_text("kept")
+        refused = RUN(app, given)
+        assert refused.exit_code == 2, refused.output
+        assert "--force" in refused.output.replace("\n", " ")
+        assert there.read_text() == "kept"
     done = RUN(app, [*given, "--force"])
     assert done.exit_code == 0, done.output
-    assert target.read_text() != "kept"
+    assert there.read_bytes() != b"kept"
+    assert figures() <= kept  # pictures are let go of
 
 
 def test_a_message_about_a_row_names_the_line_of_the_file(tmp_path: Path) -> None:

@@ -255,11 +255,16 @@ def correct(
 
 
 def _save_picture(target: Path, figure: Figure | SubFigure) -> str:
+    from trunnion.plot.axes import close
+
     whole = figure.get_figure(root=True)
     known = whole.canvas.get_supported_filetypes()
-    if target.suffix.lstrip(".").lower() not in known:
-        raise tn.InputError(
-            f"picture: got {target.name!r}, expected a name that ends in one of "
-            + ", ".join(sorted(known))
-        )
-    return save(target, lambda path: whole.savefig(path, dpi=130))
+    try:
+        if target.suffix.lstrip(".").lower() not in known:
+            raise tn.InputError(
+                f"picture: got {target.name!r}, expected a name that ends in one of "
+                + ", ".join(sorted(known))
+            )
+        return save(target, lambda path: whole.savefig(path, dpi=130))
+    finally:
+        close(whole)  # pyplot would keep it

@@ -11,7 +11,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import optional_module
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.output import whole_file
-from trunnion.studies.description import Description
+from trunnion.studies.description import AnotherSweepError, Description
 from trunnion.studies.store import Blocks, Journal
 from trunnion.studies.study import Value
 
@@ -80,9 +80,12 @@ def open_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
 def read_same(target: Path, description: Description) -> xr.Dataset:
     """Read a finished sweep.
 
-    Raises DataError: the file is damaged, or holds another sweep.
+    Raises AnotherSweepError: the file is damaged, holds another sweep, or is none of a sweep.
     """
-    found, there = _read(target)
+    try:
+        found, there = _read(target)
+    except DataError as error:
+        raise AnotherSweepError(str(error)) from None
     description.check_same(target, there)
     return found
 

@@ -19,7 +19,7 @@ FAILURE = ("failure_sample", "failure_parameters", "failure_error")
 
 
 class AnotherSweepError(DataError):
-    """A file holds another sweep than the one that is to go on in it."""
+    """A file holds another sweep than the one that is to go on in it, or none."""
 
 
 @dataclass(frozen=True)
