@@ -470,6 +470,12 @@ def _check(data: Diameters, conditions: Conditions) -> None:
         raise DataError(
             f"z_mm ({data.place(row)}): got {z[row]}, expected at most the overhang, {overhang} mm"
         )
+    if (z < -1e-6).any():
+        row = int(np.argmin(z))
+        raise DataError(
+            f"z_mm ({data.place(row)}): got {z[row]}, expected 0 (the chuck's face) or more: does "
+            "it count from the chuck outward?"
+        )
     error = np.asarray(data.error_um, dtype=np.float64)
     if (np.abs(error) > MAX_ERROR_UM).any():
         row = int(np.argmax(np.abs(error)))

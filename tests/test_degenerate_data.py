@@ -1,0 +1,100 @@
+"""Data that hardly say anything get no cause, and never one with a vanishing standard error."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from promise import kept, needed_runs
+
+PROMISE = 0.95
+RUNS = needed_runs(PROMISE)
+
+
+def ballbar(tip_mm: np.ndarray, noise_um: float, seed: int) -> tn.Ballbar:
+    """A bar about the origin at these places, in one turn of one sense."""
+    n = len(tip_mm)
+    noise = 1e-3 * np.random.default_rng([3, seed]).normal(0.0, noise_um, n)
+    return tn.Ballbar(
+        {f"{axis}_mm": tip_mm[:, i] for i, axis in enumerate("xyz")},
+        setup=np.zeros(n, dtype=int),
+        length_mm=np.linalg.norm(tip_mm, axis=1) + noise,
+        sense=np.ones(n, dtype=int),
+        feed_mm_min=np.full(n, 600.0),
+        time_s=1.0 * np.arange(n),
+    )
+
+
+def circle(count: int) -> np.ndarray:
+    turn = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+    return np.column_stack([100 * np.cos(turn), 100 * np.sin(turn), 0 * turn])
+
+
+LINE = np.column_stack([np.linspace(99.0, 101.0, 60), np.zeros(60), np.zeros(60)])
+
+
+@pytest.mark.parametrize(
+    ("tip_mm", "noise_um"),
+    [
+        pytest.param(circle(12), 0.5, id="12 readings"),
+        pytest.param(circle(144), 1e-9, id="noise of 1e-9 um, rounding of the file"),
+        pytest.param(LINE, 0.5, id="along a line"),
+        pytest.param(LINE, 0.0, id="along a line, exact"),
+    ],
+)
+def test_a_ballbar_that_says_little_has_no_cause(
+    tip_mm: np.ndarray,
+    noise_um: float,
+) -> None:
+    found = [tn.diagnose(ballbar(tip_mm, noise_um, seed)) for seed in range(RUNS)]
+    assert kept(sum(d.verdict == "consistent" for d in found), RUNS, PROMISE)
+    for cause in (cause for d in found for cause in d.causes):
+        size = max(map(abs, cause.parameters.values()))
+        assert all(std > 1e-6 * size for std in cause.std_errors.values())
+
+
+def test_an_error_of_the_ballbar_is_found_where_there_are_readings_enough() -> None:
+    """The other side: what leaves twelve readings alone is named on a circle of 144."""
+    tip = circle(144)
+    data = ballbar(tip, 0.5, 1)
+    off_mm = 50e-6 * tip[:, 0] ** 2 / 100.0  # X is 50 ppm long
+    d = tn.diagnose(data.with_columns(length_mm=data.length_mm + off_mm))
+    assert d.verdict == "explained"
+
+
+TURNED = tn.sample_path("turning")
+
+
+def test_diameters_with_negative_z_are_refused() -> None:
+    """Z counts from the chuck outward; mirrored data had a cause of their own without a doubt."""
+    data = tn.read_diameters(TURNED / "diameters.csv")
+    setup = tn.read_setup(TURNED / "setup.toml")
+    row = int(np.argmax(data.z_mm))
+    where = (
+        rf"line {row + 2} of diameters\.csv\): got -{data.z_mm[row]:g}.*, expected 0 \(the chuck"
+    )
+    with pytest.raises(tn.DataError, match=where):
+        tn.diagnose(data.with_columns(z_mm=-data.z_mm), setup)
+
+
+def test_every_row_of_a_pass_given_five_times_counts_once() -> None:
+    """In blocks or row by row: the verdict, the causes and their sizes are those of one."""
+    data = tn.read_diameters(TURNED / "diameters.csv")
+    setup = tn.read_setup(TURNED / "setup.toml")
+    once = tn.diagnose(data, setup)
+    for five in (data[np.tile(np.arange(len(data)), 5)], data[np.repeat(np.arange(len(data)), 5)]):
+        d = tn.diagnose(five, setup)
+        assert d.notes[0].startswith(f"{4 * len(data)} of {5 * len(data)} rows repeat others")
+        assert (d.verdict, d.named, d.alternatives) == (once.verdict, once.named, once.alternatives)
+        for cause, same in zip(d.causes, once.causes, strict=True):
+            assert cause.std_errors == pytest.approx(same.std_errors, rel=1e-6)
+
+
+def test_noise_in_the_diameters_of_a_pass_given_five_times_is_no_cause() -> None:
+    data = tn.read_diameters(TURNED / "diameters.csv")
+    setup = tn.read_setup(TURNED / "setup.toml")
+    good = 0
+    for seed in range(RUNS):
+        noise = np.random.default_rng([4, seed]).normal(0.0, 0.5, len(data))
+        made = data.with_columns(error_um=noise)
+        good += tn.diagnose(tn.Diameters.concatenate([made] * 5), setup).verdict == "consistent"
+    assert kept(good, RUNS, PROMISE)
