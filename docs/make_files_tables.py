@@ -17,7 +17,7 @@ def taken(column: Any, unit: str) -> str:
     """Return the range of a column's values."""
     said = getattr(column, "expected", "text or a whole number").removeprefix("a finite ")
     largest = LARGEST.get(unit)
-    return said + (f", size up to {largest:g}" if largest and said == "number" else "")
+    return said + (f", size up to {largest:g}" if largest and unit and said == "number" else "")
 
 
 def shown(value: Any) -> str:

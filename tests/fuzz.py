@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from hostile import attack, calls
 from hostile_core import REFUSALS, core_calls
-from mutated_files import mutations
+from mutated_files import diagnoses, mutations
 
 
 def report(what: str, found: Iterator[str], count: int) -> int:
@@ -29,6 +29,7 @@ def main() -> None:
     """Run files, public functions and the extension module; exit with 1 if anything is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--files", type=int, default=300_000)
+    parser.add_argument("--diagnoses", type=int, default=10_000)
     parser.add_argument("--rounds", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
@@ -42,6 +43,9 @@ def main() -> None:
         "calls of public functions",
         attack(public, given.rounds, given.seed),
         given.rounds * len(public),
+    )
+    wrong += report(
+        "diagnoses of mutated data", diagnoses(given.diagnoses, given.seed), given.diagnoses
     )
     wrong += report("mutated files", mutations(given.files, given.seed), given.files)
     sys.exit(bool(wrong))

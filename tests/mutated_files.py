@@ -1,17 +1,21 @@
 """Mutated files through every public reader: an error of the package that names the file, or data.
 
-Good files of each format are broken by bytes and by pieces that the formats know.
+Good files of each format are broken by bytes and by pieces that the formats know. Those of every
+kind of data are diagnosed, too: a result, all of it text and JSON, or an error that names the file.
 """
 
 import codecs
 import faulthandler
+import json
 import random
 import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -24,10 +28,10 @@ from result_examples import EXAMPLES, SAMPLES
 from trunnion import nc
 from trunnion.base.report import Result
 from trunnion.data.linuxcnc_log import probe_log_of
-from trunnion.models.kinds import kinds
+from trunnion.models.kinds import Kind, kinds
 from trunnion.studies.study_file import sweep_file
 
-__all__ = ["formats", "mutations"]
+__all__ = ["diagnoses", "formats", "mutations"]
 
 Format = tuple[Callable[[Path], object], bytes]
 
@@ -213,22 +217,151 @@ def mutations(count: int, seed: int) -> Iterator[str]:
     """Read so many mutated files, from memory where the system allows; yield what went wrong."""
     rng = random.Random(seed)
     table = list(formats().items())
-    memory = "/dev/shm" if Path("/dev/shm").is_dir() else None
-    with tempfile.TemporaryDirectory(dir=memory) as folder:
+    with _folder() as folder:
         path = Path(folder, "file")
         for number in range(count):
             if number % WATCHED == 0:
                 faulthandler.dump_traceback_later(MAX_SECONDS, exit=True)
             name, (reader, good) = table[number % len(table)]
             path.write_bytes(mutated(good, rng))
-            try:
-                found = reader(path)
-                setup_of_unknown = isinstance(found, tn.Setup)  # keys that are checked when used
-                if not setup_of_unknown and not name.startswith("netCDF") and holds_nan(found):
-                    yield f"{name}({number}): nan"
-            except tn.TrunnionError as error:
-                if str(path) not in str(error):
-                    yield f"{name}({number}): without a place: {error!s:.150}"
-            except BaseException as error:
-                yield f"{name}({number}): {type(error).__name__}: {error!s:.150}"
+            yield from _wrong(f"{name}({number})", partial(_read, reader, name), path, str(path))
     faulthandler.cancel_dump_traceback_later()
+
+
+def _read(reader: Callable[[Path], object], name: str, path: Path) -> None:
+    found = reader(path)
+    # keys of a set-up are checked when they are used
+    if not isinstance(found, tn.Setup) and not name.startswith("netCDF") and holds_nan(found):
+        raise _NanError
+
+
+class _NanError(Exception):
+    """A result that holds nan."""
+
+
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    """Return a folder in memory where the system allows."""
+    return tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
+
+
+def _wrong(what: str, call: Callable[[Path], None], path: Path, place: str) -> Iterator[str]:
+    """Yield what a call on a file does but return or refuse it with a place."""
+    try:
+        call(path)
+    except tn.TrunnionError as error:
+        if place not in str(error):
+            yield f"{what}: without a place: {error!s:.150}"
+    except _NanError:
+        yield f"{what}: nan"
+    except BaseException as error:
+        yield f"{what}: {type(error).__name__}: {error!s:.150}"
+
+
+# --- mutated data, diagnosed
+
+MAX_ROWS = 60
+MAX_ROWS_OF_LOG = 30
+"""Rows of a file that is diagnosed; an axis log takes a second."""
+
+CELLS = (
+    *("0", "-0.0", "1", "-1", "1e-9", "-1e-9", "5e-324", "1e-300", "0.5", "1000", "-1000"),
+    *("1e6", "-1e6", "1e5", "999999.999", "360", "-360", "1e8", "1e300", "-1e300"),
+)
+"""Numbers that a cell may hold: readers refuse some of them in some columns."""
+
+
+@cache
+def measurements() -> dict[str, tuple[Kind, Any, list[list[str]]]]:
+    """A small file of each kind of data, in cells, with its set-up."""
+    found = {}
+    for kind in kinds():
+        for example in kind.examples:
+            data, setup = resolve_name(example)()[:2]
+            rows = MAX_ROWS_OF_LOG if kind.name == "axislog" else MAX_ROWS
+            lines = data[:rows].to_csv().splitlines()
+            found[example.split(":")[1]] = kind, setup, [line.split(",") for line in lines]
+    return found
+
+
+def changed(cells: list[list[str]], rng: random.Random) -> list[list[str]]:
+    """Return a file of which one to three cells, rows or columns are others, all well formed."""
+    head, *rows = [list(row) for row in cells]
+    for _ in range(rng.choice((1, 1, 2, 3))):
+        column, at, way = rng.randrange(len(head)), rng.randrange(len(rows)), rng.randrange(9)
+        some = rng.sample(range(len(rows)), rng.randrange(1, len(rows) + 1))
+        if way == 0:
+            rows[at][column] = rng.choice(CELLS)
+        elif way == 1:  # a column, or a part of it, all alike
+            value = rng.choice([*CELLS, rows[at][column]])
+            for i in some if rng.random() < 0.5 else range(len(rows)):
+                rows[i][column] = value
+        elif way == 2:  # in another unit, or shifted
+            factor, shift = rng.choice((-1.0, 1e3, 1e-3, 25.4, 1e-9)), rng.choice((0.0, 1e5))
+            for each in rows:
+                with suppress(ValueError):
+                    each[column] = repr(factor * float(each[column]) + shift)
+        elif way == 3:  # rounded
+            for each in rows:
+                with suppress(ValueError):
+                    each[column] = repr(float(round(float(each[column]), rng.choice((0, 1, 3)))))
+        elif way == 4:
+            rows = [rows[i] for i in sorted(some)]
+        elif way == 5:
+            rows += [list(rows[i]) for i in some]
+        elif way == 6 and len(head) > 1:
+            head, rows = (
+                [name for i, name in enumerate(head) if i != column],
+                [[cell for i, cell in enumerate(each) if i != column] for each in rows],
+            )
+        elif way == 7:
+            rng.shuffle(rows)
+        else:  # two columns for each other
+            other = rng.randrange(len(head))
+            for each in rows:
+                each[column], each[other] = each[other], each[column]
+    return [head, *rows[: 2 * MAX_ROWS]]
+
+
+def diagnoses(count: int, seed: int) -> Iterator[str]:
+    """Diagnose so many mutated files of all kinds of data; yield what went wrong.
+
+    Half of them are broken by bytes, as those that are only read; the others are well formed.
+    """
+    rng = random.Random(seed)
+    table = list(measurements().items())
+    with _folder() as folder:
+        path = Path(folder, "mutated.csv")
+        for number in range(count):
+            name, (kind, setup, cells) = table[number % len(table)]
+            well_formed = rng.random() < 0.7
+            cells = changed(cells, rng) if well_formed else cells
+            raw = "\n".join(",".join(row) for row in cells).encode()
+            path.write_bytes(raw if well_formed else mutated(raw, rng))
+            faulthandler.dump_traceback_later(MAX_SECONDS, exit=True)
+            call = partial(_diagnose, kind, setup)
+            yield from _wrong(f"{name}({number})", call, path, path.name)
+    faulthandler.cancel_dump_traceback_later()
+
+
+def _diagnose(kind: Kind, setup: Any, path: Path) -> None:
+    """Diagnose a file: everything that is said of it is text, and JSON that others read."""
+    found = tn.diagnose(kind.read(path), setup)
+    said = json.loads(found.to_json(), parse_constant=_no_json)
+    del said["data"]  # labels may be any text
+    if holds_nan(found) or "nan" in map(str.lower, _texts(said)):
+        raise _NanError
+    if any(word in found.summary().split() for word in ("nan", "inf", "-inf", "±inf")):
+        raise _NanError
+
+
+def _no_json(constant: str) -> None:
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield every text in plain values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _texts(each)

@@ -424,11 +424,11 @@ def test_structure_without_a_name_is_not_taken_for_noise_with_a_memory(
 def test_a_tool_tip_that_is_no_tool_tip_is_refused() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     x = log.actual("x")
-    with pytest.raises(DataError, match="got tip_x_mm, expected all of"):
-        AxisLogModel(log.with_columns(tip_x_mm=x), SETUP)
+    with pytest.raises(InputError, match="tip_x_mm: got the column without tip_y_mm, tip_z_mm"):
+        log.with_columns(tip_x_mm=x)
     gap = np.where(np.arange(len(x)) == 7, np.nan, x)
-    with pytest.raises(DataError, match=r"tip_y_mm, row 7: got 'nan'"):
-        AxisLogModel(log.with_columns(tip_x_mm=x, tip_y_mm=gap, tip_z_mm=x), SETUP)
+    with pytest.raises(InputError, match=r"tip_y_mm \(row 7\): got nan"):
+        log.with_columns(tip_x_mm=x, tip_y_mm=gap, tip_z_mm=x)
 
 
 def test_wrong_kinds_of_values_are_reported_by_name() -> None:

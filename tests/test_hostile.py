@@ -5,6 +5,7 @@ A short run; ``make fuzz`` is the long one (`tests/fuzz.py`).
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,11 @@ import trunnion as tn
 import trunnion._core as core
 from hostile import attack, calls, holds_nan, servo
 from hostile_core import REFUSALS, core_calls, moves, touch_model
-from mutated_files import formats, mutations
+from mutated_files import diagnoses, formats, measurements, mutations
 from result_examples import cross, finishing, profile, short
 from trunnion import contouring, hybrid, nc, turning
 
-PUBLIC_ROUNDS, CORE_ROUNDS, MUTATED = 6, 20, 500
+PUBLIC_ROUNDS, CORE_ROUNDS, MUTATED, DIAGNOSED = 6, 20, 500, 195
 
 
 @pytest.mark.parametrize("name", calls())
@@ -164,6 +165,29 @@ def test_extreme_axes_run_diverge_or_are_refused(options: dict[str, float]) -> N
 
 def test_mutated_files() -> None:
     assert list(mutations(MUTATED, seed=4)) == []
+
+
+def test_mutated_data_are_diagnosed() -> None:
+    """Every kind as often; a result that is text and JSON, or an error that names the file."""
+    assert list(diagnoses(DIAGNOSED, seed=5)) == []
+
+
+def test_the_fuzzer_sees_what_is_wrong_with_a_diagnosis(monkeypatch: pytest.MonkeyPatch) -> None:
+    good = tn.diagnose
+
+    def says(error: Exception | None, **fields: Any) -> str:
+        def careless(data: Any, setup: Any) -> Any:
+            if error is not None:
+                raise error
+            return replace(good(data, setup), **fields)
+
+        monkeypatch.setattr(tn, "diagnose", careless)
+        return " ".join(diagnoses(len(measurements()), seed=5))
+
+    assert "KeyError" in says(KeyError("x"))
+    assert "without a place: no file" in says(tn.DataError("no file"))
+    assert says(tn.DataError("line 3 of mutated.csv: no")) == ""
+    assert ": nan" in says(None, notes=(math.nan,))
 
 
 @pytest.mark.parametrize("name", formats())

@@ -8,9 +8,9 @@
 `checked` holds every call to the annotations: a `float` is a finite number, an `int` a whole
 number, an `ArrayLike` finite real numbers, a class one of its objects, and so on through unions,
 sequences and mappings. What does not fit is an `InputError` that names the argument. Ranges are the
-function's own. A message about a row of measured data names the line of their file. What comes out
-holds no nan; numbers so extreme that they cannot be computed with
-are an `InputError`, too.
+function's own. A message about measured data names their file, and its line in place of a row.
+What comes out holds no nan; numbers so extreme that they cannot be computed with are an
+`InputError`, too.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, whole, with_article
-from trunnion.base.errors import InputError, TrunnionError, UnknownNameError
+from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.report import Result
 
-__all__ = ["Take", "check_fields", "checked", "holds_nan", "taker"]
+__all__ = ["Take", "check_fields", "checked", "holds_nan", "name_place", "taker"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -62,13 +62,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             with np.errstate(all="ignore"):  # what overflows is found in what comes out
                 found = function(*bound.args, **bound.kwargs)
+            if holds_nan(found):
+                raise ArithmeticError("the result is not a number")
         except TrunnionError as error:
-            error.args = (_placed(str(error), bound.arguments.values()),)
+            name_place(error, bound.arguments.values())
             raise
         except (ArithmeticError, MemoryError, np.linalg.LinAlgError) as error:
-            raise InputError(f"{name}: {_TOO_EXTREME} ({error or type(error).__name__})") from error
-        if holds_nan(found):
-            raise InputError(f"{name}: {_TOO_EXTREME} (the result is not a number)")
+            why = f"{name}: {_TOO_EXTREME} ({error or type(error).__name__})"
+            raise InputError(_in_file(why, bound.arguments.values())) from error
         return found
 
     return call
@@ -78,12 +79,26 @@ _NAMED = "names with values, as in {'name': 1.0}"
 _TOO_EXTREME = "got numbers too large or too small to compute with, expected smaller ones"
 
 
-def _placed(message: str, arguments: Iterable[Any]) -> str:
-    """Return a message about a row of measured data with the file's line in place of the row."""
-    data = [each for each in arguments if getattr(each, "origin", None) and hasattr(each, "place")]
-    if not data:
-        return message
-    return _ROW.sub(lambda found: str(data[0].place(int(found[1]))), message)
+def name_place(error: TrunnionError, arguments: Iterable[Any]) -> None:
+    """Name the file of measured data in an error about them, and its line in place of a row."""
+    given = list(arguments)
+    message = str(error)
+    if data := _from_files(given):
+        message = _ROW.sub(lambda found: str(data[0].place(int(found[1]))), message)
+    error.args = (_in_file(message, given) if isinstance(error, DataError) else message,)
+
+
+def _in_file(message: str, arguments: Iterable[Any]) -> str:
+    """Return a message about measured data with the name of their file, unless it is there."""
+    for each in _from_files(arguments)[:1]:
+        if not any(name in message for name in each.origin.names):
+            return f"{' and '.join(each.origin.names)}: {message}"
+    return message
+
+
+def _from_files(arguments: Iterable[Any]) -> list[Any]:
+    """Return the measured data among arguments that were read from files."""
+    return [each for each in arguments if getattr(each, "origin", None) and hasattr(each, "place")]
 
 
 _ROW = re.compile(r"\brow (\d+)\b")

@@ -84,7 +84,7 @@ class DataError(TrunnionError):
     ... except tn.DataError as error:
     ...     print(str(error)[:60])
     ...
-    got 5 touches and 0 priors for 14 parameters; expected at le
+    touches.csv: got 5 touches and 0 priors for 14 parameters; e
     """
 
 

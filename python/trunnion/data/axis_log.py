@@ -50,6 +50,9 @@ class AxisLog(Table):
     c_cmd_deg = OptionalNumber("commanded C")
     c_act_deg = OptionalNumber("actual C")
     run = OptionalLabel("which run of the program; rows of one run follow each other")
+    tip_x_mm = OptionalNumber("actual X of the tool point, measured in the frame of the table")
+    tip_y_mm = OptionalNumber("actual Y of the tool point")
+    tip_z_mm = OptionalNumber("actual Z of the tool point")
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -69,6 +72,7 @@ class AxisLog(Table):
     def _check(self) -> None:
         for axis in UNIT_OF_AXIS:
             self.all_or_none(_name(axis, "cmd"), _name(axis, "act"))
+        self.all_or_none("tip_x_mm", "tip_y_mm", "tip_z_mm")
         if not self.axes:
             raise ColumnError(
                 "time_s",

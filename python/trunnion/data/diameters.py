@@ -2,9 +2,20 @@
 
 from os import PathLike
 
-from trunnion.files.columns import Number, OptionalInteger, OptionalLabel, OptionalNumber
+import numpy as np
+
+from trunnion.files.columns import (
+    ColumnError,
+    Number,
+    OptionalInteger,
+    OptionalLabel,
+    OptionalNumber,
+)
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
+
+BEFORE_S = 1e-3
+"""How far before the cut a time may be by rounding."""
 
 
 class Diameters(Table):
@@ -32,6 +43,13 @@ class Diameters(Table):
     diameter_mm = OptionalNumber("nominal diameter", positive=True)
     spindle_rpm = OptionalNumber("speed of the spindle", minimum=0.0)
     coolant = OptionalLabel("class of cooling, such as on and off")
+
+    def _check(self) -> None:
+        before = np.zeros(0) if self.time_s is None else self.time_s < -BEFORE_S
+        if before.any():
+            row = int(np.argmax(before))
+            got = f"{self.columns['time_s'][row]:g}"
+            raise ColumnError("time_s", row, got, "the cutting time within the pass, 0 or above")
 
 
 def read_diameters(path: str | PathLike[str]) -> Diameters:

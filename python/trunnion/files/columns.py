@@ -41,8 +41,14 @@ _BREAK = re.compile(r"[\n\r\0]")
 _STAMP = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}[T ][0-9]{2}:[0-9]{2}.*")
 
 
-LARGEST = {"mm": 1e6, "µm": 1e9, "deg": 1e6, "s": 1e12, "mm/min": 1e9}
+LARGEST = {
+    **{"mm": 1e6, "µm": 1e9, "deg": 1e6, "s": 1e12, "mm/min": 1e9, "µm/m": 1e6, "1/min": 1e7},
+    "": 1e12,
+}
 """Beyond these no machine is meant, and an angle would lose its arcseconds to rounding."""
+
+LEAST = 1e-9
+"""Where numbers have one sign: one nearer to 0 is of no machine, either."""
 
 
 class ColumnError(Exception):
@@ -133,6 +139,10 @@ class _Numeric(Column[T]):
         self.refuse(values, ~bad & (np.abs(numbers) > most), f"a number within ±{most:g}")
         if self.positive:
             bad |= ~(numbers > 0.0)
+        if self.positive or self.minimum == 0.0:
+            zero = "" if self.positive else "0 or "
+            tiny = ~bad & (numbers > 0.0) & (numbers < LEAST)
+            self.refuse(values, tiny, f"{zero}at least {LEAST:g}")
         if self.minimum is not None:
             bad |= ~(numbers >= self.minimum)
         if self.among is not None:

@@ -14,9 +14,9 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from trunnion.base.arguments import checked
+from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
-from trunnion.base.errors import InputError
+from trunnion.base.errors import InputError, TrunnionError
 from trunnion.base.units import Integers
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
@@ -388,7 +388,14 @@ def _measured(
     """Diagnose each of several measurements alone."""
     if len(data) < 2:
         raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
-    return [_one_of_several(as_table(one), setup, effects) for one in data]
+    measured = []
+    for one in map(as_table, data):
+        try:
+            measured.append(_one_of_several(one, setup, effects))
+        except TrunnionError as error:
+            name_place(error, [one])
+            raise
+    return measured
 
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:

@@ -348,7 +348,7 @@ class ToolTip:
                 f"tool tip in the log: got axes {', '.join(log.axes).upper()}, expected "
                 f"{', '.join(letters)} (machine {setup.machine.name})"
             )
-        measured = [np.asarray(log.extra[name], dtype=np.float64) for name in TIP_COLUMNS]
+        measured = [np.asarray(log.columns[name], dtype=np.float64) for name in TIP_COLUMNS]
         linear = np.stack([log.actual(x) for x in "xyz"], axis=1) * chain.linear_senses()
         rotary = chain.to_machine({x: log.actual(x.lower()) for x in chain.letters})
         return cls(chain, np.stack(measured, axis=1), np.hstack([linear, rotary]))
