@@ -29,6 +29,7 @@ from trunnion.diagnosis.autoregression import (
 from trunnion.diagnosis.noise import fit_noise
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.axis_log import AxisLogModel, effects, servo_effects
+from trunnion.models.examples import axis_log
 from trunnion.models.kinds import diagnose
 from trunnion.samples.truth import HIDDEN_BACKLASH_UM
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
@@ -447,3 +448,19 @@ def test_wrong_kinds_of_values_are_reported_by_name() -> None:
     for message, call in wrong:
         with pytest.raises(InputError, match=re.escape(message)):
             call()
+
+
+def test_a_delay_is_sought_up_to_the_longest_that_a_servo_is_simulated_with() -> None:
+    """Beyond it a diagnosis ended in an error of the core that named no file."""
+    log, setup = axis_log()
+    model = AxisLogModel(log, setup)
+    delay = next(effect for effect in model.effects if effect.id == "loop_delay_x").parameters[0]
+    assert delay.bounds is not None
+    zero = np.zeros(len(model.nuisance))
+    for amount, fits in ((delay.bounds[1], True), (1.03 * delay.bounds[1], False)):
+        values = {"loop_delay_x": {delay.name: amount}}
+        if fits:
+            assert np.isfinite(model.exact_residuals(zero, values)).all()
+            continue
+        with pytest.raises(InputError, match="below 63 control periods"):
+            model.exact_residuals(zero, values)

@@ -20,6 +20,7 @@ from trunnion.models.axis_log.columns import Places
 from trunnion.models.axis_log.signals import AxisSignal
 from trunnion.setup.fields import Number, keys_of
 
+MAX_DELAY_PERIODS = 62  # of a servo that is simulated
 SLOPE_STEP = 0.1  # of the amount from which a size is sought: over it the slope is differenced
 
 
@@ -118,7 +119,10 @@ class ServoEffect(AxisEffect):
     def _limits(self, axis: AxisSignal) -> tuple[float, float]:
         """Range of the servo's parameter."""
         takes = keys_of(type(axis.nominal))[axis.units.name(self.servo[0])].takes
-        return (takes.low, takes.high) if isinstance(takes, Number) else (-np.inf, np.inf)
+        low, high = (takes.low, takes.high) if isinstance(takes, Number) else (-np.inf, np.inf)
+        if self.servo[0] == "delay_ms":
+            high = min(high, MAX_DELAY_PERIODS * 1e3 * min(run.control_s for run in axis.runs))
+        return low, high
 
     def least(self, axis: AxisSignal) -> float:
         """Amount from which its size is sought."""
