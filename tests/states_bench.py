@@ -59,7 +59,7 @@ def states(rng: np.random.Generator, centre: np.ndarray) -> dict[str, State]:
         ),
         "work offset off by 6 to 60 mm in Z, `centre_mm` not stated": State(
             (f"G10 L2 P1 X{x:.4f} Y{y:.4f} Z{z:.4f}",),
-            "contact on the way|contact above the artefact|(no )?contact from above",
+            "contact on the way|no contact at|contact .* behind",
             BARE,
             still=False,
         ),
@@ -145,8 +145,8 @@ met something.
 
 Two states show only in a move: the control says nowhere whether tool centre point control is on
 at A0 C0, where it changes nothing, and nothing is known of a work offset that the set-up does not
-state. These are refused after Z has risen and X has moved by 10 mm, and by a touch from above,
-before anything turns by more than 5°.
+state. These are refused after Z has risen and X has moved by 10 mm, and by touches from above
+and two sides, before anything turns by more than 5°.
 
 | state | refused | before the first move | hit | aside |
 |---|---|---|---|---|

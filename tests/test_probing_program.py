@@ -72,7 +72,8 @@ def test_a_dry_run_makes_no_approach(tmp_path: Path) -> None:
 def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
     """Senses are read off the moves: the last turn of each axis before each approach."""
     plan, setup = plan_of(kind)
-    moves = follow(tn.probing_program(plan, setup).moves)
+    program = tn.probing_program(plan, setup)
+    moves, looks = follow(program.moves), len(program.cycle.looks)
     assert plan.start_mm is not None
     last = np.zeros(6)
     row = 0
@@ -81,8 +82,10 @@ def test_axes_come_from_the_senses_of_the_plan(kind: str) -> None:
     for start, end, code, way in zip(moves.start, moves.end, moves.code, after, strict=True):
         turned = end - start
         last[turned != 0] = np.sign(turned[turned != 0])
-        # A touch goes back to its start, the look at the artefact before all touches rises.
         if code == 38 and (way == start).all():
+            if looks:
+                looks -= 1
+                continue
             assert np.abs(start[:3] - plan.start_mm[row]).max() < PRINTED_MM
             for letter, senses in plan.rotary_dir.items():
                 if senses[row]:

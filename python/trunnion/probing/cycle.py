@@ -24,6 +24,9 @@ SHORTEST_PROBE_MM = 0.3
 """LinuxCNC refuses probing moves below 0.254 mm."""
 CHECK_DEG, CHECK_MM = 5.0, 10.0
 """Where C stands, and how far X moves, to see whether tool centre point control is on."""
+MOST_LOOKS = 3
+ALONG, ACROSS = 0.99, 0.5
+"""Cosines of directions that are one, and of such that are across each other."""
 Frame: TypeAlias = Literal["machine", "corrected", "table"]
 """What X Y Z of the approaches are: the linear axes', these with corrections, the table's (TCP)."""
 Move = tuple[int, dict[str, float], float]
@@ -45,6 +48,12 @@ class Step:
     way: tuple[float, ...]
     level: float
     feed: float
+
+    @property
+    def towards(self) -> tuple[float, ...]:
+        """Direction of the approach, of length 1."""
+        way = math.dist(self.start, self.end)
+        return tuple((b - a) / way for a, b in zip(self.start, self.end, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,20 +82,31 @@ class Cycle:
         """Whether the program moves to see that tool centre point control is off."""
         return self.setup.control.tcp_check and "C" in self.letters
 
-    @property
-    def first_look(self) -> Step | None:
-        """The touch from above, nothing turned, that shows the height before anything turns."""
-        for step in self.steps:
-            (x, y, z), to = step.start, step.end
-            if (x, y) == to[:2] and z > to[2] and not any(step.angles.values()):
-                return step
-        return None
+    @cached_property
+    def looks(self) -> tuple[Step, ...]:
+        """Touches that are made before all others, to see that all is where it is planned.
+
+        The first from above with nothing turned; where the work offset is not stated, two from the
+        sides, too, across each other.
+        """
+        found: list[Step] = []
+        untilted = [step for step in self.steps if not any(step.angles.values())]
+        for step in untilted:
+            if step.towards[2] < -ALONG and not found:
+                found = [step]
+        if not found or self.setup.control.centre_mm is not None:
+            return tuple(found)
+        for step in untilted:
+            across = all(abs(np.dot(step.towards, one.towards)) < ACROSS for one in found)
+            if across and len(found) < MOST_LOOKS:
+                found.append(step)
+        return tuple(found)
 
     def look_mm(self, look: Step) -> float:
-        """How far the contact of the first look may be from where it is planned."""
-        artefact, reach = self.setup.artefact, math.hypot(*look.contact[:2])
-        tilted = math.radians(artefact.tolerance_deg) * reach
-        return artefact.tolerance_mm + tilted + self.setup.control.centre_tolerance_mm
+        """How far the contact of a look may be from where it is planned."""
+        artefact, reach = self.setup.artefact, math.hypot(*look.contact)
+        turned = math.radians(artefact.tolerance_deg) * reach
+        return artefact.tolerance_mm + turned + self.setup.control.centre_tolerance_mm
 
     def _begin(self) -> Iterator[Move]:
         """Moves before the first touch; what may be in the way stops those to the touches."""
@@ -98,13 +118,12 @@ class Cycle:
             yield 0, {"X": CHECK_MM}, 0.0
             yield 0, {"C": 0.0}, 0.0
         yield 1, {"X": 0.0, "Y": 0.0}, down
-        look = self.first_look
-        if look is not None and not self.dry_run:
+        for look in () if self.dry_run else self.looks:
             x, y, z = look.start
-            if (x, y) != (0.0, 0.0):
-                yield 1, {"X": x, "Y": y}, down
+            yield 1, {"X": x, "Y": y}, down
             yield 1, {"Z": z}, down
-            yield 1, {"Z": look.end[2]}, look.feed
+            yield 1, dict(zip("XYZ", look.end, strict=True)), look.feed
+            yield 0, dict(zip("XYZ", look.start, strict=True)), 0.0
             yield 0, {"Z": self.swing}, 0.0
 
     def moves(self) -> Iterator[tuple[int, Move]]:

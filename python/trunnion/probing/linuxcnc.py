@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle
+from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle, Step
 from trunnion.probing.notes import assumptions
 from trunnion.setup.control import WORK_OFFSETS
 
@@ -333,7 +333,7 @@ def _begin(cycle: Cycle) -> Iterator[str]:
     if cycle.checks_tcp:
         yield from _tcp_move()
     yield from (line.strip() for line in _own(control.after_turn))
-    yield from _first_look(cycle)
+    yield from _first_looks(cycle)
     yield "#<_up> = #<_swing>"
     yield "o410 if [[#<_task> EQ 1] AND [#<_dry> EQ 0]]"
     yield f"  (LOGAPPEND,{cycle.log})"
@@ -389,32 +389,41 @@ def _tcp_move() -> Iterator[str]:
     yield "#<_c_sense> = -1"
 
 
-def _first_look(cycle: Cycle) -> Iterator[str]:
-    """Go over the table and touch from above, ready to stop, before anything turns far."""
+def _first_looks(cycle: Cycle) -> Iterator[str]:
+    """Go over the table and touch the artefact, ready to stop, before anything turns far."""
     yield from _protected(500, "X0 Y0", "ABS[#5420] + ABS[#5421]", "on the way to X0 Y0")
-    look = cycle.first_look
-    if look is None:
+    if not cycle.looks:
         return
-    x, y, z, end = (_n(v) for v in (*look.start, look.end[2]))
-    planned, within = _n(look.contact[2]), _n(cycle.look_mm(look))
-    why = f"{cycle.setup.control.wcs}, tool length or artefact are not as planned"
     yield "o510 if [#<_dry> EQ 0]"
-    way = f"ABS[#5420 - [{x}]] + ABS[#5421 - [{y}]]"
-    yield from _protected(511, f"X{x} Y{y}", way, "on the way to the artefact")
-    what = f"above the artefact, its top is planned at Z{planned}: {why}"
-    yield from _protected(514, f"X{x} Y{y} Z{z}", f"#5422 - [{z}]", what)
-    yield f"  G38.3 X{x} Y{y} Z{end} F{_n(look.feed)}"
-    yield "  o517 if [#<_task> EQ 1]"
-    yield "    o518 if [#5070 EQ 0]"
-    yield from _end(f"no contact from above down to Z{end}: {why}", "      ")
-    yield f"    o518 elseif [ABS[#5063 - [{planned}]] GT {within}]"
-    yield from _end(
-        f"contact from above at Z %.3f#5063, expected {planned} within {within} mm: {why}", "      "
-    )
-    yield "    o518 endif"
-    yield "  o517 endif"
-    yield "  G0 Z#<_swing>"
+    for number, look in enumerate(cycle.looks):
+        yield from _look(cycle, look, 520 + 20 * number)
     yield "o510 endif"
+
+
+def _look(cycle: Cycle, look: Step, label: int) -> Iterator[str]:
+    """Touch once where it is planned, and stop the program where it is not as planned."""
+    x, y, z = (_n(v) for v in look.start)
+    to_x, to_y, to_z = (_n(v) for v in look.end)
+    why = f"{cycle.setup.control.wcs}, tool length or artefact are not as planned"
+    way = f"ABS[#5420 - [{x}]] + ABS[#5421 - [{y}]]"
+    yield from _protected(label, f"X{x} Y{y}", way, "on the way to the artefact")
+    what = f"on the way down to the artefact, free down to Z{z} as planned: {why}"
+    yield from _protected(label + 3, f"X{x} Y{y} Z{z}", f"#5422 - [{z}]", what)
+    yield f"  G38.3 X{to_x} Y{to_y} Z{to_z} F{_n(look.feed)}"
+    at = zip(range(5061, 5064), look.contact, look.towards, strict=True)
+    off = " + ".join(f"[#{number} - [{_n(c)}]] * [{_n(t)}]" for number, c, t in at)
+    yield f"  #<off> = [{off}]"
+    yield f"  o{label + 6} if [#<_task> EQ 1]"
+    yield f"    o{label + 7} if [#5070 EQ 0]"
+    planned = " ".join(f"{axis}{_n(v)}" for axis, v in zip("XYZ", look.contact, strict=True))
+    yield from _end(f"no contact at {planned} nor behind: {why}", "      ")
+    yield f"    o{label + 7} elseif [ABS[#<off>] GT {_n(cycle.look_mm(look))}]"
+    far = f"#<off> mm behind {planned}, expected within {_n(cycle.look_mm(look))} mm"
+    yield from _end(f"contact %.2f{far}: {why}", "      ")
+    yield f"    o{label + 7} endif"
+    yield f"  o{label + 6} endif"
+    yield f"  G0 X{x} Y{y} Z{z}"
+    yield "  G0 Z#<_swing>"
 
 
 def _protected(label: int, to: str, way: str, where: str) -> Iterator[str]:

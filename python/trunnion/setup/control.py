@@ -75,7 +75,7 @@ class ControlSetup(Part):
     corrected_on: str = key(
         "M430", _Line(), "line that switches machine coordinates with corrections on"
     )
-    tcp_check: bool = key(True, Flag(), "stop if it is on: at C90 X must move joint 0")
+    tcp_check: bool = key(True, Flag(), "stop if it is on: at C5 X must move joint 0 alone")
     probe_on: str = key("", _Line(), "line that switches the probe on")
     probe_off: str = key("", _Line(), "line that switches it off")
     before_turn: str = key("", _Line(), "line before a rotary axis turns (unclamp)")
