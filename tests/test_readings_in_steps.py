@@ -123,6 +123,32 @@ def test_a_tick_is_recognised_on_the_way_from_the_start(stated: float) -> None:
     assert not [n for n in tn.identify(touches, control).notes if "in steps" in n]
 
 
+ERRORS = ("EA0A", "EB0A", "EC0A", "EY0A", "EZ0A", "EB0C", "EX0C", "EY0C")
+
+
+@pytest.mark.parametrize("starts", [True, False])
+def test_a_log_in_whole_micrometres_is_recognised(*, starts: bool) -> None:
+    """Places are on a grid, ways from dithered starts are not; a fit takes much of the rounding."""
+    bare = Setup(Artefact("cross"), probe=Probe())
+    rng = np.random.default_rng(7)
+    z = []
+    for seed in range(6):
+        errors = {name: float(rng.uniform(-25, 25)) for name in ERRORS}
+        placed = {"dx_um": 130.0, "dy_um": -88.0, "rc_arcsec": 90.0}
+        data = tn.simulate(tn.plan(bare), bare, errors, placed, noise_um=0.1, seed=seed + 1)
+        whole = np.round(data.position_mm, 3)
+        columns = dict(zip(("x_mm", "y_mm", "z_mm"), whole.T, strict=True))
+        without = {} if starts else {f"start_{axis}_mm": None for axis in "xyz"}
+        d = tn.diagnose(data.with_columns(**columns, **without), bare)
+        assert d.verdict == "consistent"
+        assert not d.outliers
+        assert any("in steps of 1 µm (recognised in the data)" in note for note in d.notes)
+        assert d.sigma >= 1 / np.sqrt(12) * (1 - 1e-9)
+        z += [(d.errors_after[name] - errors[name]) / d.errors_std[name] for name in errors]
+    assert np.sqrt(np.mean(np.square(z))) < 1.5
+    assert np.abs(z).max() < 4.5
+
+
 # --- the tick of a control
 
 

@@ -49,9 +49,9 @@ from trunnion.probing.model import (
     catalogue,
     known_sigma_um,
     readings_um,
+    recorded_um,
     stops_of,
     ticks_um,
-    way_um,
 )
 from trunnion.setup import Setup
 
@@ -131,7 +131,7 @@ class TouchDiagnosisModel(Model):
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
             ticks if np.any(ticks := ticks_um(setup, data)) else None,
-            way_um(data),
+            recorded_um(data),
             hint=UNKNOWN_TICK,
         )
         self._start = self._full.values()[self._unknown]

@@ -9,7 +9,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import unstated
+from trunnion.base.resolution import recognised, unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -64,22 +64,23 @@ def readings_um(touches: Touches) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", touches.position_mm, touches.direction) * 1e3)
 
 
-def way_um(touches: Touches) -> Floats:
-    """Way (n,) of each touch from its start along the approach, µm; else the coordinate along it.
+def recorded_um(touches: Touches) -> Floats:
+    """What may be recorded in steps (n,), µm: the way from the start along the approach, or where.
 
-    A control that looks at the probe once in a tick records multiples of it on this way.
+    A control that looks at the probe once in a tick records multiples of it on this way; a file or
+    a display has as many digits wherever the touch is. Of both that of the coarser steps.
     """
-    start = touches.start_mm
+    start, readings = touches.start_mm, readings_um(touches)
     if start is None:
-        return readings_um(touches)
-    way = np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
-    return np.asarray(way * 1e3)
+        return readings
+    way = 1e3 * np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
+    return readings if recognised(readings) > recognised(way) else np.asarray(way)
 
 
 def unstated_step_um(setup: Setup, touches: Touches, sigma_um: float) -> float:
     """Step of the readings that the set-up does not state, µm; 0: none beside such noise."""
     stated = float(np.max(ticks_um(setup, touches), initial=0.0))
-    step = unstated(way_um(touches), stated, sigma_um)
+    step = unstated(recorded_um(touches), stated, sigma_um)
     return step if step > sigma_um else 0.0
 
 

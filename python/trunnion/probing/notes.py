@@ -59,6 +59,11 @@ def assumptions(setup: Setup) -> list[str]:
             "No stem_diameter_mm in the set-up: the sphere is assumed to stand on a stem of "
             f"{artefact.effective_stem_diameter_mm:.3g} mm."
         )
+    if setup.probe.body_diameter_mm == 0.0:
+        said.append(
+            "No body_diameter_mm of the probe in the set-up: ball and stem are kept clear, its "
+            "body, the holder and the spindle nose are not."
+        )
     for name in HOLDERS:
         if getattr(artefact, name) is not None and artefact.holder is not None:
             sizes = ", ".join(

@@ -42,7 +42,7 @@ class ProbingProgram:
     >>> setup = tn.Setup(tn.Artefact("cross"))
     >>> program = tn.probing_program(tn.plan(setup)[:4], setup)
     >>> round(program.seconds)
-    17
+    31
     """
 
     cycle: Cycle
