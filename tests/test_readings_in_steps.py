@@ -149,6 +149,21 @@ def test_a_log_in_whole_micrometres_is_recognised(*, starts: bool) -> None:
     assert np.abs(z).max() < 4.5
 
 
+def test_a_stated_resolution_is_not_late() -> None:
+    """Rounded to the nearest step, touches have no half tick in EZ0A; a tick has."""
+    shown = Setup(Artefact("cross"), probe=Probe(resolution_um=5.0))
+    data = tn.simulate(tn.plan(shown), shown, {"EX0C": 21.3, "EA0A": 8.0}, {"dx_um": 130.0})
+    assert np.allclose(200 * data.position_mm, np.round(200 * data.position_mm), atol=1e-6)
+    found, fit = tn.diagnose(data, shown), tn.identify(data, shown)
+    assert found.verdict == "consistent"
+    assert "steps of 5 µm (as the set-up states)" in found.notes[0]
+    assert found.sigma >= 5 / np.sqrt(12) * (1 - 1e-9)
+    assert not any("in steps" in note for note in fit.notes)
+    assert abs(fit["EZ0A"] + fit["dz_um"]) < 1.0
+    late = tn.identify(data, Setup(Artefact("cross"), probe=Probe(tick_um=5.0)))
+    assert abs(late["EZ0A"] + late["dz_um"]) > 2.0
+
+
 # --- the tick of a control
 
 

@@ -50,8 +50,8 @@ from trunnion.probing.model import (
     known_sigma_um,
     readings_um,
     recorded_um,
+    steps_um,
     stops_of,
-    ticks_um,
 )
 from trunnion.setup import Setup
 
@@ -130,7 +130,7 @@ class TouchDiagnosisModel(Model):
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
-            ticks if np.any(ticks := ticks_um(setup, data)) else None,
+            steps if np.any(steps := steps_um(setup, data)) else None,
             recorded_um(data),
             hint=UNKNOWN_TICK,
         )

@@ -29,8 +29,8 @@ from trunnion.probing.model import (
     known_sigma_um,
     readings_um,
     rounding_um,
+    steps_um,
     stops_of,
-    ticks_um,
     unstated_step_um,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
@@ -147,7 +147,7 @@ def _identified(
     labels = {names.index(name): label for name, (label, _) in stated.items()}
     known = _by_priors(names, how, found, labels)
     plain = found
-    if not own and np.any(ticks_um(setup, data)):
+    if not own and np.any(steps_um(setup, data)):
         found, errors = _beside_rounding(model, data, moves, found, known)
     problem = TouchProblem(model, data, moves, own)
     jacobian = problem.jacobian(found.values)
@@ -255,7 +255,7 @@ def _beside_rounding(
     along = readings_um(data)
     jacobian = model.core.linearise(moves, found.values)[1]
     plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
-    grid = Grid.of(along, ticks_um(model.setup, data), plain, stops_of(data))
+    grid = Grid.of(along, steps_um(model.setup, data), plain, stops_of(data))
     noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
     errors = grid.errors(noise)
     shared = errors if errors is not None and len(errors.rows) else None

@@ -18,7 +18,8 @@ from trunnion.setup import Setup
 
 UNKNOWN_TICK = (
     "if this is the tick of the control, half of it is in EZ0A and the placement: state "
-    "probe.servo_period_ms (or probe.tick_um)"
+    "probe.servo_period_ms (or probe.tick_um); if coordinates are only rounded to it: "
+    "probe.resolution_um"
 )
 
 
@@ -46,17 +47,22 @@ def ticks_um(setup: Setup, touches: Touches) -> Floats:
     return np.asarray(probe.ticks_um(touches.feed_mm_min), dtype=np.float64)
 
 
+def steps_um(setup: Setup, touches: Touches) -> Floats:
+    """Step in which each touch is recorded, µm: tick or resolution; 0: not known. Shape (n,)."""
+    return np.maximum(ticks_um(setup, touches), setup.probe.resolution_um)
+
+
 def rounding_um(setup: Setup, touches: Touches) -> float:
-    """Standard deviation of the errors of rounding to ticks, rms over the touches."""
-    return float(np.sqrt(np.mean(ticks_um(setup, touches) ** 2) / 12))
+    """Standard deviation of the errors of rounding to steps, rms over the touches."""
+    return float(np.sqrt(np.mean(steps_um(setup, touches) ** 2) / 12))
 
 
 def known_sigma_um(setup: Setup, touches: Touches) -> float:
-    """Standard deviation of a reading from the set-up: repeatability and tick; 0 if unknown."""
+    """Standard deviation of a reading from the set-up: repeatability and step; 0 if unknown."""
     if setup.probe.repeatability_um == 0:
         return 0.0
-    ticks = ticks_um(setup, touches)
-    return float(np.sqrt(setup.probe.repeatability_um**2 + np.mean(ticks**2) / 12))
+    steps = steps_um(setup, touches)
+    return float(np.sqrt(setup.probe.repeatability_um**2 + np.mean(steps**2) / 12))
 
 
 def readings_um(touches: Touches) -> Floats:
@@ -79,7 +85,7 @@ def recorded_um(touches: Touches) -> Floats:
 
 def unstated_step_um(setup: Setup, touches: Touches, sigma_um: float) -> float:
     """Step of the readings that the set-up does not state, µm; 0: none beside such noise."""
-    stated = float(np.max(ticks_um(setup, touches), initial=0.0))
+    stated = float(np.max(steps_um(setup, touches), initial=0.0))
     step = unstated(recorded_um(touches), stated, sigma_um)
     return step if step > sigma_um else 0.0
 

@@ -12,7 +12,7 @@ from trunnion.base.scatter import variances_by_direction
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.probing.model import ticks_um
+from trunnion.probing.model import steps_um
 from trunnion.setup.parts import Setup
 
 LEAST_UM = 1e-3  # scatter that is none
@@ -23,7 +23,7 @@ def scatter_um(
 ) -> tuple[Floats, str] | None:
     """Standard deviation of each touch (n,), and it in words; None: touches that scatter alike.
 
-    None, too, where ticks are what limits touches. ``jacobian`` (n, p), ``residuals_um`` (n,): of a
+    None, too, where steps are what limits touches. ``jacobian`` (n, p), ``residuals_um`` (n,): of a
     least-squares fit of all touches alike, where the set-up does not state their repeatability.
     """
     shares = np.square(data.direction)
@@ -33,7 +33,7 @@ def scatter_um(
     basis = linear_fit(jacobian, np.zeros(len(jacobian)), basis=True).basis
     free = 1.0 - np.einsum("ij,ij->i", basis, basis)
     found = variances_by_direction(shares[:, felt], residuals_um, free, LEAST_UM**2)
-    if found is None or np.sqrt(found.min()) < np.max(ticks_um(setup, data), initial=0.0):
+    if found is None or np.sqrt(found.min()) < np.max(steps_um(setup, data), initial=0.0):
         return None
     names = np.array(["X", "Y", "Z"])[felt]
     sizes = ", ".join(f"{k} {size:.2g} µm" for k, size in zip(names, np.sqrt(found), strict=True))

@@ -57,7 +57,8 @@ def simulate(
     noise_um
         1 σ of the probe's repeatability.
     tick_um
-        Travel between two looks at the probe; the set-up's unless given.
+        Travel between two looks at the probe; the set-up's unless given. Coordinates are rounded
+        to the `resolution_um` of the set-up.
     seed
         Of the noise; there is no noise without one.
     sample
@@ -132,6 +133,8 @@ def simulate(
         travel = travel + 1e-3 * effect.change(plan, effects[effect])
     start = plan.start_mm if plan.start_mm is not None else plan.position_mm
     recorded = start + travel[:, None] * plan.direction
+    if step := 1e-3 * setup.probe.resolution_um:
+        recorded = step * np.round(recorded / step)
     return plan.with_columns(x_mm=recorded[:, 0], y_mm=recorded[:, 1], z_mm=recorded[:, 2])
 
 

@@ -52,6 +52,7 @@ class Probe(Part):
     The recorded position is the first look after contact, half a tick late on average, which every
     estimate takes off. The tick is feed × servo period (LinuxCNC: 1 ms is 10 µm at 600 mm/min); a
     probe that is latched at fixed steps of travel has a `tick_um` instead. Give one of the two.
+    Coordinates that are only written in steps, to the nearest one, have a `resolution_um`.
 
     `length_mm` (ball centre to pivot) is used by a rotary head only. `stem_radius_mm` is for
     collision checks; None is half the ball radius: read it as `effective_stem_radius_mm`. So are
@@ -77,6 +78,9 @@ class Probe(Part):
     )
     body_diameter_mm: float = key(
         0.0, Number(0.0, 1e4), "of the probe's body, from stem_length_mm to length_mm; 0: none"
+    )
+    resolution_um: float = key(
+        0.0, UNCERTAINTY, "step of the recorded coordinates, rounded and not late; 0: not known"
     )
 
     def __post_init__(self) -> None:
