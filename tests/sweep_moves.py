@@ -185,17 +185,20 @@ def moves_of(program: ProbingProgram, plan: tn.Touches) -> Iterator[Move]:
     moves = follow(program.moves)
     letters = [3 + "abc".index(letter) for letter in sorted(plan.rotary_deg)]
     row, is_back = 0, False
+    looks = [np.array(look.start) for look in program.cycle.looks]  # approaches before all others
     for start, end, code in zip(moves.start, moves.end, moves.code, strict=True):
         if np.any(start[3:] != end[3:]):
             assert min(start[2], end[2]) >= program.cycle.swing - 1e-9
             continue
-        is_approach = (
-            row < len(plan) and code == 38 and np.abs(start[:3] - starts[row]).max() < 1e-4
-        )
+        at = looks[0] if looks else starts[row] if row < len(plan) else start[:3] + np.inf
+        is_approach = code == 38 and np.abs(start[:3] - at).max() < 1e-4
         if not is_back:
             yield Move(start[:3], end[:3], tuple(end[letters].tolist()), bool(is_approach))
         is_back = bool(is_approach)
-        row += is_back
+        if is_approach and looks:
+            looks.pop(0)
+        else:
+            row += is_back
     assert row == len(plan)
 
 

@@ -334,11 +334,13 @@ def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
     assert "within 2 mm and 1 deg" in notes[0]
     assert "a table of radius 150 mm and thickness 30 mm is assumed" in notes[1]
     assert "on a stem of 8.33 mm" in notes[2]
-    assert notes[3].startswith("These touches cannot tell EA0A, EB0C, EX0C, EY0C.")
-    assert "EA0A (+1 arcsec) together with EY0C" in notes[3]
+    assert "its body, the holder and the spindle nose are not" in notes[3]
+    assert notes[4].startswith("These touches cannot tell EA0A, EB0C, EX0C, EY0C.")
+    assert "EA0A (+1 arcsec) together with EY0C" in notes[4]
     head = tn.probing_program(tn.plan(sphere), sphere).text()
-    assert all(f"({note})" in head for note in notes[:3])
-    stated = replace(CROSS, table=tn.TableSetup(150.0, 30.0))
+    assert all(f"({note})" in head for note in notes[:4])
+    probe = tn.Probe(stem_length_mm=140.0, body_diameter_mm=10.0)
+    stated = replace(CROSS, table=tn.TableSetup(150.0, 30.0), probe=probe)
     assert len(tn.plan_notes(tn.plan(stated), stated)) == 1
 
 
