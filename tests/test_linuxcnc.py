@@ -46,9 +46,10 @@ def test_two_passes_are_finer_than_one_in_less_time(tmp_path: Path) -> None:
     assert np.all(touches.feed_mm_min == 30 * SPEED)
     twice, seconds, _ = passes([600, 30], tmp_path)
     once, slow_seconds, _ = passes([60], tmp_path)
-    # The bench's probe has no scatter: what is left are steps of 0.5 µm and 1 µm.
-    assert twice == pytest.approx(0.5 / np.sqrt(12), rel=0.2)
-    assert once == pytest.approx(1.0 / np.sqrt(12), rel=0.2)
+    # The bench's probe has no scatter: what is left are steps of 0.5 µm and 1 µm. Four standard
+    # errors of a uniform distribution's deviation from some 56 readings are 24 %.
+    assert twice == pytest.approx(0.5 / np.sqrt(12), rel=0.24)
+    assert once == pytest.approx(1.0 / np.sqrt(12), rel=0.24)
     assert seconds < 0.5 * slow_seconds
 
 
