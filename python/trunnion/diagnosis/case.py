@@ -199,18 +199,17 @@ class Case:
     @property
     def dependent(self) -> list[Integers]:
         """Used readings in a row whose residual is no stationary noise."""
-        if not isinstance(self.whiten, Whitener):
-            return []
-        every = self.segments
-        return [every[i] for i in self.whiten.dependent]
+        return self._in_a_row(self.whiten.dependent) if isinstance(self.whiten, Whitener) else []
 
     @property
     def wandering(self) -> list[Integers]:
         """Used readings in a row that wander as nothing of the catalogue makes them."""
-        if not isinstance(self.whiten, Whitener):
-            return []
+        return self._in_a_row(self.whiten.wandering) if isinstance(self.whiten, Whitener) else []
+
+    def _in_a_row(self, filters: Iterable[int]) -> list[Integers]:
+        """Used readings of some filters of the whitener."""
         every = self.segments
-        return [every[i] for i in self.whiten.wandering]
+        return [every[i] for i in filters]
 
     def growth(self, f: Fit, variance: float) -> Floats:
         """How many times their standard errors errors are.

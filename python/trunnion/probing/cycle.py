@@ -24,7 +24,7 @@ SHORTEST_PROBE_MM = 0.3
 """LinuxCNC refuses probing moves below 0.254 mm."""
 CHECK_DEG, CHECK_MM = 5.0, 10.0
 """Where C stands, and how far X moves, to see whether tool centre point control is on."""
-MOST_LOOKS = 3
+MAX_LOOKS = 3
 ALONG, ACROSS = 0.99, 0.5
 """Cosines of directions that are one, and of such that are across each other."""
 Frame: TypeAlias = Literal["machine", "corrected", "table"]
@@ -98,7 +98,7 @@ class Cycle:
             return tuple(found)
         for step in untilted:
             across = all(abs(np.dot(step.towards, one.towards)) < ACROSS for one in found)
-            if across and len(found) < MOST_LOOKS:
+            if across and len(found) < MAX_LOOKS:
                 found.append(step)
         return tuple(found)
 

@@ -187,8 +187,8 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
 def _higher_or_longer(result: IdentificationResult, setup: Setup) -> list[str]:
     """Say where a ball's radius in Z may be the tool's length or the place of the artefact."""
     last = offsets_along_z(setup)
-    told = "table" in last and np.isfinite(result.std_errors.get(last["table"], np.inf))
-    if told or result.placement is None or "dz_um" not in result.placement:
+    identified = "table" in last and np.isfinite(result.std_errors.get(last["table"], np.inf))
+    if identified or result.placement is None or "dz_um" not in result.placement:
         return []
     off = {n: result.errors[n] - setup.machine.errors.get(n, 0.0) for n in last.values()}
     # A head that is higher than the set-up says is as work that is lower.
