@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import subprocess
 import tempfile
@@ -15,6 +14,7 @@ import numpy as np
 import trunnion as tn
 from controller import compiled, run
 from kins_bench import Kinematics
+from power.report import count_and_out
 from probing_bench import SPEED, FloatArray, Hidden, hidden, places, run_program, turned
 from trunnion.controls import ControlFiles, linuxcnc_files
 
@@ -253,8 +253,4 @@ median of cycles in which all five axes move (`motion-controller.time`).
 """
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    main(given.count, given.out)
+    main(*count_and_out(__doc__))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import numpy.typing as npt
 
 import trunnion as tn
 from controller import Bench, run
-from power.report import write
+from power.report import count_and_out, write
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -324,8 +323,4 @@ of (estimate − true) / standard error over the errors.
 """
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    main(given.count, given.out)
+    main(*count_and_out(__doc__))

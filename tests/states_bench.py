@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ import numpy as np
 
 import trunnion as tn
 from controller import run
-from power.report import write
+from power.report import count_and_out, write
 from probing_bench import Hidden, hidden
 
 STATED, BARE, NO_TOOL = "probe.ngc", "bare.ngc", "no_tool.ngc"
@@ -153,8 +152,4 @@ and two sides, before anything turns by more than 5°.
 """
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args()
-    main(given.count, given.out)
+    main(*count_and_out(__doc__))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -21,6 +22,15 @@ def commit() -> str:
         return "Made outside a git checkout."
     changed = " with uncommitted changes" if git("status", "--porcelain", "-uno") else ""
     return f"Made at commit {name}{changed}."
+
+
+def count_and_out(description: str | None) -> tuple[int, Path | None]:
+    """Return how many runs a command line asks for, and the file that its table goes to."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("count", type=int)
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args()
+    return given.count, given.out
 
 
 def write(lines: Sequence[str], out: Path | None) -> None:
