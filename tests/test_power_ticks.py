@@ -71,10 +71,10 @@ def test_rounding_hides_an_effect_that_a_sound_machine_reads_too() -> None:
 
 def test_a_run_says_what_came_of_it() -> None:
     """Far from the grid, where the power table says that a diagnosis is right."""
-    nothing = run("paper", 3.0, True, seed=1)
+    nothing = run("paper", 3.0, "yes", seed=1)
     assert nothing.truth == frozenset()
     assert set(nothing.z) <= {"EX0C", "EY0C", "EA0A", "EB0A", "EC0A", "EB0C", "EY0A", "EZ0A"}
     assert nothing.scatter_um == pytest.approx(np.hypot(3.0, 1 / np.sqrt(12)))
-    scale = run("paper", 3.0, True, "scale_x", seed=1)
+    scale = run("paper", 3.0, "yes", "scale_x", seed=1)
     assert (scale.hidden, scale.found, scale.wrong) == ("scale_x", True, False)
     assert len(scale.covered) == len(scale.z)

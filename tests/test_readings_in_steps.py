@@ -267,14 +267,14 @@ def test_no_cause_with_a_vanishing_error_from_few_distinct_values() -> None:
 @pytest.mark.parametrize("ratio", [0.0, 0.03, 0.1])
 def test_nothing_is_found_where_nothing_is(ratio: float) -> None:
     runs = needed_runs(0.95)
-    seen = [ticks.run("paper", ratio, dither=False, seed=s) for s in range(1000, 1000 + runs)]
+    seen = [ticks.run("paper", ratio, "no", seed=s) for s in range(1000, 1000 + runs)]
     assert kept(sum(r.verdict == "consistent" for r in seen), runs, 0.95)
     assert not any(r.outliers for r in seen)
 
 
 def test_what_is_hidden_is_found_on_the_grid() -> None:
     runs = needed_runs(0.97)
-    seen = [ticks.run("paper", 0.03, True, ticks.ANY, seed=s) for s in range(2000, 2000 + runs)]
+    seen = [ticks.run("paper", 0.03, "yes", ticks.ANY, seed=s) for s in range(2000, 2000 + runs)]
     found = [any(r.hidden in a for a in r.alternatives) for r in seen]
     assert kept(sum(found), runs, 0.97)
 
@@ -299,3 +299,58 @@ def test_a_regular_grid_of_places_is_no_step() -> None:
     d = tn.diagnose(data)
     assert d.sigma < 0.1  # a step of the places would be 340 µm
     assert not d.notes
+
+
+# --- readings that fit exactly
+
+
+def whole(data: tn.Touches, step_um: float) -> tn.Touches:
+    """Round coordinates as a display does."""
+    step = step_um / 1e3
+    x, y, z = (step * np.round(data.position_mm / step)).T
+    return data.with_columns(x_mm=x, y_mm=y, z_mm=z)
+
+
+@pytest.mark.parametrize("errors", [{"EX0C": 15.3}, {"EX0C": 15.3, "EA0A": 22.0, "EB0C": -31.0}])
+def test_places_and_readings_on_one_grid_leave_no_vanishing_error(
+    errors: dict[str, float],
+) -> None:
+    """Without noise the plain model fits such readings exactly: they may be off by half a step."""
+    bare = Setup(Artefact("cross"), probe=Probe())
+    data = whole(tn.simulate(tn.plan(bare), bare, errors), 10.0)
+    for found in (tn.identify(data, bare), tn.closed_form(data, bare)):
+        assert found.sigma_um >= 10.0 / np.sqrt(12.0) * (1 - 1e-9)
+        assert found.std_errors["EX0C"] > 0.3
+        assert any("recorded in steps of" in note for note in found.notes)
+    d = tn.diagnose(data, bare)
+    assert d.verdict == "consistent"
+    assert d.errors_std["EX0C"] > 0.3
+    assert any("recognised in the data" in note for note in d.notes)
+
+
+def test_coordinates_are_in_steps_however_oblique_the_approach() -> None:
+    """At every 30° of C an approach is along no axis; without errors rounding alone is seen."""
+    bare = Setup(Artefact("cross"), probe=Probe())
+    plan = tn.plan(bare, c_deg=range(0, 360, 30), dither=False)
+    for step in (1.0, 10.0):
+        d = tn.diagnose(whole(tn.simulate(plan, bare), step), bare)
+        assert d.verdict == "consistent"
+        assert any(f"in steps of {step:.0f} µm (recognised" in note for note in d.notes)
+
+
+def test_places_of_a_plan_are_no_steps() -> None:
+    bare = Setup(Artefact("cross"), probe=Probe())
+    sound = tn.simulate(tn.plan(bare, dither=False), bare)
+    assert not any("recorded in steps" in note for note in tn.identify(sound, bare).notes)
+    assert not any("recorded in steps" in note for note in tn.diagnose(sound, bare).notes)
+    exact = tn.simulate(tn.plan(bare, dither=False), bare, {"EX0C": 15.3172846})
+    assert tn.identify(exact, bare).std_errors["EX0C"] < 0.05
+
+
+def test_a_positioning_run_in_whole_micrometres_has_no_vanishing_error() -> None:
+    """A scale error that makes exactly 1 µm between targets: no more is known than the digits."""
+    at, zero = np.tile(np.arange(50.0, 601.0, 50.0), 2), np.zeros(24)
+    way, runs = np.repeat([1, -1], 12), zero + 1
+    run = tn.Positioning(target_mm=at, measured_mm=at + at / 5e4, direction=way, cycle=runs)
+    d = tn.diagnose(run)
+    assert d.sigma >= 1 / np.sqrt(12) * (1 - 1e-9)

@@ -10,6 +10,9 @@ gaussian a touch. What is recorded is the position at the first look after that,
 of a millimetre as LinuxCNC logs it. With dither each start lies back along its approach by a random
 part of a tick; without it equal starts have equal looks.
 
+Another control records the contact itself and writes each coordinate in whole steps of the size of
+the tick ("rounded" in place of the dither). Nothing states that step: the code has to see it.
+
 A row of the table counts, for one plan, with or without dither, at one ratio of the probe's scatter
 (1 sigma) to the tick:
 
@@ -73,6 +76,8 @@ SERVO_PERIOD_S = 1e-3
 TICK_UM = FEED_MM_MIN / 60.0 * SERVO_PERIOD_S / MM_PER_UM
 LOG_DECIMALS = 6
 PLANS = ("paper", "rich")
+READ = ("no", "yes", "rounded")
+"""On a tick without and with dither, or in rounded coordinates."""
 RUNS = (1000, 300)  # rates of the paper's plan lie nearer to what is expected of them
 RATIOS = (0.0, 0.03, 0.1, 0.3, 1.0, 3.0)
 COVERED = 1.959964
@@ -187,6 +192,16 @@ def recorded(
     return np.round(start + way[:, None] * k.direction, LOG_DECIMALS)
 
 
+def rounded(
+    plan: Plan, setup: Setup, truth: Truth, noise_um: float, rng: np.random.Generator
+) -> Floats:
+    """Positions (n, 3) in mm of which each coordinate is written in whole steps."""
+    k, start, step = plan.conditions, plan.start_mm, TICK_UM * MM_PER_UM
+    way = way_to_contact(approach_lines(k, start, setup, truth))
+    way = way + noise_um * MM_PER_UM * rng.standard_normal(len(plan))
+    return np.asarray(step * np.round((start + way[:, None] * k.direction) / step))
+
+
 def rounded_away(plan: Plan, setup: Setup, truth: Truth, start: Floats) -> bool:
     """Whether a machine with nothing hidden gives the readings of this one, touch by touch.
 
@@ -260,7 +275,7 @@ def hide(
 def run(
     plan: str,
     ratio: float,
-    dither: bool,
+    read: str,
     effect: str | None = None,
     seed: int = 0,
     *,
@@ -274,25 +289,30 @@ def run(
         "paper" (72 touches) or "rich" (532).
     ratio
         Scatter of the probe over the tick.
-    dither
-        Whether each start lies back by a random part of a tick.
+    read
+        "no": on a tick from equal starts. "yes": each lies back by a random part of a tick.
+        "rounded": each coordinate to the nearest step as large as the tick.
     effect
         None, the id of an effect, or "any": one drawn from those that the plan identifies.
     tick_known
-        Whether the set-up states the tick.
+        Whether the set-up states the tick; nothing states the step of rounded coordinates.
     """
     touched, setup, _, _ = ground(plan)
-    rng = np.random.default_rng([seed, PLANS.index(plan), round(1e3 * ratio), int(dither)])
+    rng = np.random.default_rng([seed, PLANS.index(plan), round(1e3 * ratio), READ.index(read)])
     noise = ratio * TICK_UM
     scatter = math.hypot(noise, TICK_UM / math.sqrt(12.0))
     while True:
         effects = {} if effect is None else hide(rng, plan, effect, scatter)
         truth = Truth(random_errors(rng), random_placement(rng), effects)
-        start = starts(touched, dither, rng)
+        start = starts(touched, read == "yes", rng)
         with suppress(NoTouchError):  # so large, as the plain model takes it, that none can measure
-            positions = recorded(touched, setup, truth, noise, start, rng)
+            if read == "rounded":
+                positions = rounded(touched, setup, truth, noise, rng)
+            else:
+                positions = recorded(touched, setup, truth, noise, start, rng)
             break
-    as_stated = from_twin.setup(setup if tick_known else replace(setup, tick_um=0.0))
+    is_stated = tick_known and read != "rounded"
+    as_stated = from_twin.setup(setup if is_stated else replace(setup, tick_um=0.0))
     data = touches(touched, positions)
     begin = time.process_time()
     d = diagnose(data, as_stated)
@@ -313,7 +333,7 @@ def run(
         scatter_um=scatter,
         seconds=seconds,
     )
-    if noise > 0.0:
+    if noise > 0.0 or read == "rounded":
         return answer
     try:
         away = not answer.found and rounded_away(touched, setup, truth, start)
@@ -330,7 +350,8 @@ HEADING = [
     "Made by `make power-ticks` on touches of the independent generator in `tests/twin`, read by a "
     "control that looks at the probe once a tick; `tests/power/ticks.py` says how, and what each "
     f"column counts. Tick {TICK_UM:g} µm (feed {FEED_MM_MIN:g} mm/min, servo period "
-    f"{1e3 * SERVO_PERIOD_S:g} ms), stated in the set-up; random errors and placement; noise of "
+    f"{1e3 * SERVO_PERIOD_S:g} ms), stated in the set-up; rounded: each coordinate in whole steps "
+    "of that size, which nothing states; random errors and placement; noise of "
     "the probe unknown to the code. Plans: the paper's 72 touches, and 532 (C every 30°, A ±30°, "
     "±60°, ±90°, both senses). Hidden effects leave 1 σ of the true scatter.",
     "",
@@ -354,13 +375,13 @@ def _share(flags: Iterable[bool], low: float = 0.0, high: float = 1.0) -> str:
     return text if low <= share <= high else f"**{text}**"
 
 
-def row(plan: str, dither: bool, ratio: float, clean: Sequence[Run], hidden: Sequence[Run]) -> str:
+def row(plan: str, read: str, ratio: float, clean: Sequence[Run], hidden: Sequence[Run]) -> str:
     """One line of the table."""
     every = [*clean, *hidden]
     sigma = float(np.median([r.sigma_um / r.scatter_um for r in clean]))
     cells = [
         plan,
-        "yes" if dither else "no",
+        read,
         f"{ratio:g}",
         f"{len(clean)} + {len(hidden)}",
         _share((not r.found for r in clean), high=0.05),
@@ -388,22 +409,22 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--only", nargs="*", default=[], help="plan, yes, no or a ratio")
+    parser.add_argument("--only", nargs="*", default=[], help="plan, no, yes, rounded or a ratio")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes; same rates")
     given = parser.parse_args()
     runs = dict(zip(PLANS, given.runs, strict=True))
     lines = list(HEADING)
-    for plan, dither, ratio in product(PLANS, (False, True), RATIOS):
-        named = {plan, "yes" if dither else "no", f"{ratio:g}"}
+    for plan, read, ratio in product(PLANS, READ, RATIOS):
+        named = {plan, read, f"{ratio:g}"}
         if not named.issuperset(given.only):
             continue
         seeds = range(given.seed * 100_000, given.seed * 100_000 + runs[plan])
         with ProcessPoolExecutor(given.jobs) as pool:
             clean, hidden = (
-                list(pool.map(partial(run, plan, ratio, dither, effect), seeds, chunksize=10))
+                list(pool.map(partial(run, plan, ratio, read, effect), seeds, chunksize=10))
                 for effect in (None, ANY)
             )
-        lines.append(row(plan, dither, ratio, clean, hidden))
+        lines.append(row(plan, read, ratio, clean, hidden))
         print(lines[-1], flush=True)
     lines += ["", f"Seed {given.seed}."]
     if given.out:

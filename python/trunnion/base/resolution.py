@@ -13,7 +13,7 @@ t²/12 (GUM, F.2.2.1). Three things follow.
   of rounding correlate by (6/π²) Σ exp(-4π²k²s²/t²) / k², from the Fourier series of the sawtooth.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,7 @@ MIN_STEP = 1e-8  # µm, arcsec: what computers make of coordinates of metres
 MAX_PARTS = 5  # steps between the nearest readings
 SAME_STEP = 0.02
 MAX_STEP_SIGMAS = 100.0  # of steps that are recognised; a fit takes much of what rounding leaves
+MIN_EXACT = 8  # distinct readings that a step is recognised in although they fit far better
 COARSER = 1.5  # times a stated step, that a recognised one is to be taken instead
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
@@ -213,13 +214,28 @@ def recognised(values: Floats) -> float:
     return 0.0
 
 
-def unstated(values: Floats, stated: float, sigma: float) -> float:
-    """Step that is recognised in readings and coarser than the stated one; 0: none.
+def unstated(
+    recorded: Sequence[Floats], stated: float, sigma: float, off: Callable[[], Floats]
+) -> float:
+    """Coarsest step that is recognised in what was recorded, above the stated one; 0: none.
 
-    A step far above the standard deviation of the readings is none: places lie on a regular grid.
+    Places of a plan lie on a regular grid, too: a step far above the standard deviation of the
+    readings is one only where none is stated, and they differ from what a machine without errors
+    gives (``off``).
     """
-    step = recognised(values)
-    return step if COARSER * stated < step <= MAX_STEP_SIGMAS * sigma else 0.0
+    for step, values in sorted(((recognised(v), v) for v in recorded), key=_first, reverse=True):
+        if step <= COARSER * stated:
+            break
+        if step <= MAX_STEP_SIGMAS * sigma:
+            return step
+        many = stated == 0 and len(np.unique(values)) >= MIN_EXACT
+        if many and np.any(np.abs(off()) > SAME_STEP * step):
+            return step
+    return 0.0
+
+
+def _first(pair: tuple[float, Floats]) -> float:
+    return pair[0]
 
 
 class Repeats:

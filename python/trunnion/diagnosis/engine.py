@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import Floor, Grid, Repeats, unstated
+from trunnion.base.resolution import Floor, Grid, Repeats
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis import outliers as out
@@ -45,6 +45,7 @@ from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
+from trunnion.diagnosis.steps import steps_of
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -277,7 +278,7 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     plain = _plain(model)
-    step, grid = _steps(model, plain), None
+    step, grid = steps_of(model, plain), None
     if np.any(step > 0):
         grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
@@ -297,23 +298,6 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
         floor = Floor(max(floor.variance, 1.0))
     linearised = Linearised(model, plain.nuisance, whiten)
     return Case(model, rows, whiten, plain, linearised, floor, grid)
-
-
-def _steps(model: Model, plain: Fit) -> Floats:
-    """Step of each reading: the model's, or one that is recognised in the readings of a unit.
-
-    Places on a regular grid are no steps: rounding to these would leave more than the residuals.
-    """
-    readings = model.readings
-    stated = np.zeros(len(readings)) if readings.step is None else np.asarray(readings.step)
-    _, index = units_of(readings)
-    recorded = readings.values if readings.recorded is None else readings.recorded
-    steps = np.array(stated, dtype=np.float64)
-    for some in (index == i for i in range(index.max() + 1)):
-        left = float(np.sqrt(np.sum(plain.residuals[some] ** 2) / max(plain.dof, 1)))
-        if step := unstated(recorded[some], float(stated[some].max()), left):
-            steps[some] = step
-    return steps
 
 
 def _white(grid: Grid, noise: float) -> Whiten:

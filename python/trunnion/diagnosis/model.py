@@ -66,7 +66,7 @@ class Readings:
         of a reading is not below step/√12 (:mod:`trunnion.base.resolution`).
     recorded:
         The numbers that were recorded, in the unit of the readings, where these are something else:
-        in them a step is recognised. Shape (n,).
+        in them a step is recognised. Each of shape (n,) or (n, k), the first dimension a reading.
     hint:
         What to do about a step that is recognised in the readings.
     least:
@@ -79,7 +79,7 @@ class Readings:
     unit: str | tuple[str, ...] = "µm"
     sigma: Floats | None = None
     step: Floats | None = None
-    recorded: Floats | None = None
+    recorded: tuple[Floats, ...] = ()
     hint: str = ""
     least: Floats | float = 0.0
 

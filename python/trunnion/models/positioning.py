@@ -83,7 +83,7 @@ class PositioningModel(LinearModel):
                 data.deviation,
                 np.arange(n),
                 data.unit,
-                recorded=data.measured * (3600.0 if data.rotary else 1e3),
+                recorded=(data.measured * (3600.0 if data.rotary else 1e3), data.deviation),
                 least=LEAST_NOISE,
             ),
             nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],

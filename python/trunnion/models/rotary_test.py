@@ -94,7 +94,7 @@ class RotaryTestModel(Model):
             measured.ravel() - self._reference,
             np.repeat(np.arange(len(data)), self._each),
             sigma=np.full(measured.size, sigma) if sigma > 0 else None,
-            recorded=measured.ravel(),
+            recorded=(measured.ravel(),),
         )
         errors = self._known.chain.location_errors
         units = {"um": "µm"}

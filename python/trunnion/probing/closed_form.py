@@ -11,10 +11,20 @@ import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
+from trunnion.base.resolution import ANY_PLACE, Grid, growth
+from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
-from trunnion.probing.model import TouchModel, known_sigma_um
+from trunnion.probing.model import (
+    TouchModel,
+    known_sigma_um,
+    readings_um,
+    rounding_um,
+    steps_um,
+    stops_of,
+    with_recognised_step,
+)
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup
@@ -84,6 +94,11 @@ def closed_form(
     is_printed = choose("method", method, ("printed", "separating")) == "printed"
     with mistakes_named(data, setup):
         result = _solved(data, setup, method, is_printed=is_printed)
+        left = result.residuals_um, result.degrees_of_freedom
+        if recognised := with_recognised_step(setup, data, *left):
+            known, said = recognised
+            result = _solved(data, known, method, is_printed=is_printed)
+            result = replace(result, notes=(*result.notes, said))
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
@@ -99,7 +114,7 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
     # (Fitted whatever is known: touches off the modelled surface are refused here.)
     fit = model.core.fit(moves, start, huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS)
     known = known_sigma_um(setup, data)
-    sigma, scattered = known or fit["sigma_um"], None
+    sigma, scattered = known or max(fit["sigma_um"], rounding_um(setup, data)), None
     if not known:
         jacobian = model.core.linearise(moves, fit["values"])[1]
         scattered = scatter_um(setup, data, jacobian, fit["residuals_um"])
@@ -119,6 +134,7 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         checks = {"κ": (kappa, 1.0), "ζ": (zeta, float(np.sqrt(35 / 48)))}
     names = model.names[: count if is_printed else len(values)]
     covariance = (each * operator) @ (each * operator).T
+    covariance = _beside_rounding(model, data, values, operator, covariance)
     spread = np.sqrt(np.diag(covariance))
     found = dict(zip(model.names, map(float, values), strict=True))
     return ClosedFormResult(
@@ -139,3 +155,23 @@ def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> Cl
         slips=tuple(_core.closed_form_slips()) if is_printed else (),
         notes=said,
     )
+
+
+def _beside_rounding(
+    model: TouchModel, data: Touches, values: Floats, operator: Floats, covariance: Floats
+) -> Floats:
+    """Covariance that knows of touches that round alike, as :func:`trunnion.identify` has it."""
+    steps = steps_um(model.setup, data)
+    if not np.any(steps > 0):
+        return covariance
+    along, moves = readings_um(data), model.moves(data)
+    jacobian = model.core.linearise(moves, values)[1]
+    residuals = model.core.residuals(moves, values)
+    grid = Grid.of(along, steps, jacobian, stops_of(data))
+    noise = grid.noise(residuals, len(along) - len(values))
+    columns = jacobian[:, : len(covariance)]
+    drawn = grid.draws(along, residuals, columns, covariance, noise, ANY_PLACE)
+    if drawn is None:
+        return covariance
+    more = growth(operator @ drawn, np.diag(covariance))
+    return covariance * np.outer(more, more)

@@ -24,14 +24,13 @@ from trunnion.machine.stated import Stated, contradiction
 from trunnion.probing.inputs import certificate, inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
-    UNKNOWN_TICK,
     TouchModel,
     known_sigma_um,
     readings_um,
     rounding_um,
     steps_um,
     stops_of,
-    unstated_step_um,
+    with_recognised_step,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
@@ -106,6 +105,11 @@ def identify(
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     with mistakes_named(data, setup):
         result = _identified(data, setup, effects, loss, priors or {}, max_steps)
+        left = result.residuals_um, result.degrees_of_freedom
+        if recognised := with_recognised_step(setup, data, *left):
+            known, said = recognised
+            result = _identified(data, known, effects, loss, priors or {}, max_steps)
+            result = replace(result, notes=(*result.notes, said))
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
@@ -143,6 +147,8 @@ def _identified(
         if own
         else _by_the_core(model, moves, how, max_steps)
     )
+    if not own and found.sigma_um < (rounding := rounding_um(setup, data)):
+        found = _by_the_core(model, moves, replace(how, sigma_um=rounding), max_steps)
     errors = None
     labels = {names.index(name): label for name, (label, _) in stated.items()}
     known = _by_priors(names, how, found, labels)
@@ -158,8 +164,6 @@ def _identified(
         said = (*said, *scatter)
     sources = _sources(problem, jacobian, plain, found, known, is_known=how.sigma_um > 0)
     result = replace(_result(model, data, own, found, knee, errors), sources=sources)
-    if step := unstated_step_um(setup, data, found.sigma_um):
-        said = (*said, f"Touches are recorded in steps of {step:.4g} µm; {UNKNOWN_TICK}.")
     return replace(result, notes=(*said, *_of_the_certificate(result, stated, how, priors)))
 
 

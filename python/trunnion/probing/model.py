@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import recognised, unstated
+from trunnion.base.resolution import unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -70,24 +71,40 @@ def readings_um(touches: Touches) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", touches.position_mm, touches.direction) * 1e3)
 
 
-def recorded_um(touches: Touches) -> Floats:
-    """What may be recorded in steps (n,), µm: the way from the start along the approach, or where.
+def recorded_um(touches: Touches) -> tuple[Floats, ...]:
+    """What may be recorded in steps, µm: the ways (n,), or places along and across, (n,), (n, 3).
 
-    A control that looks at the probe once in a tick records multiples of it on this way; a file or
-    a display has as many digits wherever the touch is. Of both that of the coarser steps.
+    A control that looks at the probe once in a tick records multiples of it on the way from the
+    start along the approach; a file or a display has as many digits wherever the touch is, however
+    oblique the approach.
     """
-    start, readings = touches.start_mm, readings_um(touches)
-    if start is None:
-        return readings
-    way = 1e3 * np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
-    return readings if recognised(readings) > recognised(way) else np.asarray(way)
+    places = touches.position_mm
+    known = (readings_um(touches), 1e3 * (places - places[:1]))
+    if touches.start_mm is None:
+        return known
+    way = np.einsum("ij,ij->i", places - touches.start_mm, touches.direction)
+    return (np.asarray(1e3 * way), *known)
 
 
-def unstated_step_um(setup: Setup, touches: Touches, sigma_um: float) -> float:
-    """Step of the readings that the set-up does not state, µm; 0: none beside such noise."""
+def with_recognised_step(
+    setup: Setup, touches: Touches, residuals_um: Floats, freedom: float
+) -> tuple[Setup, str] | None:
+    """Return the set-up with the step of the readings that it does not state, and a note on it.
+
+    None: no step is recognised that is large beside what a fit leaves.
+    """
+    sigma_um = float(np.sqrt(np.sum(residuals_um**2) / max(freedom, 1.0)))
+
+    def off() -> Floats:
+        model = TouchModel(setup)
+        return np.asarray(model.core.residuals(model.moves(touches), model.values()))
+
     stated = float(np.max(steps_um(setup, touches), initial=0.0))
-    step = unstated(recorded_um(touches), stated, sigma_um)
-    return step if step > sigma_um else 0.0
+    step = unstated(recorded_um(touches), stated, sigma_um, off)
+    if step <= sigma_um:
+        return None
+    known = replace(setup, probe=replace(setup.probe, resolution_um=step))
+    return known, f"Touches are recorded in steps of {step:.4g} µm; {UNKNOWN_TICK}."
 
 
 def stops_of(touches: Touches) -> Integers:

@@ -105,7 +105,7 @@ class BallbarModel(Model):
             np.arange(len(data)),
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
-            recorded=data.length_mm * 1e3,
+            recorded=(data.length_mm * 1e3,),
             least=LEAST_NOISE_UM,
         )
         self.nuisance = self._nuisance()

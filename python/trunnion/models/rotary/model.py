@@ -117,7 +117,7 @@ class SweepModel(Model):
         self.readings = Readings(
             1e3 * away.reshape(-1),
             np.repeat(np.arange(n), 3),
-            recorded=1e3 * data.position_mm.reshape(-1),
+            recorded=(1e3 * data.position_mm.reshape(-1),),
             least=LEAST_NOISE_UM,
         )
         given = effects if source is None else source._given
