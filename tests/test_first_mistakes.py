@@ -342,3 +342,33 @@ def test_what_is_likely_wrong_in_a_set_up(tmp_path: Path, line: str, why: str) -
     assert "expected TOML: " in str(caught.value)
     assert str(caught.value).endswith(why or str(caught.value)[-1])
     assert why or "(" not in str(caught.value)
+
+
+def test_a_folder_in_place_of_a_file(tmp_path: Path) -> None:
+    for read in (tn.read, tn.read_touches, tn.read_setup):
+        with pytest.raises(tn.InputError, match="got a folder, expected a file"):
+            read(tmp_path)
+
+
+def test_a_command_does_not_write_over_what_it_reads(tmp_path: Path) -> None:
+    """Not even with --force: the measurement would be lost."""
+    data, setup = tmp_path / "touches.csv", tmp_path / "setup.toml"
+    data.write_bytes(tn.sample_path("cross/touches.csv").read_bytes())
+    setup.write_bytes(tn.sample_path("cross/setup.toml").read_bytes())
+    before = data.read_bytes()
+    for words in (["estimate"], ["diagnose"], ["simulate"], ["program"]):
+        files = [*words, str(data), str(setup), "--output", str(data), "--force"]
+        done = CliRunner().invoke(app, files)
+        assert done.exit_code == 2
+        assert "got a file that this command reads" in done.stderr
+        assert data.read_bytes() == before
+
+
+@pytest.mark.parametrize(("first", "said"), [("0", "--from"), ("73", "--from: got 73")])
+def test_a_run_goes_on_from_a_touch_of_the_plan(tmp_path: Path, first: str, said: str) -> None:
+    plan = tmp_path / "plan.csv"
+    setup = tn.sample_path("cross/setup.toml")
+    tn.plan(tn.read_setup(setup)).to_csv(plan)
+    done = CliRunner().invoke(app, ["program", str(plan), str(setup), "--from", first])
+    assert done.exit_code != 0
+    assert said in done.stderr

@@ -214,7 +214,9 @@ def test_angular_errors_in_another_unit_are_named(value: float) -> None:
     with pytest.warns(UserWarning, match=r"EA0A = .*: are these degrees or radians\?"):
         tn.simulate(PLAN, SETUP, errors={"EA0A": value, "EX0C": 15.0})
     known = replace(SETUP, machine=tn.Machine(errors={"EB0C": value}))
-    notes = tn.identify(measured(known), known).notes
+    with pytest.warns(UserWarning, match=r"plan, \[machine\.errors\]: got EB0C"):
+        data = measured(known)
+    notes = tn.identify(data, known).notes
     assert any("They are expected in arcsec" in note for note in notes)
 
 
@@ -333,3 +335,49 @@ def test_a_false_touch_is_not_taken_for_a_mistake() -> None:
         assert tn.identify(false(off), SETUP).notes == ()
     with pytest.raises(tn.DataError, match=r"its axes$"):
         tn.identify(false(7.0), SETUP)
+
+
+@pytest.mark.parametrize("kind", ["cross", "cuboid", "sphere"])
+def test_exchanged_columns_and_a_missing_tool_length_are_named(kind: str) -> None:
+    sizes: dict[str, dict[str, Any]] = {
+        "cross": {},
+        "cuboid": {"length_mm": 60.0, "width_mm": 40.0, "height_mm": 30.0},
+        "sphere": {"diameter_mm": 25.0, "centre_mm": (60.0, 0.0, 80.0)},
+    }
+    setup = tn.Setup(tn.Artefact(kind, **sizes[kind]))
+    data = tn.simulate(tn.plan(setup), setup, {"EX0C": 15.0}, {"dx_um": 90.0}, noise_um=0.5, seed=1)
+    for method in (tn.identify, tn.diagnose):
+        with pytest.raises(tn.DataError, match="if x_mm and y_mm are exchanged"):
+            method(data.with_columns(x_mm=data.y_mm, y_mm=data.x_mm), setup)
+        with pytest.raises(tn.DataError, match=r"tool is 50 mm longer .*was G43 off"):
+            method(data.with_columns(z_mm=data.z_mm + 50.0), setup)
+        with pytest.raises(tn.DataError, match=r"tool is 120 mm shorter .*lower \(place_mm\)"):
+            method(data.with_columns(z_mm=data.z_mm - 120.0), setup)
+
+
+def test_length_and_width_exchanged_are_named() -> None:
+    true = tn.Artefact("cuboid", length_mm=60.0, width_mm=40.0, height_mm=30.0)
+    setup = tn.Setup(true)
+    data = tn.simulate(tn.plan(setup), setup, {"EX0C": 15.0}, noise_um=0.5, seed=1)
+    wrong = replace(setup, artefact=replace(true, length_mm=40.0, width_mm=60.0))
+    with pytest.raises(tn.DataError, match=r"artefact\.length_mm and width_mm exchanged"):
+        tn.identify(data, wrong)
+
+
+def test_errors_in_mm_are_asked_about_when_a_plan_is_made() -> None:
+    small = replace(SETUP, machine=tn.Machine(errors={"EX0C": 0.03, "EZ0A": 0.01}))
+    with pytest.warns(UserWarning, match=r"\[machine\.errors\]: got EX0C = 0\.03.*are these mm"):
+        tn.plan(small)
+
+
+def test_the_servo_period_is_seen_at_two_feeds_and_not_taken_for_a_delay_unsaid() -> None:
+    """A sound machine, a control that looks every ms, and nobody who said so."""
+    control = replace(SETUP, probe=tn.Probe(servo_period_ms=1.0))
+    plan = tn.plan(control, feeds_mm_min=(60.0, 600.0))
+    data = tn.simulate(plan, control, {"EX0C": 20.3, "EA0A": 11.0}, noise_um=0.2, seed=3)
+    for method in (tn.identify, tn.diagnose):
+        assert any("state probe.servo_period_ms = 1." in note for note in method(data, SETUP).notes)
+        assert not any("servo_period_ms = " in note for note in method(data, control).notes)
+    assert tn.diagnose(data, control).verdict == "consistent"
+    exact = tn.simulate(plan, SETUP, {"EX0C": 20.3, "EA0A": 11.0}, noise_um=0.2, seed=3)
+    assert not any("servo_period_ms" in note for note in tn.identify(exact, SETUP).notes)

@@ -33,6 +33,8 @@ C = TypeVar("C")
 
 SHOWN = 1e-3
 """µm and arcsec: less is no number for people."""
+ROUNDING = 1e-9
+"""A value without uncertainty below this is what rounding of the computer leaves of 0."""
 MAX_NAME_WIDTH = 44  # of a first column that does not wrap
 
 Cell: TypeAlias = str | float | int | bool | None
@@ -79,7 +81,7 @@ def position(value: float) -> Shown:
 def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
     """Return a value and its standard error, shown to the two leading digits of the latter."""
     if std is None or std <= 0:
-        return significant(value, 4), std
+        return significant(0.0 if std is not None and abs(value) < ROUNDING else value, 4), std
     if not np.isfinite(std):
         return Shown(value, "–"), std
     digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))

@@ -37,6 +37,7 @@ MAX_PARTS = 5  # steps between the nearest readings
 SAME_STEP = 0.02
 MAX_STEP_SIGMAS = 100.0  # of steps that are recognised; a fit takes much of what rounding leaves
 MIN_EXACT = 8  # distinct readings that a step is recognised in although they fit far better
+SMALLEST = 1e-3  # µm, arcsec: steps below this are digits that no instrument resolves
 COARSER = 1.5  # times a stated step, that a recognised one is to be taken instead
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
@@ -228,7 +229,7 @@ def unstated(
             break
         if step <= MAX_STEP_SIGMAS * sigma:
             return step
-        many = stated == 0 and len(np.unique(values)) >= MIN_EXACT
+        many = stated == 0 and step >= SMALLEST and len(np.unique(values)) >= MIN_EXACT
         if many and np.any(np.abs(off()) > SAME_STEP * step):
             return step
     return 0.0

@@ -9,13 +9,13 @@ from dataclasses import fields, is_dataclass
 from functools import cache
 from numbers import Real
 from os import PathLike
-from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin
 
 import numpy as np
 
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
+from trunnion.base.input import file_bytes
 from trunnion.base.saved import Saved
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def read_json(source: str | PathLike[str]) -> tuple[Any, str]:
         if "\n" in text or "\0" in text or len(text) > MAX_PATH:
             raise FileFormatError(f"{where}:1:1: got {text[:20]!r}, expected a table {{...}}")
         where = text
-        raw = Path(source).read_bytes()
+        raw = file_bytes(source)
         try:
             text = raw.decode("utf-8")
         except UnicodeDecodeError as error:

@@ -86,6 +86,7 @@ SHARED: tuple[tuple[str, Any, Any], ...] = (
 )
 """Options of every command: name, annotation, default."""
 _FORCED: ContextVar[bool] = ContextVar("force", default=False)
+_READ: ContextVar[tuple[Path, ...]] = ContextVar("read", default=())
 
 
 @dataclass(frozen=True)
@@ -207,6 +208,7 @@ def command(
             **options: Any,
         ) -> None:
             reset, line = _FORCED.set(force), COMMAND.set(_command_line(context))
+            read = _READ.set(_files_given(context))
             output = options.pop("output") if own else None
             how = {key: options.pop(key) for key, *_ in READING} if reads else {}
             try:
@@ -226,6 +228,7 @@ def command(
             finally:
                 _FORCED.reset(reset)
                 COMMAND.reset(line)
+                _READ.reset(read)
 
         run.__signature__ = given.replace(  # type: ignore[attr-defined]
             parameters=[*given.parameters.values(), place, *shared], return_annotation=None
@@ -308,6 +311,14 @@ def _logged(verbose: int) -> Iterator[None]:
         _LOG.removeHandler(handler)
 
 
+def _files_given(context: typer.Context) -> tuple[Path, ...]:
+    """Return the files and folders among the arguments of the command: those that it reads."""
+    names = [p.name or "" for p in context.command.params if p.param_type_name == "argument"]
+    given = (context.params.get(name) for name in names)
+    every = (one for value in given for one in (value if isinstance(value, list) else [value]))
+    return tuple(one for one in every if isinstance(one, Path))
+
+
 def _command_line(context: typer.Context) -> str:
     """Return the command that runs, with the options that were given, as a shell takes it."""
     parts = context.command_path.split()
@@ -356,8 +367,10 @@ def near_file(path: str | Path) -> str:
 
 
 def check_outputs(*paths: Path) -> None:
-    """Refuse paths where files stand already, unless --force is given."""
+    """Refuse paths where files stand already, unless --force is given, and what is read."""
     for path in paths:
+        if any(path.exists() and file.exists() and path.samefile(file) for file in _READ.get()):
+            raise InputError(f"{path}: got a file that this command reads, expected another name")
         check_new(path, overwrite=_FORCED.get())
 
 

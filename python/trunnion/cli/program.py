@@ -57,7 +57,7 @@ def program(
     output: Output = None,
     log: LogFile = "touches.log",
     start_at: Annotated[
-        int, typer.Option("--from", help="first touch, to go on with a run that was stopped")
+        int, typer.Option("--from", min=1, help="first touch, to go on with a run that was stopped")
     ] = 1,
     dry_run: Annotated[bool, typer.Option(help="all moves but the approaches")] = False,
     feed: Annotated[
@@ -72,8 +72,11 @@ def program(
 ) -> Answer:
     """Write the LinuxCNC program that measures a plan."""
     plans, file = one_set_up(files, (1, 1), "plans")
+    plan = tn.read_touches(plans[0])
+    if start_at > len(plan):
+        raise tn.InputError(f"--from: got {start_at}, expected a touch of the plan's {len(plan)}")
     made = tn.probing_program(
-        tn.read_touches(plans[0]),
+        plan,
         tn.read_setup(file),
         log,
         name=plans[0].name,

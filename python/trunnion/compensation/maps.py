@@ -18,7 +18,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +28,7 @@ from trunnion.base import report
 from trunnion.base.arguments import checked
 from trunnion.base.checks import array, count_of, floats, positive, within
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.input import file_bytes
 from trunnion.base.output import write_text
 from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats, Integers
@@ -491,7 +491,7 @@ def read_error_map(path: str | PathLike[str]) -> ErrorMap:
     """
     name = str(path)
     resolution = None
-    for number, line in enumerate(decode(name, Path(path).read_bytes()).split("\n"), start=1):
+    for number, line in enumerate(decode(name, file_bytes(path)).split("\n"), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             break
         match = _RESOLUTION.match(line.lstrip())

@@ -24,6 +24,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError
+from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
 from trunnion.files.columns import LARGEST, parse_number
@@ -111,7 +112,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     array([26.002])
     """
     name = str(path)
-    lines = decode(name, Path(path).read_bytes()).split("\n")
+    lines = decode(name, file_bytes(path)).split("\n")
     data = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#;"]
     log = _Log(name, lines)
     notes: tuple[str, ...] = ()
@@ -134,7 +135,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
 
 def logged_hash(path: str | PathLike[str]) -> str | None:
     """Hash of the plan that the first run of a log names; None without such a line."""
-    found = re.search(RUN_LINE, decode(str(path), Path(path).read_bytes()))
+    found = re.search(RUN_LINE, decode(str(path), file_bytes(path)))
     return found["hash"] if found else None
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import codecs
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.input import file_bytes
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8"),
@@ -38,7 +38,7 @@ class Source:
     @classmethod
     def of(cls, path: str | PathLike[str], sheet: str | None = None) -> Source:
         """Return the lines of a text file, of one sheet of a workbook (xlsx), or of Parquet."""
-        raw = Path(path).read_bytes()
+        raw = file_bytes(path)
         if raw.startswith(b"PK\x03\x04"):
             from trunnion.files.workbook import sheet_lines
 

@@ -9,9 +9,9 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 from trunnion.base.errors import FileFormatError
+from trunnion.base.input import file_bytes
 from trunnion.files.text import decode, position_of
 
 MAX_DEPTH = 40
@@ -55,7 +55,7 @@ class TomlText:
     def read(cls, path: str | PathLike[str]) -> "TomlText":
         """Read and parse a file; a file that is not TOML raises FileFormatError with its place."""
         name = str(path)
-        text = decode(name, Path(path).read_bytes())
+        text = decode(name, file_bytes(path))
         tables: Mapping[str, object] | None = None
         try:
             try:

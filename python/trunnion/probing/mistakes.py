@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.probing.model import TouchModel, rounding_um
+from trunnion.probing.model import TouchModel, rounding_um, servo_period_ms
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from trunnion.setup.machines import presets
@@ -48,6 +49,13 @@ MAX_BEFORE_UM = 500.0
 
 RIVAL_FACTOR = 2.0
 """Guesses that leave up to so many times the residuals of the best are named beside it."""
+
+ALONG = 0.9
+"""Cosine of the angle between an approach and the spindle within which it is along it."""
+
+MIN_ALONG = 3
+MAX_LONGER_MM = 500.0
+"""How far from the surface the contact of such an approach is looked for."""
 
 MAX_ROWS = 500
 MIN_FREEDOM = 5
@@ -109,6 +117,13 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
         )
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
+    probe = setup.probe
+    if not probe.servo_period_ms and not probe.tick_um and (period := servo_period_ms(data)):
+        said.append(
+            f"The steps of the touches are as their feeds: the control looks at the probe every "
+            f"{period:.3g} ms, and touches are {period / 2:.3g} ms late in the mean, which looks "
+            f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
+        )
     return tuple(said)
 
 
@@ -240,6 +255,18 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
     turned = {f"{letter}_deg": np.degrees(angle) for letter, angle in data.rotary_deg.items()}
     with suppress(TrunnionError):  # too far for angles
         yield Guess("if their angles are in radians", data.with_columns(**turned), setup)
+    for one, other in combinations("xyz", 2):
+        exchanged = {f"{one}_mm": getattr(data, f"{other}_mm")}
+        exchanged[f"{other}_mm"] = getattr(data, f"{one}_mm")
+        meant = data.with_columns(**exchanged)
+        yield Guess(f"if {one}_mm and {other}_mm are exchanged", meant, setup)
+    if long := _longer_mm(data, setup):
+        text = (
+            f"if the tool is {abs(long):.4g} mm {'longer' if long > 0 else 'shorter'} than the "
+            "control took it for (was G43 off, or the length of another tool on?), or the artefact "
+            f"stands as much {'higher' if long > 0 else 'lower'} (place_mm)"
+        )
+        yield Guess(text, _at(data, data.position_mm - long * _spindle(data, setup)), setup)
     if "head" in Chain(setup).sides.values():  # else it is a location error, named by its size
         along = setup.probe.ball_radius_mm * _spindle(data, setup)
         for end, sign in TOOL_ENDS.items():
@@ -273,6 +300,30 @@ def _spindle(data: Touches, setup: Setup) -> Floats:
     return np.asarray(chain.machine({}).forward(axes)[:, 3:])
 
 
+def _longer_mm(data: Touches, setup: Setup) -> float:
+    """By how much touches along the spindle are recorded too far from the work; 0: unknown."""
+    if not {letter.upper() for letter in data.rotary_deg} <= set(Chain(setup).letters):
+        return 0.0  # of another machine
+    along = np.sum(data.direction * _spindle(data, setup), axis=1) < -ALONG
+    if np.count_nonzero(along) < MIN_ALONG:
+        return 0.0
+    model, ahead = TouchModel(setup), data[np.flatnonzero(along)]
+    try:
+        way = model.core.simulate(
+            model.moves(ahead),
+            model.values(),
+            from_start=False,
+            reach_mm=MAX_LONGER_MM,
+            noise_um=0.0,
+            seed=0,
+            sample=0,
+        )
+    except TrunnionError:  # some miss the artefact
+        return 0.0
+    long = float(np.median(way))
+    return long if abs(long) > LARGE_UM / 1e3 else 0.0
+
+
 def _in_mm(part: Artefact | Probe, factor: float) -> Artefact | Probe:
     """Return a part whose lengths are in another unit in mm; those by default are, already."""
     lengths = {
@@ -298,6 +349,11 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
         axes = {letter: replace(axis, sense=-axis.sense) for letter, axis in known.items()}
         text = " and ".join(f"sense = {axis.sense} of axis {x}" for x, axis in axes.items())
         yield "axes", {**setup.axes, **axes}, f"with {text}"
+    long, wide = setup.artefact.length_mm, setup.artefact.width_mm
+    if long is not None and wide is not None:
+        with suppress(TrunnionError):  # no artefact of its kind
+            other = replace(setup.artefact, length_mm=wide, width_mm=long)
+            yield "artefact", other, "with artefact.length_mm and width_mm exchanged"
     for preset in presets():
         if preset != setup.machine.name:
             yield "machine", Machine(preset), f'with preset = "{preset}"'

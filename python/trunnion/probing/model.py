@@ -10,7 +10,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import unstated
+from trunnion.base.resolution import recognised, unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -22,6 +22,10 @@ UNKNOWN_TICK = (
     "probe.servo_period_ms (or probe.tick_um); if coordinates are only rounded to it: "
     "probe.resolution_um"
 )
+
+PERIODS_MS = (0.05, 20.0)
+"""Servo periods of controls."""
+SAME_PERIOD = 0.02
 
 
 def catalogue(setup: Setup) -> tuple[EffectInfo, ...]:
@@ -84,6 +88,20 @@ def recorded_um(touches: Touches) -> tuple[Floats, ...]:
         return known
     way = np.einsum("ij,ij->i", places - touches.start_mm, touches.direction)
     return (np.asarray(1e3 * way), *known)
+
+
+def servo_period_ms(touches: Touches) -> float:
+    """Period that touches at several feeds are looked at, as their ways say; 0: none is seen.
+
+    The ways are whole steps, and the steps are as the feeds: of no display, but of a clock.
+    """
+    feed, start = touches.feed_mm_min, touches.start_mm
+    if feed is None or start is None or not np.all(feed > 0):
+        return 0.0
+    way = 1e3 * np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
+    periods = [recognised(60.0 * way[feed == f] / f) for f in np.unique(feed)]
+    same = len(periods) > 1 and np.allclose(periods, periods[0], rtol=SAME_PERIOD)
+    return periods[0] if same and PERIODS_MS[0] <= periods[0] <= PERIODS_MS[1] else 0.0
 
 
 def with_recognised_step(

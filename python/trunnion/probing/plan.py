@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
+from trunnion.probing.mistakes import in_other_units
 from trunnion.probing.steps import arrangement, cycle_of
 from trunnion.setup import Setup
 
@@ -104,6 +106,8 @@ def plan(
     [0.0, 90.0, 180.0, 270.0]
     """
     chain = Chain(setup)
+    if doubt := in_other_units(setup.machine.errors):
+        warnings.warn(f"plan, [machine.errors]: got {doubt}", UserWarning, stacklevel=3)
     given = {"A": a_deg, "B": b_deg, "C": c_deg}
     for letter, angles in given.items():
         if angles is not None and letter not in chain.letters:
