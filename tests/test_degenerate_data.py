@@ -98,3 +98,28 @@ def test_noise_in_the_diameters_of_a_pass_given_five_times_is_no_cause() -> None
         made = data.with_columns(error_um=noise)
         good += tn.diagnose(tn.Diameters.concatenate([made] * 5), setup).verdict == "consistent"
     assert kept(good, RUNS, PROMISE)
+
+
+def test_a_pass_that_was_copied_under_other_labels_counts_once() -> None:
+    """Random errors of one cycle, in five: as causes they would repeat to the last digit."""
+    rng = np.random.default_rng(5)
+    targets = np.tile(np.linspace(8.0, 500.0, 12), 2)
+    measured = targets + 1e-3 * rng.standard_normal(24)
+    way = np.repeat([1, -1], 12)
+
+    def run(cycles: int, noise_mm: float = 0.0) -> tn.Positioning:
+        again = np.tile(measured, cycles) + noise_mm * rng.standard_normal(24 * cycles)
+        return tn.Positioning(
+            target_mm=np.tile(targets, cycles),
+            measured_mm=again,
+            direction=np.tile(way, cycles),
+            cycle=np.repeat(np.arange(1, cycles + 1), 24),
+            time_s=np.arange(24.0 * cycles),
+        )
+
+    once, copied = tn.diagnose(run(1)), tn.diagnose(run(5))
+    assert copied.verdict == once.verdict == "consistent"
+    assert "96 of 120 rows repeat others to the last digit under another cycle" in copied.notes[0]
+    assert copied.sigma == once.sigma
+    real = tn.diagnose(run(5, 1e-6))  # measured again, of a machine that repeats to 1 nm
+    assert not any("repeat others" in note for note in real.notes)

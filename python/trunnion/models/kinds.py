@@ -17,7 +17,6 @@ import numpy as np
 from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import InputError, TrunnionError
-from trunnion.base.units import Integers
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
@@ -25,8 +24,9 @@ from trunnion.diagnosis.engine import leave
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.files.table import Table, named_columns
+from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
+from trunnion.models.distinct import distinct_rows
 from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
@@ -236,21 +236,6 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     raise InputError(f"data: got {type(data).__name__}, expected {known}, or a diagnosis model")
 
 
-def _distinct_rows(data: Any) -> tuple[Any, Integers | None]:
-    """Return the data without rows that repeat others in every column; which rows, or None."""
-    if not isinstance(data, Table) or len(data) < 2:
-        return data, None
-    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
-    numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
-    total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
-    if len(np.unique(total)) == len(data):
-        return data, None
-    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
-    _, first = np.unique(np.column_stack(codes), axis=0, return_index=True)
-    first = np.sort(first)
-    return (data, None) if len(first) == len(data) else (data[first], first)
-
-
 @checked
 def catalogue(of: Any, setup: Setup | None = None) -> tuple[EffectInfo, ...]:
     """List the effects that a measurement is diagnosed for.
@@ -332,7 +317,7 @@ def diagnose(
 
 def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
-    used, first = _distinct_rows(data)
+    used, first, repeated = distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
@@ -344,12 +329,8 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)
         found = replace(found, contributions=contributions)
     if first is not None:
-        note = (
-            f"{len(data) - len(used)} of {len(data)} rows repeat others in every column (were they "
-            "pasted twice?): each counts once."
-        )
         outliers = tuple(int(first[row]) for row in found.outliers)
-        found = replace(found, outliers=outliers, notes=(note, *found.notes))
+        found = replace(found, outliers=outliers, notes=(*repeated, *found.notes))
     return found
 
 
@@ -362,7 +343,7 @@ def measured_of(found: Diagnosis) -> Measured:
         As `Diagnosis.rebuilt_model`.
     """
     model = found.rebuilt_model()
-    used, first = _distinct_rows(found.data)
+    used, first, _ = distinct_rows(found.data)
     if first is not None:
         model = model_of(used, found.setup, found.candidates)
     return Measured(kind_name(found.data), found.data, first, Left.of(found) or leave(model), model)
@@ -400,7 +381,7 @@ def _measured(
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
     """Explain one measurement, of which rows that repeat others count once."""
-    used, first = _distinct_rows(data)
+    used, first, _ = distinct_rows(data)
     model = model_of(used, setup, effects)
     left = leave(model)
     if first is not None:

@@ -29,7 +29,7 @@ class Measured:
     kind, data
         Its kind, as the command line calls it, and the data.
     distinct
-        Rows that do not repeat others in every column; None: all.
+        Rows that are readings of their own (:mod:`trunnion.models.distinct`); None: all.
     alone
         What its own diagnosis leaves.
     model

@@ -1,0 +1,77 @@
+"""Rows that are no readings of their own: pasted twice, or copied to other labels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trunnion.base.units import Integers
+from trunnion.files.table import Table
+
+LABELS = ("cycle", "pass", "run")
+"""Columns that number what was measured again; a copy has others, and other times."""
+MIN_COPIED = 6
+"""Rows of a block: fewer may repeat others by chance where readings are in steps."""
+
+
+def distinct_rows(data: Any) -> tuple[Any, Integers | None, tuple[str, ...]]:
+    """Return the data without rows that are no readings of their own, which rows, and notes.
+
+    All rows: the data, None and no note.
+    """
+    if not isinstance(data, Table) or len(data) < 2:
+        return data, None, ()
+    first, notes = np.arange(len(data)), []
+    for found, what in (
+        (_once, "in every column (were they pasted twice?)"),
+        (_without_copies, f"to the last digit under another {_label(data)} (were they copied?)"),
+    ):
+        some = first if len(first) < len(data) else slice(None)
+        own = found(data[some])
+        if len(own) < len(first):
+            count = len(first) - len(own)
+            notes.append(f"{count} of {len(first)} rows repeat others {what}: each counts once.")
+            first = first[own]
+    return (data[first], first, tuple(notes)) if notes else (data, None, ())
+
+
+def _once(data: Table) -> Integers:
+    """Rows that do not repeat others in every column."""
+    # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
+    numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
+    total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
+    if len(np.unique(total)) == len(data):
+        return np.arange(len(data))
+    codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
+    return np.sort(np.unique(np.column_stack(codes), axis=0, return_index=True)[1])
+
+
+def _label(data: Table) -> str:
+    """Name of the column that numbers repetitions; empty: none."""
+    return next((name for name in LABELS if name in data.columns), "")
+
+
+def _without_copies(data: Table) -> Integers:
+    """Rows of blocks of one label that are not an earlier block in all but label and time."""
+    rows = np.arange(len(data))
+    if not (name := _label(data)):
+        return rows
+    number = np.unique(data.columns[name], return_inverse=True)[1].reshape(-1)
+    blocks = [rows[number == i] for i in range(number.max() + 1)]
+    if len(blocks) < 2:
+        return rows
+    compared = [v for k, v in data.columns.items() if k not in (name, "time_s")]
+    kept: dict[bytes, Integers] = {}
+    for block in blocks:
+        signature = b"".join(_bytes(v[block]) for v in compared)
+        if len(block) < MIN_COPIED:
+            signature += bytes(str(block[0]), "ascii")
+        kept.setdefault(signature, block)
+    return np.sort(np.concatenate(list(kept.values())))
+
+
+def _bytes(values: NDArray[Any]) -> bytes:
+    """What tells two columns apart: objects (text) by their text."""
+    return (values.astype(str) if values.dtype == object else values).tobytes() + b"|"
