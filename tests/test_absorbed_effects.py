@@ -126,3 +126,15 @@ def test_an_error_confounded_with_a_named_effect_has_no_size_either(seed: int) -
     assert d.not_identifiable["EZ0A"].endswith("change no reading")
     for member in ("EZ0A", "dz_um", "a_sag.ky_um", "a_sag.kz_um"):
         assert member in d.not_identifiable["EZ0A"]
+
+
+@pytest.mark.parametrize("preset", ["head-bc", "table-c-head-b", "nutating-head", "head-ac"])
+def test_on_heads_too_an_absorbed_effect_has_a_size(preset: str) -> None:
+    """Errors of a head are left open by one artefact: what an effect adds to these is said."""
+    setup = tn.Setup(tn.Artefact("cross"), machine=tn.Machine(preset))
+    data = tn.simulate(tn.plan(setup), setup, {}, {"dx_um": 100.0}, noise_um=0.3, seed=1)
+    said = tn.diagnose(data, setup).not_identifiable
+    absorbed = {name: text for name, text in said.items() if "always fitted absorbs" in text}
+    assert {"artefact_height", "backlash_z", "scale_z"} <= set(absorbed)
+    assert all("would shift" in text for text in absorbed.values())
+    assert "leave open in part" in absorbed["backlash_z"]

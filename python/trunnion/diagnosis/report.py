@@ -42,6 +42,9 @@ UNDETERMINED = "these data do not determine it"
 ABSORBED = "what is always fitted absorbs it"
 PARTLY_ABSORBED = "what is always fitted absorbs a part of it"
 PLACED_ONLY = " (only the placement)"
+LEFT_OPEN = " (which these readings leave open in part)"
+SEEN = 0.1  # µm, arcsec: what is said of errors that have no standard error begins at half of it
+NO_MATTER = "what is likely of it would shift nothing by half a standard error"
 MIN_SHARE = 0.25  # of the variance of a reading, from which its rounding is mentioned
 MAX_STEPS = 3
 TINY = 1e-300
@@ -285,8 +288,14 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
     and they are not in the fit ``f``, which has no standard errors for such a combination.
     """
     out, plain = {}, case.plain
-    nuisance = zip(case.model.nuisance, f.std(), strict=False)
-    placement = {x.name: float(s) for x, s in nuisance if x.owner is Owner.PLACEMENT}
+    fitted = list(zip(case.model.nuisance, map(float, f.std()), strict=False))
+    machine = {**{x.name: s for x, s in fitted if x.owner is Owner.MACHINE}, **std}
+    placement = {x.name: s for x, s in fitted if x.owner is Owner.PLACEMENT}
+    known = (
+        (machine, ""),
+        (placement, PLACED_ONLY),
+        ({name: SEEN for name, s in machine.items() if np.isinf(s)}, LEFT_OPEN),
+    )
     along = case.white(plain.jacobian) @ plain.directions.T
     rank = dict.fromkeys(map(int, candidates.not_identifiable), 0)
     for owner, of_block in zip(candidates.owner, candidates.rank, strict=True):
@@ -301,12 +310,11 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         names = [*(x.name for x in case.model.nuisance), *units]
         rows = confounded(plain, along, case.white(columns))
         combinations = [dict(zip(names, row, strict=True)) for row in rows]
-        bias = bias_in_words(combinations, units, std)
+        said = ((bias_in_words(combinations, units, errors), what) for errors, what in known)
+        bias, what = next(((bias, what) for bias, what in said if bias), ("", ""))
         if rank[j] == 0:
-            if not bias and (placed := bias_in_words(combinations, units, placement)):
-                bias = f"{placed}{PLACED_ONLY}"
-            out[effect.id] = f"{ABSORBED}: {bias}" if bias else ABSORBED
-        elif bias:
+            out[effect.id] = f"{ABSORBED}: {bias}{what}" if bias else f"{ABSORBED}: {NO_MATTER}"
+        elif bias and not what:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
     return out
 
