@@ -299,6 +299,12 @@ def growth(off: Floats, variance: Floats) -> Floats:
     return np.sqrt(np.where(known, share, 1.0))
 
 
+def grown(covariance: Floats, off: Floats) -> Floats:
+    """Covariance of estimates whose errors in such draws are ``off``, shape (p, s)."""
+    more = growth(off, np.diag(covariance))
+    return covariance * np.outer(more, more)
+
+
 def inflation(
     gains: Callable[[Floats], Floats], errors: Floats, rank: Integers, chance: Floats
 ) -> Floats:

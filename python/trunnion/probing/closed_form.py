@@ -11,18 +11,18 @@ import trunnion._core as _core
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import ANY_PLACE, Grid, growth
+from trunnion.base.resolution import ANY_PLACE, grown
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
     TouchModel,
+    grid_of,
     known_sigma_um,
     readings_um,
     rounding_um,
     steps_um,
-    stops_of,
     with_recognised_step,
 )
 from trunnion.probing.result import ClosedFormResult, PerPosition
@@ -161,17 +161,13 @@ def _beside_rounding(
     model: TouchModel, data: Touches, values: Floats, operator: Floats, covariance: Floats
 ) -> Floats:
     """Covariance that knows of touches that round alike, as :func:`trunnion.identify` has it."""
-    steps = steps_um(model.setup, data)
-    if not np.any(steps > 0):
+    if not np.any(steps_um(model.setup, data)):
         return covariance
     along, moves = readings_um(data), model.moves(data)
     jacobian = model.core.linearise(moves, values)[1]
     residuals = model.core.residuals(moves, values)
-    grid = Grid.of(along, steps, jacobian, stops_of(data))
+    grid = grid_of(model, data, jacobian)
     noise = grid.noise(residuals, len(along) - len(values))
     columns = jacobian[:, : len(covariance)]
     drawn = grid.draws(along, residuals, columns, covariance, noise, ANY_PLACE)
-    if drawn is None:
-        return covariance
-    more = growth(operator @ drawn, np.diag(covariance))
-    return covariance * np.outer(more, more)
+    return covariance if drawn is None else grown(covariance, operator @ drawn)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trunnion._core import Moves
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.resolution import ANY_PLACE, Grid, Repeats, growth
+from trunnion.base.resolution import ANY_PLACE, Repeats, grown
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.times import time_notes
@@ -25,11 +25,11 @@ from trunnion.probing.inputs import certificate, inputs_of
 from trunnion.probing.mistakes import likely_mistakes, mistakes_named
 from trunnion.probing.model import (
     TouchModel,
+    grid_of,
     known_sigma_um,
     readings_um,
     rounding_um,
     steps_um,
-    stops_of,
     with_recognised_step,
 )
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
@@ -258,8 +258,7 @@ def _beside_rounding(
     """
     along = readings_um(data)
     jacobian = model.core.linearise(moves, found.values)[1]
-    plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
-    grid = Grid.of(along, steps_um(model.setup, data), plain, stops_of(data))
+    grid = grid_of(model, data, jacobian)
     noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
     errors = grid.errors(noise)
     shared = errors if errors is not None and len(errors.rows) else None
@@ -272,8 +271,7 @@ def _beside_rounding(
         covariance = found.sigma_um**2 * cofactor @ shared.covariance(weighted) @ cofactor
         covariance = covariance + _covariance(known, len(covariance))
     if drawn is not None:
-        more = growth(cofactor @ (weighted.T @ drawn), np.diag(covariance))
-        covariance = covariance * np.outer(more, more)
+        covariance = grown(covariance, cofactor @ (weighted.T @ drawn))
     std = np.where(np.isfinite(found.std_errors), np.sqrt(np.diag(covariance)), np.inf)
     return replace(found, covariance=covariance, std_errors=std), shared
 

@@ -10,7 +10,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import recognised, unstated
+from trunnion.base.resolution import Grid, recognised, unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -279,3 +279,12 @@ class TouchModel:
                 effect, parameter = name.split(".", 1)
                 found[effect][parameter] = float(value)
         return found
+
+
+def grid_of(model: TouchModel, touches: Touches, jacobian: Floats) -> Grid:
+    """Return the steps of touches, and which of them round alike.
+
+    jacobian: By location errors, placement and what else is fitted, shape (n, p).
+    """
+    plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
+    return Grid.of(readings_um(touches), steps_um(model.setup, touches), plain, stops_of(touches))
