@@ -176,7 +176,7 @@ class Case:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
         drawn = self.rounding(f)
         if drawn is None:
-            return np.ones(len(self.dictionary.terms))
+            return np.ones(self.dictionary.count)
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))
