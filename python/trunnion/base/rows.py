@@ -1,8 +1,9 @@
 """Rows of long arrays, some at a time: a processor works faster on what its cache holds."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trunnion.base.units import Flags, Integers
 
@@ -21,3 +22,20 @@ def where(some: Flags) -> slice | Integers:
     if len(rows) > 1 and np.all(steps == steps[0]):
         return slice(int(rows[0]), int(rows[-1]) + 1, int(steps[0]))
     return rows
+
+
+def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
+    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
+
+    each: How many readings a row has.
+    """
+    columns = [np.asarray(part) for part in parts]
+    order = np.lexsort(columns[::-1])
+    new = np.zeros(len(order), dtype=bool)
+    for column in (x[order] for x in columns):
+        new[1:] |= column[1:] != column[:-1]
+    label = np.empty(len(order), dtype=np.intp)
+    label[order] = np.cumsum(new)
+    several = np.repeat(np.bincount(label)[label] > 1, each)
+    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
+    return np.where(several, labels, -1).astype(np.intp) if several.any() else None

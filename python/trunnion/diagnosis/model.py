@@ -179,17 +179,6 @@ def identity(columns: Floats) -> Floats:
     return columns
 
 
-def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
-    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
-
-    each: How many readings a row has.
-    """
-    label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-    several = np.repeat(np.bincount(label)[label] > 1, each)
-    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
-    return np.where(several, labels, -1).astype(np.intp) if several.any() else None
-
-
 class Model:
     """A model bound to data, n readings and p nuisance parameters: everything the engine asks.
 
@@ -338,11 +327,7 @@ class Model:
     def linear_columns(
         self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
     ) -> Floats:
-        """Return the derivative by an effect's linear parameters at each of some values.
-
-        One column a row, (v, k, n): :meth:`effect_jacobian` where a model has no quicker way to all
-        of them.
-        """
+        """Return the derivative by linear parameters at each of some values, (v, k, n)."""
         linear = [i for i, p in enumerate(effect.parameters) if p.linear]
         # Columns one after the other in memory, as all that is done with them needs them.
         out = np.empty((len(values), len(linear), len(self.readings)))

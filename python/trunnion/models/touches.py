@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import (
@@ -35,7 +36,6 @@ from trunnion.diagnosis.model import (
     OneEffect,
     Readings,
     Uncertainty,
-    repeats,
 )
 from trunnion.machine.budget import Input
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
