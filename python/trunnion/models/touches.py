@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -156,7 +157,7 @@ class TouchDiagnosisModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
-        return mistakes_in(self._model(()), self.data)
+        return mistakes_in(self._model(()), self.data, self._moves)
 
     @property
     def start(self) -> Floats:
@@ -300,7 +301,7 @@ class TouchDiagnosisModel(Model):
 
     # --- what the engine looks for structure in
 
-    @property
+    @cached_property
     def covariates(self) -> tuple[Covariate, ...]:
         """Axis positions, senses, time or order, feed, place, direction, face, point."""
         faces = Covariate("face", self._faces, classes=True)
@@ -320,12 +321,12 @@ class TouchDiagnosisModel(Model):
         """As each rotary axis stands further, from the model of the machine."""
         return turning(self._model(()), self.data, self._whole(self.start))
 
-    @property
+    @cached_property
     def groups(self) -> Integers:
         """One position of the rotary axes is left out at a time."""
         return stops_of(self.data)
 
-    @property
+    @cached_property
     def replicates(self) -> Integers | None:
         """Touches of the same place from the same side, at the same feed and sense of turning."""
         data = self.data
