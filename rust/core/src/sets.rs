@@ -60,6 +60,9 @@ pub struct Set {
     pub residual: Vec<f64>,
     /// What it leaves of each squared column.
     free: Vec<f64>,
+    /// What it leaves of the products of the columns of each block, those below the diagonal of
+    /// their matrix row by row: of all blocks that are not wide, one after the other.
+    cross: Vec<f64>,
     /// Sum of squares that it leaves.
     pub rss: f64,
     /// Sum of the penalties.
@@ -104,6 +107,19 @@ impl Score {
 }
 
 impl Set {
+    /// The set without its basis.
+    fn without(&self) -> Self {
+        Self {
+            blocks: self.blocks.clone(),
+            taken: Vec::new(),
+            residual: self.residual.clone(),
+            free: self.free.clone(),
+            cross: self.cross.clone(),
+            rss: self.rss,
+            penalty: self.penalty,
+        }
+    }
+
     /// Count of the columns.
     #[must_use]
     pub const fn columns(&self) -> usize {
@@ -148,7 +164,13 @@ impl Blocks {
             return Err(Error::input("residuals", residual.len(), self.width.to_string()));
         }
         let free = vec![1.0; self.width];
-        Ok(Set { residual, free, rss, ..Set::default() })
+        let cross = vec![0.0; self.pairs().sum()];
+        Ok(Set { residual, free, cross, rss, ..Set::default() })
+    }
+
+    /// Count of the numbers that [`Set::cross`] has of each block.
+    fn pairs(&self) -> impl Iterator<Item = usize> {
+        self.rank.iter().map(|&k| if k > WIDE { 0 } else { k * k.saturating_sub(1) / 2 })
     }
 
     /// A set and one more block, `products`: inner products of its columns with all (k, width).
@@ -169,7 +191,8 @@ impl Blocks {
         }
         let own = DMatrix::from_fn(k, k, |i, j| left[i * m + start + j]);
         let found = SymmetricEigen::new(own);
-        let mut new = set.clone();
+        let mut new = Set { taken: Vec::with_capacity(set.taken.len() + k * m), ..set.without() };
+        new.taken.extend_from_slice(&set.taken);
         let ways = found.eigenvalues.iter().zip(found.eigenvectors.column_iter());
         for (w, u) in ways.filter(|(w, _)| **w > self.dependent) {
             let mut row = vec![0.0; m];
@@ -184,12 +207,24 @@ impl Blocks {
                 new.residual[c] -= along * x;
                 new.free[c] -= x * x;
             }
+            self.take_pairs(&row, &mut new.cross);
             new.rss -= along * along;
             new.taken.extend(row);
         }
         new.blocks.push(block);
         new.penalty += self.penalty[block];
         Ok(new)
+    }
+
+    /// Takes the products of a row's numbers from those of the columns of each block.
+    fn take_pairs(&self, row: &[f64], cross: &mut [f64]) {
+        let mut rest = cross.iter_mut();
+        let narrow = self.start.iter().zip(&self.rank).filter(|(_, k)| **k > 1 && **k <= WIDE);
+        for (&start, &k) in narrow {
+            let own = &row[start..start + k];
+            let pairs = (1..k).flat_map(|i| own[..i].iter().map(move |x| x * own[i]));
+            pairs.zip(rest.by_ref()).for_each(|(pair, left)| *left -= pair);
+        }
     }
 
     /// Every candidate beside every set, each at its best block, best first: as far as `reach`
@@ -204,15 +239,23 @@ impl Blocks {
         (best, reach, many): (f64, f64, usize),
     ) -> Result<Vec<Tried>> {
         let mut found = Vec::new();
+        let ends = self.pairs().scan(0, |end, pairs| {
+            *end += pairs;
+            Some(*end)
+        });
+        let at: Vec<usize> = std::iter::once(0).chain(ends).collect();
         for (number, set) in sets.iter().enumerate() {
             self.of_block(set, 0)?;
             let inside: Vec<usize> = set.blocks.iter().map(|&b| self.candidate[b]).collect();
+            if set.cross.len() != at.last().copied().unwrap_or(0) {
+                return Err(Error::input("set of blocks", "another", "one of these blocks"));
+            }
             let mut first = 0;
             while first < self.start.len() {
                 let candidate = self.candidate[first];
                 let end = first + self.candidate[first..].partition_point(|c| *c == candidate);
                 if !inside.contains(&candidate) {
-                    found.extend(self.best_of(set, number, first..end, score));
+                    found.extend(self.best_of(set, number, first..end, (score, &at)));
                 }
                 first = end;
             }
@@ -233,12 +276,12 @@ impl Blocks {
         set: &Set,
         number: usize,
         blocks: std::ops::Range<usize>,
-        score: &Score,
+        (score, at): (&Score, &[usize]),
     ) -> Option<Tried> {
         let size = set.columns();
         let mut best: Option<Tried> = None;
         for block in blocks {
-            let (gain, new) = self.gain(set, block);
+            let (gain, new) = self.gain(set, block, at[block]);
             if new == 0 {
                 continue;
             }
@@ -261,9 +304,10 @@ impl Blocks {
         Ok((self.width, self.start[block], self.rank[block]))
     }
 
-    /// Drop of the sum of squares by a block beside a set, and count of its new columns.
-    fn gain(&self, set: &Set, block: usize) -> (f64, usize) {
-        let (m, start, k) = (self.width, self.start[block], self.rank[block]);
+    /// Drop of the sum of squares by a block beside a set, and count of its new columns; `at`: where
+    /// its numbers in [`Set::cross`] start.
+    fn gain(&self, set: &Set, block: usize, at: usize) -> (f64, usize) {
+        let (start, k) = (self.start[block], self.rank[block]);
         if k > WIDE {
             return self.wide_gain(set, block);
         }
@@ -271,15 +315,9 @@ impl Blocks {
         let mut z = [0.0; WIDE];
         let mut a = [[0.0; WIDE]; WIDE];
         z[..k].copy_from_slice(&set.residual[start..start + k]);
-        if k > 1 {
-            for taken in set.taken.chunks_exact(m) {
-                let own = &taken[start..start + k];
-                for i in 1..k {
-                    for j in 0..i {
-                        a[i][j] -= own[i] * own[j];
-                    }
-                }
-            }
+        let mut rest = set.cross[at..].iter();
+        for (i, row) in a.iter_mut().enumerate().take(k).skip(1) {
+            row[..i].iter_mut().zip(rest.by_ref()).for_each(|(x, left)| *x = *left);
         }
         for (i, (row, free)) in a.iter_mut().zip(&set.free[start..start + k]).enumerate() {
             row[i] = *free;
@@ -381,6 +419,41 @@ mod tests {
     }
 
     #[test]
+    fn every_block_of_several_columns_keeps_its_own_products() -> Tested {
+        // Two blocks of two columns that share a reading with the first.
+        let x = [
+            [0.6, 0.8, 0.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.6, 0.8, 0.0, 0.0],
+            [0.8, 0.0, 0.0, 0.6, 0.0],
+            [0.0, 0.8, 0.0, 0.0, 0.6],
+        ];
+        let r = [3.0, -1.0, 2.0, 0.5, 1.0];
+        let blocks = Blocks {
+            width: 5,
+            start: vec![0, 1, 3],
+            rank: vec![1, 2, 2],
+            candidate: vec![0, 1, 2],
+            penalty: vec![1.0, 2.0, 2.0],
+            positive: vec![false; 3],
+            dependent: 1e-5,
+        };
+        let products = |i: usize| x.map(|c| product(&x[i], &c)).to_vec();
+        let empty = blocks.empty(x.iter().map(|c| product(c, &r)).collect(), product(&r, &r))?;
+        let one = blocks.extended(&empty, 0, &products(0))?;
+        let score = Score { degrees_of_freedom: 100, ..Score::default() };
+        let mut tried = blocks.tried(&[&one], &score, (f64::INFINITY, 1e3, 2))?;
+        tried.sort_by_key(|found| found.block);
+        for (found, block) in tried.iter().zip([1, 2]) {
+            let both: Vec<f64> = (2 * block - 1..=2 * block).flat_map(products).collect();
+            let set = blocks.extended(&one, block, &both)?;
+            assert_eq!((found.block, found.columns), (block, 3));
+            assert!((found.rss - set.rss).abs() < 1e-12, "{} {}", found.rss, set.rss);
+        }
+        Ok(())
+    }
+
+    #[test]
     fn wide_blocks_gain_what_pivots_say() -> Tested {
         let width = WIDE + 1;
         let mut blocks = Blocks {
@@ -394,8 +467,8 @@ mod tests {
         };
         let empty = blocks.empty((0..width).map(|i| i as f64).collect(), 1e3)?;
         let squares = |n: usize| (0..n).map(|i| (i * i) as f64).sum::<f64>();
-        assert_eq!(blocks.gain(&empty, 0), (squares(width), width));
-        assert_eq!(blocks.gain(&empty, 1), (squares(WIDE), WIDE));
+        assert_eq!(blocks.gain(&empty, 0, 0), (squares(width), width));
+        assert_eq!(blocks.gain(&empty, 1, 0), (squares(WIDE), WIDE));
         blocks.start[1] = 2;
         assert!(blocks.check().is_err());
         Ok(())
