@@ -31,12 +31,49 @@ _Flags: TypeAlias = npt.NDArray[np.bool_]
 _Kind: TypeAlias = Literal["linear", "moment", "duration"]
 
 # --- statistics
-__all__ += ["linear_fit"]
+__all__ += ["CauseBlocks", "CauseSet", "linear_fit"]
 
 def linear_fit(
     columns: _Floats, values: _Floats, hold: Sequence[bool], tolerance: float, basis: bool
 ) -> tuple[_Floats, _Floats, int, _Floats, _Flags, _Flags, _Floats, _Floats, _Floats]:
     """What the fields of trunnion.base.statistics.LinearFit hold, in their order."""
+
+@final
+class CauseSet:
+    """A set of blocks of candidates, by its inner products with their columns."""
+
+    @property
+    def rss(self) -> float: ...
+    @property
+    def penalty(self) -> float: ...
+    @property
+    def columns(self) -> int: ...
+    def products(self) -> tuple[_Floats, _Floats]: ...
+
+@final
+class CauseBlocks:
+    """The blocks of all candidates, and what sets of them cost."""
+
+    def __new__(
+        cls,
+        *,
+        width: int,
+        start: Sequence[int],
+        rank: Sequence[int],
+        candidate: Sequence[int],
+        penalty: _Floats,
+        positive: Sequence[bool],
+        dependent: float,
+        degrees_of_freedom: int,
+        floor: float,
+        least: float,
+    ) -> CauseBlocks: ...
+    def empty(self, residual: _Floats, rss: float) -> CauseSet: ...
+    def extended(self, before: CauseSet, block: int, products: _Floats) -> CauseSet: ...
+    def tried(
+        self, sets: Sequence[CauseSet], best: float, reach: float, many: int
+    ) -> list[tuple[float, int, int, float, int]]:
+        """Score, number of the set, block, sum of squares, count of columns; best first."""
 
 _Method: TypeAlias = Literal["separating", "printed", "identified"]
 _Feedback: TypeAlias = Literal["motor", "load"]

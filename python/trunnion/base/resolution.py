@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trunnion.base.rows import equal_rows
 from trunnion.base.units import Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
@@ -101,9 +102,7 @@ class Grid:
         """
         size = np.abs(jacobian).max(axis=0)
         rows = np.floor(jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
-        parts = np.column_stack([rows, step, groups])
-        first, label = np.unique(parts, axis=0, return_index=True, return_inverse=True)[1:]
-        label = label.reshape(-1)
+        label, first = equal_rows([*rows.T, step, groups])
         off = (values - values[first][label]) / np.where(step > 0, step, np.inf)
         alike = (np.abs(off - np.round(off)) < SAME_PHASE_STEPS) & (step > 0)
         return cls(step, _several(np.where(alike, label, -1)))

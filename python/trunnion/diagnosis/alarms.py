@@ -54,7 +54,7 @@ class Alarm:
         """Test all terms of unexplained structure, for some fit."""
         d = case.dictionary
         gain, rank = d.of_fit(f)
-        n = len(d.terms)
+        n = d.count
         alarm = cls(
             lambda r: d.gains(r, f.basis)[0],
             rank,

@@ -17,6 +17,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.units import Flags, Floats, Integers
+from trunnion.diagnosis.combined import Combined
 
 
 @dataclass(frozen=True)
@@ -46,25 +47,6 @@ class Pencil:
 
 # a candidate, some of its variants (v, n, k)
 Piece: TypeAlias = tuple[int, Floats | Pencil]
-
-
-@dataclass(frozen=True)
-class _Combined:
-    """Columns that are combinations ``weights`` (m, q) of a few ``shared`` ones (q, n)."""
-
-    weights: Floats
-    shared: Floats
-
-    @cached_property
-    def products(self) -> Floats:
-        """Inner products of the shared columns (q, q)."""
-        return np.asarray(self.shared @ self.shared.T)
-
-    def __len__(self) -> int:
-        return len(self.weights)
-
-    def __getitem__(self, some: slice) -> Floats:
-        return np.asarray(self.weights[some] @ self.shared)
 
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
@@ -143,7 +125,7 @@ class Candidates:
         n, p = basis.shape
         self.dof = n - p
         kind = storage(numbers)
-        parts: list[Floats | _Combined] = []
+        parts: list[Floats | Combined] = []
         owner, rank, start = [NONE], [NONE], [NONE]
         filled = 0
         for batch in _batches(pieces):
@@ -153,7 +135,7 @@ class Candidates:
             rank.append(some[1])
             start.append(some[2] + filled)
             filled += len(some[0])
-        self._parts: tuple[Floats | _Combined, ...] = tuple(parts) or (np.zeros((0, n)),)
+        self._parts: tuple[Floats | Combined, ...] = tuple(parts) or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
         self._keep(self.rank > 0)
@@ -244,7 +226,7 @@ class Candidates:
         part, some = self._place(block)
         return part[some]
 
-    def _place(self, block: int) -> tuple[Floats | _Combined, slice]:
+    def _place(self, block: int) -> tuple[Floats | Combined, slice]:
         """Part that holds the columns of a block, and which of it they are."""
         start = int(self.start[block])
         i = bisect_right(self._ends, start)
@@ -256,7 +238,7 @@ class Candidates:
         """Inner products of the columns of two blocks, shape (k, l)."""
         part, some = self._place(a)
         other, others = self._place(b)
-        if isinstance(part, _Combined) and part is other:
+        if isinstance(part, Combined) and part is other:
             return np.asarray(part.weights[some] @ part.products @ part.weights[others].T)
         return inner(part[some], other[others].T)
 
@@ -319,22 +301,32 @@ class Candidates:
             blocks = np.flatnonzero(self.owner == j)
             if len(blocks) < 2:
                 continue
-            length = 0.0
-            for a, b in itertools.pairwise(map(int, blocks)):
-                g = self._inner(a, b)
-                overlap = np.sqrt(np.sum(g * g) / max(g.shape))
-                length += float(np.arccos(min(overlap, 1.0)))
+            length = float(np.sum(np.arccos(np.minimum(self._overlaps(blocks), 1.0))))
             u = special.chdtri(1, self.level[j])
             out[blocks] = min(float(len(blocks)), 1.0 + length / np.pi * np.sqrt(np.pi * u / 2))
         return out
+
+    def _overlaps(self, blocks: Integers) -> Floats:
+        """Cosine between each of some blocks and the next (b - 1,)."""
+        k, (part, some) = int(self.rank[blocks[0]]), self._place(int(blocks[0]))
+        end = some.start + k * len(blocks)
+        even = np.all(self.rank[blocks] == k) and np.all(np.diff(self.start[blocks]) == k)
+        if even and end <= len(part) and (isinstance(part, Combined) or part.dtype == np.float64):
+            own = part.weights if isinstance(part, Combined) else part
+            own = own[some.start : end].reshape(len(blocks), k, -1)
+            before = own[:-1] @ part.products if isinstance(part, Combined) else own[:-1]
+            squares = (before @ own[1:].transpose(0, 2, 1)) ** 2
+            return np.asarray(np.sqrt(squares.sum(axis=(1, 2)) / k))
+        pairs = (self._inner(a, b) for a, b in itertools.pairwise(map(int, blocks)))
+        return np.array([np.sqrt(np.sum(g * g) / max(g.shape)) for g in pairs])
 
     def products(self, r: Floats) -> Floats:
         """Inner products of all columns with residuals (n,) or (n, s): shape (M,) or (M, s)."""
         if self._last is not None and self._last[0] is r:
             return self._last[1]
-        held = [x.shared if isinstance(x, _Combined) else x for x in self._parts]
+        held = [x.shared if isinstance(x, Combined) else x for x in self._parts]
         pairs = zip(self._parts, inners(held, r), strict=True)
-        whole = [part.weights @ x if isinstance(part, _Combined) else x for part, x in pairs]
+        whole = [part.weights @ x if isinstance(part, Combined) else x for part, x in pairs]
         joined = np.concatenate(whole)
         if r.ndim == 1:
             self._last = r, joined
@@ -381,7 +373,7 @@ def _batches(pieces: Iterable[Piece]) -> Iterator[list[Piece]]:
 
 def _unit_blocks(
     variants: Sequence[Floats | Pencil], basis: Floats, kind: type[np.float32 | np.float64]
-) -> tuple[Floats | _Combined, Integers, Integers]:
+) -> tuple[Floats | Combined, Integers, Integers]:
     """Orthonormal columns of each block beside the basis, their rank, and where they start."""
     if isinstance(variants[0], Pencil):
         return _orthonormal_pencil(variants[0], basis)
@@ -389,7 +381,7 @@ def _unit_blocks(
     return _orthonormal_blocks(arrays, basis, kind)
 
 
-def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[_Combined, Integers, Integers]:
+def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[Combined, Integers, Integers]:
     """The same of the variants of a pencil: all of it in inner products of its 2 k columns."""
     shared = np.concatenate([pencil.base, pencil.slope], axis=1).T
     k = len(shared) // 2
@@ -407,7 +399,7 @@ def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[_Combined, Integ
     rows = (u * scale[:, None, :]).transpose(0, 2, 1) @ weights
     rank = seen.sum(axis=1)
     start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
-    return _Combined(rows[seen], shared), rank, start
+    return Combined(rows[seen], shared), rank, start
 
 
 def _orthonormal_blocks(

@@ -147,9 +147,15 @@ class Case:
         above what the motion excites) it may be there without doubt all the same: at the place
         found.
         """
-        tests = (self._wald(effect, f, held=held) for held in (False, True))
         dof, variance = max(f.dof, 1), max(variance, TINY)
-        sought, held = (float(special.fdtrc(k, dof, wald / k / variance)) for wald, k in tests)
+
+        def of(wald: float, k: int) -> float:
+            return float(special.fdtrc(k, dof, wald / k / variance))
+
+        sought = of(*self._wald(effect, f, held=False))
+        if effect.linear:
+            return sought
+        held = of(*self._wald(effect, f, held=True))
         return held if held < CERTAIN_P else sought
 
     def columns_of(self, effect: Effect, f: Fit) -> list[int]:
@@ -167,6 +173,9 @@ class Case:
         some = np.ones_like(linear) if held else linear
         cov = f.covariance[np.ix_(at, at)][np.ix_(some, some)]
         size = np.sqrt(np.maximum(np.diag(cov), TINY))
+        if len(cov) == len(b) == 1:
+            share = float(cov[0, 0]) / float(size[0]) ** 2
+            return (float(b[0] / size[0]) ** 2 / share if share > 0.0 else 0.0), 1
         inverse = np.linalg.pinv(cov / np.outer(size, size), rcond=SINGULAR, hermitian=True)
         inverse, size = inverse[np.ix_(linear[some], linear[some])], size[linear[some]]
         wald = float(b / size @ inverse @ (b / size))
@@ -176,7 +185,7 @@ class Case:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
         drawn = self.rounding(f)
         if drawn is None:
-            return np.ones(len(self.dictionary.terms))
+            return np.ones(self.dictionary.count)
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))

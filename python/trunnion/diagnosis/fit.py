@@ -102,13 +102,7 @@ def variant_columns(
     model: Model, effect: Effect, nuisance: Array, values: Sequence[Values]
 ) -> Array:
     """Columns of an effect's linear parameters at each of these values, shape (v, n, k)."""
-    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
-    # Columns one after the other in memory, as all that is done with them needs them.
-    out = np.empty((len(values), len(linear), len(model.readings)))
-    for own, at in zip(out, values, strict=True):
-        rates = model.effect_jacobian(nuisance, effect, at).T
-        np.take(rates, linear, axis=0, out=own, mode="clip")
-    return out.transpose(0, 2, 1)
+    return model.linear_columns(nuisance, effect, values).transpose(0, 2, 1)
 
 
 def confounded(plain: Fit, along: Array, columns: Array) -> Array:

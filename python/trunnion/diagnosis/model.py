@@ -179,17 +179,6 @@ def identity(columns: Floats) -> Floats:
     return columns
 
 
-def repeats(parts: Sequence[ArrayLike], each: int = 1) -> Integers | None:
-    """Labels of readings whose rows, (n,) a part, are equal; -1 without a repeat, None: no repeats.
-
-    each: How many readings a row has.
-    """
-    label = np.unique(np.stack(parts, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-    several = np.repeat(np.bincount(label)[label] > 1, each)
-    labels = each * np.repeat(label, each) + np.tile(np.arange(each), len(label))
-    return np.where(several, labels, -1).astype(np.intp) if several.any() else None
-
-
 class Model:
     """A model bound to data, n readings and p nuisance parameters: everything the engine asks.
 
@@ -334,6 +323,18 @@ class Model:
     ) -> Floats:
         """Return the derivative of ``predict`` by one effect's parameters, shape (n, k)."""
         return effect.columns(values)
+
+    def linear_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
+    ) -> Floats:
+        """Return the derivative by linear parameters at each of some values, (v, k, n)."""
+        linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+        # Columns one after the other in memory, as all that is done with them needs them.
+        out = np.empty((len(values), len(linear), len(self.readings)))
+        for own, at in zip(out, values, strict=True):
+            rates = self.effect_jacobian(nuisance, effect, at).T
+            np.take(rates, linear, axis=0, out=own, mode="clip")
+        return out
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
         """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.

@@ -5,8 +5,9 @@ waves of unknown length, a jump, a class of its own) times one component by whic
 enter the readings. A term is no cause. It says that something is there, and what it goes with.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -87,44 +88,64 @@ class Dictionary:
     model, rows: Whose covariates, and which readings.
     whiten: Applied to the columns, which have unit length afterwards.
 
-    terms: What each block of columns stands for.
+    count: Of the terms.
     """
 
     def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:
         self._model, self._rows, self._whiten = model, rows, whiten
-        self.terms: list[Term] = []
+        self._said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]] = []
+        self.count = 0
         self._parts: list[_Part] = []
         self._covariates = tuple(model.covariates)
-        numbers_kept = 0
-        for v, said, values, enter in _saying(self._covariates, model.components, rows):
-            for kind, numbers, f in _functions(v, values):
+        waiting: dict[tuple[int, bool], _Waiting] = {}
+        for v, said, values, distinct, enter in _saying(self._covariates, model.components, rows):
+            for kind, numbers, f in _functions(v, values, distinct):
                 if not len(f) or (said and kind != "jump"):
                     continue
                 ways = list(enter)[:1] if kind == "class" else list(enter)
-                first = len(self.terms)
-                self.terms += [
-                    Term(v.name, kind, number, way, v.unit) for number in numbers for way in ways
-                ]
-                part = _Part(first, f, np.stack([enter[way] for way in ways]))
-                self._parts.append(part.whitened(rows, len(model.readings), whiten))
-                numbers_kept += self._parts[-1].functions.size
-                self._parts[-1].store(storage(numbers_kept))
+                self._said.append((v, kind, numbers, ways))
+                first = self.count + len(ways) * np.arange(len(f))
+                self.count += len(ways) * len(f)
+                key = f.shape[1], kind == "class"
+                like = waiting.setdefault(key, _Waiting([enter[way] for way in ways]))
+                if like.add(first, f):
+                    self._keep(waiting.pop(key))
+        for like in waiting.values():
+            self._keep(like)
         longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
         for part in self._parts:
-            part.store(storage(numbers_kept))
+            part.store(storage(self._numbers))
             part.normalise(ROUNDING * longest)
-        shared: dict[bytes, list[tuple[_Part, int]]] = {}
+        shared: dict[bytes, list[_Part]] = {}
         for part in self._parts:
-            for i, c in enumerate(part.components):
-                shared.setdefault(c.tobytes(), []).append((part, i))
-        self._shared = list(shared.values())  # parts by the component that they have in common
+            shared.setdefault(part.components.tobytes(), []).append(part)
+        self._shared = list(shared.values())  # parts with the same components
         self._beside: tuple[Floats, dict[int, Floats]] | None = None
         self._known: dict[int, tuple[Fit, Floats, Integers]] = {}
+
+    _numbers = 0  # of all functions that are kept
+
+    @cached_property
+    def terms(self) -> list[Term]:
+        """What each block of columns stands for."""
+        return [
+            Term(v.name, kind, number, way, v.unit)
+            for v, kind, numbers, ways in self._said
+            for number in numbers
+            for way in ways
+        ]
+
+    def _keep(self, like: "_Waiting") -> None:
+        """Keep functions as a part, whitened, in the precision for so many."""
+        part = like.part().whitened(self._rows, len(self._model.readings), self._whiten)
+        self._numbers += part.functions.size
+        part.store(storage(self._numbers))
+        self._parts.append(part)
 
     @property
     def level(self) -> float:
         """Level at which each term is more than chance: all share one."""
-        return SCAN_LEVEL / max(len(self.terms), 1)
+        return SCAN_LEVEL / max(self.count, 1)
 
     def chance(self, f: Fit) -> Floats:
         """Drop of -2 ln L that each term reaches by chance beside a fit, shape (t,)."""
@@ -145,8 +166,8 @@ class Dictionary:
         all that is fitted. Shapes (t,) or (t, s), and (t,).
         """
         several = r.reshape(len(r), -1)
-        gain = np.zeros((len(self.terms), several.shape[1]))
-        rank = np.zeros(len(self.terms), dtype=np.intp)
+        gain = np.zeros((self.count, several.shape[1]))
+        rank = np.zeros(self.count, dtype=np.intp)
         by_width: dict[int, list[_Part]] = {}
         for part in self._parts:
             by_width.setdefault(part.functions.shape[1], []).append(part)
@@ -154,7 +175,7 @@ class Dictionary:
             self._beside = (basis, self._products(basis))
         of_basis, of_several = self._beside[1], self._products(several)
         for parts in by_width.values():
-            at = np.concatenate([np.arange(x.first, x.first + len(x)) for x in parts])
+            at = np.concatenate([x.numbers for x in parts])
             t, z = (np.concatenate([x[id(part)] for part in parts]) for x in (of_basis, of_several))
             a = np.concatenate([part.gram for part in parts]) - t @ t.transpose(0, 2, 1)
             gain[at], rank[at] = _eliminated(a, z)
@@ -163,17 +184,21 @@ class Dictionary:
     def _products(self, r: Floats) -> dict[int, Floats]:
         """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
         out = {id(p): np.empty((*p.size.shape, r.shape[1])) for p in self._parts}
-        for those in self._shared:
-            part, i = those[0]
-            weighted = (part.components[i][:, None] * r).astype(part.functions.dtype, copy=False)
-            for part, i in those:
-                out[id(part)][:, i] = part.products(weighted, i)
+        most = max(1, BATCH_NUMBERS // max(r.size, 1))
+        for parts in self._shared:
+            every, kind = parts[0].components, parts[0].functions.dtype
+            for first in range(0, len(every), most):
+                some = slice(first, first + most)
+                weighted = every[some].T[:, :, None] * r[:, None]
+                weighted = weighted.reshape(len(r), -1).astype(kind, copy=False)
+                for part in parts:
+                    out[id(part)][:, some] = part.products(weighted, some)
         return {k: v.reshape(-1, *v.shape[2:]) for k, v in out.items()}
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
-        part = next(x for x in self._parts if x.first <= term < x.first + len(x))
-        return part.block(term - part.first)
+        found = ((x, np.flatnonzero(x.numbers == term)) for x in self._parts)
+        return next(part.block(int(at[0])) for part, at in found if len(at))
 
     def variants(self, term: int) -> Floats:
         """Columns of a term, shape (v, n, k); of a wave in time, at lengths around its own, too.
@@ -195,31 +220,58 @@ class Dictionary:
         return np.stack([w / np.linalg.norm(w, axis=0) for w in made])
 
 
+class _Waiting:
+    """Functions of one width that enter by the same components, until there are many.
+
+    Few functions at a time cost more to call for than to calculate with.
+    """
+
+    def __init__(self, components: Sequence[Floats]) -> None:
+        self._components = components
+        self._first: list[Integers] = []
+        self._functions: list[Floats] = []
+        self._size = 0
+
+    def add(self, first: Integers, functions: Floats) -> bool:
+        """Add functions (m, k, n), their first terms (m,); whether these are enough for a part."""
+        self._first.append(first)
+        self._functions.append(functions)
+        self._size += functions.size
+        return self._size >= BATCH_NUMBERS
+
+    def part(self) -> "_Part":
+        """Return the part of these functions."""
+        numbers = np.concatenate(self._first)[:, None] + np.arange(len(self._components))
+        some = self._functions
+        functions = some[0] if len(some) == 1 else np.concatenate(some)
+        return _Part(numbers.reshape(-1), functions, np.stack(self._components))
+
+
 class _Part:
-    """Terms of one covariate and kind: each function times each component.
+    """Terms of functions of one width: each function times each component.
 
     The products are never formed: inner products with them are those of the functions with what the
     components leave of the other side.
 
-    ``functions``: (m, k, n); ``components``: (c, n). Terms are numbered from ``first`` by function,
-    then component.
+    ``functions``: (m, k, n); ``components``: (c, n). ``numbers``: of the terms, by function, then
+    component, (m c,).
     """
 
-    def __init__(self, first: int, functions: Floats, components: Floats) -> None:
-        self.first, self.functions, self.components = first, functions, components
+    def __init__(self, numbers: Integers, functions: Floats, components: Floats) -> None:
+        self.numbers, self.functions, self.components = numbers, functions, components
         self.size = np.sqrt(self._weighted(functions, functions, components**2))  # (m, c, k)
         self.scale = self.size
         self.gram: Floats = np.zeros((0, 0, 0, 0))
 
     def __len__(self) -> int:
-        return len(self.functions) * len(self.components)
+        return len(self.numbers)
 
     def whitened(self, rows: Integers, n: int, whiten: Whiten) -> "_Part":
         """Return the part with its columns, given for some of n readings, whitened."""
         if whiten is identity:
             return self
         if isinstance(whiten, Scaling):
-            return _Part(self.first, self.functions, self.components / whiten.scale[rows])
+            return _Part(self.numbers, self.functions, self.components / whiten.scale[rows])
         k = self.functions.shape[1]
         white = np.empty((len(self), k, len(rows)))
         each = len(self.components)
@@ -231,7 +283,7 @@ class _Part:
             full[rows] = columns
             done = np.asarray(whiten(full))[rows].T
             white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
-        return _Part(self.first, white, np.ones((1, len(rows))))
+        return _Part(self.numbers, white, np.ones((1, len(rows))))
 
     def store(self, kind: type[np.float32 | np.float64]) -> None:
         """Keep the functions in this precision, once their products with each other are known."""
@@ -266,14 +318,15 @@ class _Part:
             out += product.reshape(count, -1) @ weights[:, some].T
         return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
-    def products(self, weighted: Floats, component: int) -> Floats:
-        """Inner products of the columns of one component with r (n, s), shape (m, k, s).
+    def products(self, weighted: Floats, some: slice) -> Floats:
+        """Inner products of the columns of some components with r (n, s), shape (m, c, k, s).
 
-        weighted: r times that component.
+        weighted: r times each of these components (n, c s).
         """
         m, k, n = self.functions.shape
-        products = inner(self.functions.reshape(m * k, n), weighted).reshape(m, k, -1)
-        return np.asarray(products * self.scale[:, component, :, None])
+        scale = self.scale[:, some, :, None]
+        products = inner(self.functions.reshape(m * k, n), weighted)
+        return products.reshape(m, k, scale.shape[1], -1).transpose(0, 2, 1, 3) * scale
 
     def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""
@@ -304,8 +357,11 @@ def _eliminated(a: Floats, z: Floats) -> tuple[Floats, Integers]:
 
 def _saying(
     covariates: Iterable[Covariate], components: Mapping[str, Floats], rows: Integers
-) -> Iterator[tuple[Covariate, bool, NDArray[Any], dict[str, Floats]]]:
-    """Covariates that say something new, whether all but the jumps is said, values, components."""
+) -> Iterator[tuple[Covariate, bool, NDArray[Any], NDArray[Any], dict[str, Floats]]]:
+    """Covariates that say something new, whether all but the jumps is said, values, components.
+
+    Beside the values those that are distinct; of classes, none.
+    """
     enter = {"": np.ones(len(rows))}
     for name, c in components.items():
         c = np.asarray(c, dtype=np.float64)[rows]
@@ -314,20 +370,22 @@ def _saying(
     seen: list[tuple[bool, bool, Integers]] = []
     for v in covariates:
         values = np.asarray(v.values)[rows]
-        said = False
+        said, distinct = False, values[:0]
         if not v.classes:
             values = values.astype(np.float64)
-            ranks = np.unique(values, return_inverse=True)[1]
+            distinct, ranks = np.unique(values, return_inverse=True)
             periodic = v.period is not None
             same = [q for k, q, s in seen if k == periodic and np.array_equal(ranks, s)]
-            if ranks.max(initial=0) < 1 or (same and (any(same) or not v.sequence)):
+            if len(distinct) < 2 or (same and (any(same) or not v.sequence)):
                 continue  # constant, or says what another covariate says
             said = bool(same)
             seen.append((periodic, v.sequence, ranks))
-        yield v, said, values, enter
+        yield v, said, values, distinct, enter
 
 
-def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object], Floats]]:
+def _functions(
+    v: Covariate, values: Floats, distinct: Floats
+) -> Iterator[tuple[str, list[object], Floats]]:
     """Functions of one covariate, by kind and width: numbers (m,) and columns (m, k, n)."""
     if v.classes:
         distinct, index, count = np.unique(values, return_inverse=True, return_counts=True)
@@ -337,7 +395,6 @@ def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object]
             columns = (index.reshape(-1) == shown[:, None]).astype(float)
             yield "class", list(distinct[shown]), columns[:, None]
         return
-    distinct = np.unique(values)
     if v.period is not None:
         turn = 2 * np.pi * values / v.period
         different = len(np.unique(np.round(np.mod(values, v.period), 9)))
@@ -360,6 +417,8 @@ def _functions(v: Covariate, values: Floats) -> Iterator[tuple[str, list[object]
 
 def _waves(rates: Floats | Integers, x: Floats) -> Floats:
     """Return cosine and sine of each multiple, shape (m, 2, n)."""
+    if len(rates) * len(x) <= AT_HAND:
+        return cosine_sine(np.multiply.outer(rates, x)).transpose(1, 0, 2)
     out = np.empty((len(rates), 2, len(x)))
     for own, rate in zip(out, rates, strict=True):
         own[:] = cosine_sine(rate * x)

@@ -27,9 +27,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trunnion._core import CauseBlocks, CauseSet
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import DEPENDENT, Candidates
+from trunnion.diagnosis.candidates import Candidates
 
 # "Within 6 of the best": a likelihood ratio of exp(3) = 20.
 WITHIN = 6.0
@@ -45,7 +46,6 @@ CANCELLING = 3.0  # times the residuals, that a contribution may be without cost
 SETTLED = 12.0  # above the best score, to which sets are weighed by the size of contributions
 TINY = 1e-300
 MAX_BEYOND = 0.9  # of the series of the penalty, where it does not converge
-WIDE = 12  # columns of a block above which one matrix at a time is faster than pivot by pivot
 
 
 @dataclass(frozen=True)
@@ -59,104 +59,13 @@ class Found:
     blocks: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True)
 class _State:
-    """A set in the beam: basis of its columns in the candidates' coordinates, and what is left."""
+    """A set in the beam: its blocks, and what the core knows of them."""
 
-    __slots__ = ("blocks", "mask", "penalty", "residual", "rss", "taken")
-
-    def __init__(
-        self,
-        mask: int,
-        blocks: tuple[int, ...],
-        taken: Floats,
-        residual: Floats,
-        rss: float,
-        penalty: float,
-    ) -> None:
-        self.mask = mask
-        self.blocks = blocks
-        self.taken = taken  # (K, M): inner products of the set's orthonormal basis with all columns
-        self.residual = (
-            residual  # (M,): inner products of all columns with what the set leaves of r
-        )
-        self.rss = rss
-        self.penalty = penalty
-
-
-def _extend(c: Candidates, s: _State, block: int, bit: int) -> _State:
-    """Add a block to a set."""
-    span = c.span(block)
-    g = c.gram_rows(block) - s.taken[:, span].T @ s.taken
-    own = g[:, span]
-    if len(own) == 1:
-        back = np.full((int(own[0, 0] > c.dependent), 1), max(own[0, 0], c.dependent) ** -0.5)
-    else:
-        w, u = np.linalg.eigh(own)
-        seen = w > c.dependent
-        back = (u[:, seen] / np.sqrt(w[seen])).T
-    new = back @ g
-    a = back @ s.residual[span]
-    return _State(
-        s.mask | bit,
-        (*s.blocks, block),
-        np.concatenate([s.taken, new]),
-        s.residual - a @ new,
-        s.rss - float(a @ a),
-        s.penalty + float(c.penalty[block]),
-    )
-
-
-def _gains(c: Candidates, states: Sequence[_State]) -> tuple[Floats, Integers]:
-    """Drop of RSS and count of new columns for every state and every block, shape (s, b)."""
-    k_max = max(s.taken.shape[0] for s in states)
-    taken = np.zeros((len(states), k_max, c.width))
-    for i, s in enumerate(states):
-        taken[i, : s.taken.shape[0]] = s.taken
-    residual = np.stack([s.residual for s in states])
-    gain = np.zeros((len(states), len(c.owner)))
-    rank = np.zeros((len(states), len(c.owner)), dtype=np.intp)
-    free = 1.0 - np.einsum("skm,skm->sm", taken, taken)
-    for k, blocks, index in c.by_rank:
-        z = [residual[:, index[:, i]] for i in range(k)]
-        if k > WIDE:
-            for b in blocks:
-                gain[:, b], rank[:, b] = _wide_gain(taken, residual, c.span(int(b)))
-            continue
-        t = [taken[:, :, index[:, i]] for i in range(k if k > 1 else 0)]
-        # Cholesky of every block's k x k Gram matrix at once, dependent pivots left out
-        a = [
-            [*(-np.einsum("skb,skb->sb", t[i], t[j]) for j in range(i)), free[:, index[:, i]]]
-            for i in range(k)
-        ]
-        total = np.zeros((len(states), len(blocks)))
-        count = np.zeros((len(states), len(blocks)), dtype=np.intp)
-        for i in range(k):
-            pivot = a[i][i]
-            seen = pivot > c.dependent
-            inverse = np.where(seen, 1.0 / np.where(seen, pivot, 1.0), 0.0)
-            if k == 1 and c.positive:
-                seen = seen & ~((z[0] < 0) & np.isin(c.owner[blocks], sorted(c.positive)))
-                inverse = np.where(seen, inverse, 0.0)
-            total += z[i] * z[i] * inverse
-            count += seen
-            for row in range(i + 1, k):
-                factor = a[row][i] * inverse
-                z[row] = z[row] - factor * z[i]
-                for col in range(i + 1, row + 1):
-                    a[row][col] = a[row][col] - factor * a[col][i]
-        gain[:, blocks] = total
-        rank[:, blocks] = count
-    return gain, rank
-
-
-def _wide_gain(taken: Floats, residual: Floats, span: slice) -> tuple[Floats, Integers]:
-    """Drop of RSS and count of new columns of one block of many columns, for every state (s,)."""
-    t = taken[:, :, span]
-    w, u = np.linalg.eigh(np.eye(t.shape[2]) - t.transpose(0, 2, 1) @ t)
-    seen = w > DEPENDENT
-    z = np.einsum("sji,sj->si", u, residual[:, span])
-    gain = np.sum(np.where(seen, z * z / np.where(seen, w, 1.0), 0.0), axis=1)
-    return gain, seen.sum(axis=1).astype(np.intp)
+    mask: int
+    blocks: tuple[int, ...]
+    core: CauseSet
 
 
 def cost(penalty: Floats | float, columns: Integers | int, dof: int) -> Floats:
@@ -227,7 +136,21 @@ class Search:
         self.c, self.within = c, within
         rss = float(r @ r)
         self.score = _Scorer(c.dof, floor, 1e-14 * rss)
-        self.empty = _State(0, (), np.zeros((0, c.width)), c.products(r), rss, 0.0)
+        self.residual = c.products(r)
+        self.core = CauseBlocks(
+            width=c.width,
+            start=c.start.tolist(),
+            rank=c.rank.tolist(),
+            candidate=c.owner.tolist(),
+            penalty=c.penalty,
+            positive=np.isin(c.owner, sorted(c.positive)).tolist(),
+            dependent=c.dependent,
+            degrees_of_freedom=c.dof,
+            floor=floor.variance,
+            least=self.score.least,
+        )
+        self.empty = _State(0, (), self.core.empty(self.residual, rss))
+        self.bits: list[int] = [1 << j for j in c.owner.tolist()]
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
         self.scores = {0: self.nothing.score}
@@ -254,7 +177,7 @@ class Search:
             if not scores or min(scores) > before + self.within:
                 break
             self.c.prepare(block for _, block in chosen)
-            states = [_extend(self.c, s, block, self.bit(block)) for s, block in chosen]
+            states = [self.extended(s, block) for s, block in chosen]
 
     def take_over(self, other: "Search", keep: int) -> None:
         """Know the sets of a search among fewer candidates; try every other beside the best."""
@@ -317,14 +240,14 @@ class Search:
         columns, along = self._joined(blocks)
         solved = np.linalg.lstsq(columns @ columns.T, along, rcond=c.dependent)[0]
         ends = np.cumsum([c.rank[b] for b in blocks])[:-1]
-        sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.empty.rss
+        sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.nothing.rss
         paid = np.array([c.penalty[b] > 0 for b in blocks])
         return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
 
     def _joined(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
         """Columns of a set of blocks (K, n), and their inner products with the residuals (K,)."""
         columns = np.concatenate([self.c.columns(b) for b in blocks]).astype(np.float64)
-        return columns, np.concatenate([self.empty.residual[self.c.span(b)] for b in blocks])
+        return columns, np.concatenate([self.residual[self.c.span(b)] for b in blocks])
 
     def _contradicting(self, f: Found) -> float:
         """What a set costs that is larger than what is stated of its causes: of -2 ln L."""
@@ -345,21 +268,26 @@ class Search:
         blocks = tuple(map(int, np.flatnonzero(self.c.penalty == 0)))
         state = self.built(blocks)
         if blocks:
-            columns = state.taken.shape[0]
-            score = float(self.score(state.rss, columns, state.penalty))
+            columns, rss = state.core.columns, state.core.rss
+            score = float(self.score(rss, columns, state.core.penalty))
             self.best = min(self.best, score)
-            self.remember(state.mask, blocks, score, state.rss, columns)
+            self.remember(state.mask, blocks, score, rss, columns)
         return state
 
     def bit(self, block: int) -> int:
         """Bit of a block's candidate in the mask of a set."""
-        return 1 << int(self.c.owner[block])
+        return self.bits[block]
+
+    def extended(self, state: _State, block: int) -> _State:
+        """State with one more block."""
+        core = self.core.extended(state.core, block, self.c.gram_rows(block))
+        return _State(state.mask | self.bits[block], (*state.blocks, block), core)
 
     def built(self, blocks: Sequence[int]) -> _State:
         """State of a set of blocks."""
         state = self.empty
         for b in blocks:
-            state = _extend(self.c, state, b, self.bit(b))
+            state = self.extended(state, b)
         return state
 
     def beside(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
@@ -367,9 +295,10 @@ class Search:
 
         Means over the columns of each block, shapes (b,).
         """
-        c, state = self.c, self.built(blocks)
-        free = 1.0 - np.einsum("km,km->m", state.taken, state.taken)
-        along = np.where(free > c.dependent, state.residual**2 / np.maximum(free, c.dependent), 0.0)
+        c = self.c
+        taken, residual = self.built(blocks).core.products()
+        free = 1.0 - np.einsum("km,km->m", taken, taken)
+        along = np.where(free > c.dependent, residual**2 / np.maximum(free, c.dependent), 0.0)
         total = np.cumsum(np.stack([np.maximum(free, 0.0), along]), axis=1)
         total = np.concatenate([np.zeros((2, 1)), total], axis=1)
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
@@ -380,42 +309,32 @@ class Search:
 
         Return the latter: a state each, and the block that was added to it.
         """
-        c = self.c
-        gain, rank = _gains(c, states)
-        size = np.array([s.taken.shape[0] for s in states])
-        rss = np.array([s.rss for s in states])[:, None] - gain
-        penalty: Floats = np.array([s.penalty for s in states])[:, None] + c.penalty
-        total = self.score(rss, size[:, None] + rank, penalty)
-        total = np.where(rank > 0, total, np.inf)
-        # the best variant of each candidate
-        low = np.minimum.reduceat(total, c.first_of_leader, axis=1)
-        for i, s in enumerate(states):  # once in a set is enough
-            low[i, np.searchsorted(c.leaders, c.owner[list(s.blocks)])] = np.inf
-        order = np.argsort(low, axis=None, kind="stable")
-        self.best = min(self.best, float(low.flat[order[0]]))
-        last = np.append(c.first_of_leader[1:], len(c.owner))
+        columns = max(s.core.columns for s in states)
+        # A set of so many causes is found from as many sets, at most.
+        many = (keep + 1) * (columns + 2)
+        tried = self.core.tried([s.core for s in states], self.best, REACH, many)
+        if not tried:
+            return []
+        self.best = best = min(self.best, tried[0][0])
         chosen: list[tuple[_State, int]] = []
         seen: set[int] = set()
-        for i, q in (divmod(int(flat), len(c.leaders)) for flat in order):
-            value = float(low[i, q])
-            near = value <= self.best + self.within
-            full = len(chosen) >= keep and not near
-            if not np.isfinite(value) or (full and value > self.best + REACH):
+        scores, bits = self.scores, self.bits
+        for value, i, block, rss, columns in tried:
+            full = len(chosen) >= keep and value > best + self.within
+            if full and value > best + REACH:
                 break
-            first = int(c.first_of_leader[q])
-            bit = self.bit(first)
-            mask = states[i].mask | bit
+            state = states[i]
+            mask = state.mask | bits[block]
             if mask in seen:
                 continue
             seen.add(mask)
-            self.scores[mask] = min(value, self.scores.get(mask, np.inf))
+            if value < scores.get(mask, np.inf):
+                scores[mask] = value
             if full:
                 continue
-            block = first + int(np.argmin(total[i, first : last[q]]))
-            columns = int(size[i] + rank[i, block])
-            self.remember(mask, (*states[i].blocks, block), value, float(rss[i, block]), columns)
+            self.remember(mask, (*state.blocks, block), value, rss, columns)
             if len(chosen) < keep:
-                chosen.append((states[i], block))
+                chosen.append((state, block))
         return chosen
 
     def remember(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -106,6 +106,13 @@ class _ModelWith:
         if effect.id == self.more.id:
             return effect.columns(values)
         return self.inner.effect_jacobian(nuisance, effect, values)
+
+    def linear_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
+    ) -> Floats:
+        if effect.id == self.more.id:
+            return Model.linear_columns(cast("Model", self), nuisance, effect, values)
+        return self.inner.linear_columns(nuisance, effect, values)
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:
         return self.inner.location_errors(nuisance, self._without(effects))

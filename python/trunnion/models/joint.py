@@ -144,6 +144,7 @@ class JointModel(Model):
     def _join_effects(self) -> None:
         self._acts: dict[str, list[_Acts]] = {}
         self._changes: dict[str, _Change] = {}
+        self._plain: dict[int, tuple[Floats, Floats]] = {}  # derivatives, where they were asked for
         made: dict[str, Effect] = {}
         for i, part in enumerate(self.parts):
             for own in part.model.effects:
@@ -267,23 +268,52 @@ class JointModel(Model):
     ) -> Floats:
         """Return the derivative by one effect's parameters, shape (n, k)."""
         out = np.zeros((len(self.readings), len(effect.parameters)))
-        change = self._changes.get(effect.id)
-        if change is not None and change.error:
-            for i, part in enumerate(self.parts):
-                if i >= change.since and self._concerns(i, change):
-                    own = part.model.jacobian(nuisance[self._index[i]], {})
-                    out[self._at[i], 0] = own[:, self._position(i, change.error)]
-            return out
-        for acts in self._acts[effect.id if change is None else change.effect]:
-            if change is not None and (
-                acts.part < change.since or not self._concerns(acts.part, change)
-            ):
-                continue
+        for some, own in self._of_error(nuisance, effect):
+            out[some, 0] = own
+        for acts in self._acting(effect):
             at = nuisance[self._index[acts.part]]
             model = self.parts[acts.part].model
             own = model.effect_jacobian(at, acts.effect, acts.values(values))
             np.multiply(own, acts.signs, out=out[self._at[acts.part]])
         return out
+
+    def linear_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
+    ) -> Floats:
+        """Return the derivative by linear parameters at each of some values, (v, k, n)."""
+        count = sum(p.linear for p in effect.parameters)
+        out = np.zeros((len(values), count, len(self.readings)))
+        for some, own in self._of_error(nuisance, effect):
+            out[:, 0, some] = own
+        for acts in self._acting(effect):
+            at = nuisance[self._index[acts.part]]
+            model = self.parts[acts.part].model
+            own = model.linear_columns(at, acts.effect, [acts.values(one) for one in values])
+            np.multiply(own, acts.sign, out=out[:, :, self._at[acts.part]])
+        return out
+
+    def _acting(self, effect: Effect) -> Iterator[_Acts]:
+        """How an effect, or the change of one, acts on each part that it concerns."""
+        change = self._changes.get(effect.id)
+        if change is None:
+            yield from self._acts[effect.id]
+        elif change.effect:
+            for acts in self._acts[change.effect]:
+                if acts.part >= change.since and self._concerns(acts.part, change):
+                    yield acts
+
+    def _of_error(self, nuisance: Floats, effect: Effect) -> Iterator[tuple[slice, Floats]]:
+        """Derivative by the change of an error: the rows of a part, and theirs; else nothing."""
+        change = self._changes.get(effect.id)
+        if change is None or not change.error:
+            return
+        for i, part in enumerate(self.parts):
+            if i >= change.since and self._concerns(i, change):
+                at = nuisance[self._index[i]]
+                known = self._plain.get(i)
+                if known is None or not np.array_equal(known[0], at):
+                    known = self._plain[i] = at, part.model.jacobian(at, {})
+                yield self._at[i], known[1][:, self._position(i, change.error)]
 
     def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
         """Each part by the noise that its own diagnosis found."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes
 from trunnion.base.units import Flags, Floats
 from trunnion.data.levels import COMPONENTS, Levels
@@ -34,7 +35,6 @@ from trunnion.diagnosis.model import (
     Nuisance,
     Readings,
     Uncertainty,
-    repeats,
 )
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate

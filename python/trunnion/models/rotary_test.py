@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
+from trunnion.base.rows import repeats
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.diagnosis.effect import (
@@ -36,7 +37,6 @@ from trunnion.diagnosis.model import (
     Nuisance,
     Readings,
     Uncertainty,
-    repeats,
 )
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.effect import (
@@ -35,7 +37,6 @@ from trunnion.diagnosis.model import (
     OneEffect,
     Readings,
     Uncertainty,
-    repeats,
 )
 from trunnion.machine.budget import Input
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
@@ -57,6 +58,8 @@ from trunnion.setup import Setup
 
 MAX_KEPT = 1_000_000
 """Numbers of derivatives that are kept beside the last."""
+MAX_FITS = 16
+"""Residuals that are kept."""
 MAX_MOMENTS = 48
 DURATIONS = 10
 MIN_BESIDE_SLIP = 5  # touches; fewer of them look like outliers
@@ -137,6 +140,7 @@ class TouchDiagnosisModel(Model):
         self._start = self._full.values()[self._unknown]
         self._models: dict[tuple[str, ...], TouchModel] = {}
         self._at: dict[bytes, Floats] = {}
+        self._left: dict[tuple[tuple[str, ...], bytes], Floats] = {}
         self._given = tuple(effects)
         self._stated = stated_of(setup)
         named = [self._effect(i) for i in infos]
@@ -153,7 +157,7 @@ class TouchDiagnosisModel(Model):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Likely mistakes of the measurement."""
-        return mistakes_in(self._model(()), self.data)
+        return mistakes_in(self._model(()), self.data, self._moves)
 
     @property
     def start(self) -> Floats:
@@ -163,12 +167,21 @@ class TouchDiagnosisModel(Model):
     def predict(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Return readings, µm; built-in effects act together in the core, a user's own is added."""
         ids, values = self._vector(nuisance, effects)
-        residuals = self._model(ids).core.residuals(self._moves, values)
-        out: Floats = self.readings.values - residuals
+        out: Floats = self.readings.values - self._residuals(ids, values)
         for e in self._own:
             if e.id in effects:
                 out = out + np.asarray(e.change(Values(effects[e.id])), dtype=np.float64)
         return out
+
+    def _residuals(self, ids: tuple[str, ...], values: Floats) -> Floats:
+        """Residuals under built-in effects; several ask for those of one fit: they are kept."""
+        key = ids, values.tobytes()
+        if key not in self._left:
+            left = np.asarray(self._model(ids).core.residuals(self._moves, values))
+            while len(self._left) > min(MAX_KEPT // max(left.size, 1), MAX_FITS):
+                del self._left[next(iter(self._left))]
+            self._left[key] = left
+        return self._left[key]
 
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Exact derivative by location errors and placement."""
@@ -187,13 +200,30 @@ class TouchDiagnosisModel(Model):
             ids, at = self._vector(nuisance, {effect.id: values})
             _, jac = self._model(ids).core.linearise(self._moves, at)
             return np.asarray(jac[:, self._plain :])
-        columns = self._all_columns(nuisance)[:, self._columns[effect.id]]
+        columns = self._all_columns(nuisance)[self._columns[effect.id]]
         if "moment" in kinds:
-            # after the moment as if it had always been so, before it nothing
-            moment = next(p.name for p in effect.parameters if not p.linear)
-            after = np.asarray(self.data.time_s) >= values[moment]
-            columns = columns * after[:, None]
-        return columns
+            columns = columns * self._after(effect, [values])[0]
+        return columns.T
+
+    def linear_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
+    ) -> Floats:
+        """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
+        own = self._columns.get(effect.id, [])
+        kinds = [self._full.kinds[c] for c in own]
+        if not own or "duration" in kinds:
+            return super().linear_columns(nuisance, effect, values)
+        linear = [c for c, p in zip(own, effect.parameters, strict=True) if p.linear]
+        columns = self._all_columns(nuisance)[linear]
+        if "moment" in kinds:
+            return columns * self._after(effect, values)
+        return np.repeat(columns[None], len(values), axis=0)
+
+    def _after(self, effect: Effect, values: Sequence[Mapping[str, float]]) -> Floats:
+        """1 for touches after each moment of an effect, as if it had always been so, (v, 1, n)."""
+        moment = next(p.name for p in effect.parameters if not p.linear)
+        at = np.array([one[moment] for one in values])
+        return np.asarray(np.asarray(self.data.time_s) >= at[:, None, None], dtype=np.float64)
 
     def _vector(self, nuisance: Floats, effects: EffectValues) -> tuple[tuple[str, ...], Floats]:
         """Built-in effects among these, and the core's parameter vector for them."""
@@ -209,7 +239,7 @@ class TouchDiagnosisModel(Model):
         return values
 
     def _all_columns(self, nuisance: Floats) -> Floats:
-        """Return the derivative by every parameter of the catalogue, no effect acting.
+        """Return the derivative by every parameter of the catalogue, no effect acting, (p, n).
 
         A search goes back and forth between a few states: their derivatives are kept.
         """
@@ -221,7 +251,7 @@ class TouchDiagnosisModel(Model):
             for n, kind in enumerate(self._full.kinds):
                 if kind == "moment":
                     values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
-            jac = np.asarray(self._full.core.linearise(self._moves, values)[1])
+            jac = np.ascontiguousarray(self._full.core.linearise(self._moves, values)[1].T)
             while len(self._at) > MAX_KEPT // max(jac.size, 1):
                 del self._at[next(iter(self._at))]
             self._at[key] = jac
@@ -271,7 +301,7 @@ class TouchDiagnosisModel(Model):
 
     # --- what the engine looks for structure in
 
-    @property
+    @cached_property
     def covariates(self) -> tuple[Covariate, ...]:
         """Axis positions, senses, time or order, feed, place, direction, face, point."""
         faces = Covariate("face", self._faces, classes=True)
@@ -291,12 +321,12 @@ class TouchDiagnosisModel(Model):
         """As each rotary axis stands further, from the model of the machine."""
         return turning(self._model(()), self.data, self._whole(self.start))
 
-    @property
+    @cached_property
     def groups(self) -> Integers:
         """One position of the rotary axes is left out at a time."""
         return stops_of(self.data)
 
-    @property
+    @cached_property
     def replicates(self) -> Integers | None:
         """Touches of the same place from the same side, at the same feed and sense of turning."""
         data = self.data

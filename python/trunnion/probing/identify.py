@@ -13,6 +13,7 @@ from trunnion._core import Moves
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import ANY_PLACE, Repeats, grown
+from trunnion.base.rows import equal_rows
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.times import time_notes
@@ -113,12 +114,12 @@ def identify(
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 
 
-def mistakes_in(model: TouchModel, data: Touches) -> tuple[str, ...]:
+def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ...]:
     """Return the notes on likely mistakes that :func:`identify` gives, without the rest of it.
 
-    model: Of the set-up, without effects.
+    model: Of the set-up, without effects. moves: The touches, as the core knows them.
     """
-    setup, moves = model.setup, model.moves(data)
+    setup = model.setup
     how = Loss(None, known_sigma_um(setup, data), _priors(model.names, {}))
     found = _by_the_core(model, moves, how, MAX_STEPS)
     return likely_mistakes(_result(model, data, (), found, None, None), data, setup)
@@ -464,5 +465,4 @@ def repeats_of(data: Touches) -> NDArray[np.intp]:
         along = np.sum(data.position_mm * data.direction, axis=1)
         across = data.position_mm - along[:, None] * data.direction
         columns.extend(np.round(across, 2).T)
-    keys = np.round(np.column_stack([np.asarray(column, float) for column in columns]), 6)
-    return np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+    return equal_rows([np.round(np.asarray(column, float), 6) for column in columns])[0]

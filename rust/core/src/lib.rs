@@ -47,6 +47,7 @@
 //! | [`plan`] | which touches, in which order; clearance |
 //! | [`touch`] | the reading of a touch, its derivative, simulation |
 //! | [`linear`] | linear least squares, what data do not identify |
+//! | [`sets`] | sets of causes: what each gains beside the others |
 //! | [`identification`] | closed forms, least squares |
 //! | [`compensation`] | volumetric error, corrected commands |
 //! | [`studies`] | many virtual calibrations and compensations at once |
@@ -67,6 +68,7 @@ pub mod moves;
 pub mod plan;
 pub mod pose;
 pub mod probe;
+pub mod sets;
 pub mod studies;
 pub mod touch;
 pub mod units;

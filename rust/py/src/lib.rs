@@ -16,6 +16,7 @@ mod machine;
 mod names;
 mod nc;
 mod plan;
+mod sets;
 mod studies;
 mod threads;
 mod touch;
@@ -38,6 +39,8 @@ mod _core {
     // --- statistics
     #[pymodule_export]
     use crate::linear::linear_fit;
+    #[pymodule_export]
+    use crate::sets::{CauseBlocks, CauseSet};
 
     // --- trunnion
     #[pymodule_export]

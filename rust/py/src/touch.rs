@@ -198,10 +198,10 @@ impl TouchModel {
         let moves = moves.inner.view();
         let residuals = py.detach(|| {
             self.inner.check(&moves)?;
-            self.inner.check_surface(&moves, &values)?;
-            let mut out = vec![None; moves.len()];
-            self.inner.deviations(&moves, &values, &mut out);
-            Ok(out.into_iter().map(|deviation| -deviation.unwrap_or(0.0) / UM).collect())
+            let mut out = vec![0.0; moves.len()];
+            self.inner.deviations_near(&moves, &values, &mut out)?;
+            out.iter_mut().for_each(|deviation| *deviation /= -UM);
+            Ok(out)
         });
         array(py, residuals.into_py()?)
     }
@@ -218,10 +218,9 @@ impl TouchModel {
         let p = self.inner.parameter_count();
         let result = py.detach(|| -> Result<(Vec<f64>, Vec<f64>)> {
             self.inner.check(&moves)?;
-            self.inner.check_surface(&moves, &values)?;
             let (mut residuals, mut jacobian) =
                 (vec![0.0; moves.len()], vec![0.0; moves.len() * p]);
-            self.inner.linearise(&moves, &values, &mut residuals, &mut jacobian);
+            self.inner.linearise_near(&moves, &values, &mut residuals, &mut jacobian)?;
             let units = self.units.all();
             residuals.iter_mut().for_each(|r| *r /= -UM);
             for row in jacobian.chunks_exact_mut(p) {

@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.rows import repeats
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
@@ -22,7 +23,7 @@ from trunnion.diagnosis.effect import (
 )
 from trunnion.diagnosis.fit import gains_beside, variant_columns
 from trunnion.diagnosis.grid import best_place
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty, repeats
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.hybrid.readings import (
     check_enough,
     check_near,

@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes, SmoothField
 from trunnion.base.units import Floats, Integers
 from trunnion.data.points import Points
@@ -29,7 +30,6 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
     identity,
-    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion

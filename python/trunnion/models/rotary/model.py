@@ -12,7 +12,7 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rotation import rotations
-from trunnion.base.rows import at_hand, where
+from trunnion.base.rows import at_hand, repeats, where
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import (
@@ -33,7 +33,6 @@ from trunnion.diagnosis.model import (
     Scaling,
     Uncertainty,
     identity,
-    repeats,
 )
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of

@@ -289,27 +289,59 @@ impl TouchModel {
         (0..moves.len()).map(row).collect()
     }
 
-    /// Checks that every recorded touch lies near the modelled surface.
+    /// Readings as [`TouchModel::deviations`], of touches that lie near the modelled surface.
     ///
     /// # Errors
     /// Rows further than [`MAX_OFF_SURFACE_MM`] from it, or whose line misses the artefact.
-    pub fn check_surface(&self, moves: &Moves, values: &[f64]) -> Result<()> {
+    pub fn deviations_near(&self, moves: &Moves, values: &[f64], out: &mut [f64]) -> Result<()> {
         let mut evaluator = self.evaluator(moves, values);
-        for row in 0..moves.len() {
-            let problem = match evaluator.deviation(row) {
-                Some(deviation) if deviation.abs() <= MAX_OFF_SURFACE_MM => continue,
-                Some(deviation) => {
-                    format!("lies {:.3} mm from the modelled surface", deviation.abs())
-                }
-                None => "moves along a line that misses the modelled artefact".to_owned(),
-            };
-            return Err(Error::Data(format!(
-                "touch in row {row} {problem}; expected at most {MAX_OFF_SURFACE_MM} mm: check the \
-                 artefact's kind and dimensions, the machine preset and the signs of its axes"
-            )));
+        for (row, slot) in out.iter_mut().enumerate() {
+            *slot = near(row, evaluator.deviation(row))?;
         }
         Ok(())
     }
+
+    /// Deviations with their derivative as [`TouchModel::linearise`], of touches that lie near the
+    /// modelled surface.
+    ///
+    /// # Errors
+    /// As [`TouchModel::deviations_near`].
+    pub fn linearise_near(
+        &self,
+        moves: &Moves,
+        values: &[f64],
+        deviations: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<()> {
+        let mut evaluator = self.evaluator(moves, values);
+        let rows = jacobian.chunks_exact_mut(self.parameter_count());
+        for (row, (slot, gradient)) in deviations.iter_mut().zip(rows).enumerate() {
+            *slot = near(row, evaluator.gradient(row, gradient))?;
+        }
+        Ok(())
+    }
+
+    /// Checks that every recorded touch lies near the modelled surface.
+    ///
+    /// # Errors
+    /// As [`TouchModel::deviations_near`].
+    pub fn check_surface(&self, moves: &Moves, values: &[f64]) -> Result<()> {
+        let mut evaluator = self.evaluator(moves, values);
+        (0..moves.len()).try_for_each(|row| near(row, evaluator.deviation(row)).map(drop))
+    }
+}
+
+/// The deviation of a row that lies near the modelled surface.
+fn near(row: usize, deviation: Option<f64>) -> Result<f64> {
+    let problem = match deviation {
+        Some(deviation) if deviation.abs() <= MAX_OFF_SURFACE_MM => return Ok(deviation),
+        Some(deviation) => format!("lies {:.3} mm from the modelled surface", deviation.abs()),
+        None => "moves along a line that misses the modelled artefact".to_owned(),
+    };
+    Err(Error::Data(format!(
+        "touch in row {row} {problem}; expected at most {MAX_OFF_SURFACE_MM} mm: check the \
+         artefact's kind and dimensions, the machine preset and the signs of its axes"
+    )))
 }
 
 #[cfg(test)]
