@@ -20,7 +20,9 @@ MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and 
 MAX_HARMONIC = 8
 MAX_DEGREE = 4
 MAX_PERIODS = 120
-PIVOTS = 25
+PIVOTS = 25  # within the range of the targets' heights beyond them
+FAR_PIVOTS = 6  # beyond these, on either side
+MAX_PIVOT = 5.0  # times that range beyond the targets, that the pivot of a tilt may be
 MIN_OF_A_SENSE = 3  # one row after a return shows nothing of reversal
 
 _UNIT = ("um", "um", "um", "arcsec", "arcsec", "arcsec")
@@ -142,8 +144,10 @@ def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
     low, high = float(heights.min()), float(heights.max())
     spread = high - low
     if kind == "tilt" and spread > 0:
-        grid = tuple(np.linspace(low - spread, high + spread, PIVOTS))
-        bounds = (low - 5 * spread, high + 5 * spread)
+        near = np.linspace(low - spread, high + spread, PIVOTS)
+        far = spread * np.geomspace(1.0, MAX_PIVOT, FAR_PIVOTS + 1)[1:]
+        grid = (*(low - far[::-1]).tolist(), *near.tolist(), *(high + far).tolist())
+        bounds = (low - MAX_PIVOT * spread, high + MAX_PIVOT * spread)
         parameters.append(Parameter("pivot_mm", grid=grid, bounds=bounds, affine=True))
     often = {1: "once", 2: "twice"}.get(n, f"{n} times")
     pivoted = len(parameters) > len(names)
