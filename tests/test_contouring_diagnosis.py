@@ -178,7 +178,7 @@ def test_a_tool_tip_of_other_axes_than_the_machines_is_refused() -> None:
     log = ct.simulate(ct.Path.paper(), 3000.0, controller="independent").axis_log()
     log = log.with_columns(**dict.fromkeys(TIPS, log.actual("x")))
     setup = replace(SETUP, machine=Machine("trt-bc"))
-    with pytest.raises(InputError, match=r"got axes X, Y, Z, A, C, .* X, Y, Z, B, C .*trt-bc"):
+    with pytest.raises(DataError, match=r"got axes X, Y, Z, A, C, .* X, Y, Z, B, C .*trt-bc"):
         AxisLogModel(log, setup)
 
 

@@ -27,7 +27,7 @@ from trunnion.base.errors import FileFormatError
 from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import LARGEST, parse_number
+from trunnion.files.columns import LARGEST, LEAST, parse_number
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
 
@@ -272,9 +272,9 @@ def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
         if number != int(number) or not 1 <= number <= len(plan):
             message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
             raise log.error(i, 0, message)
-        if not 0 < feed <= LARGEST["mm/min"]:
-            most = LARGEST["mm/min"]
-            raise log.error(i, 1, f"feed: got {feed:g}, expected a number above 0, up to {most:g}")
+        if not LEAST <= feed <= LARGEST["mm/min"]:
+            allowed = f"a number from {LEAST:g} to {LARGEST['mm/min']:g}"
+            raise log.error(i, 1, f"feed: got {feed:g}, expected {allowed}")
         row = int(number) - 1
         found.pop(row, None)
         found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import trunnion._core as _core
-from trunnion.base.errors import DataError, InputError
+from trunnion.base.errors import DataError
 from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import ROTARY, Axis, Feedback, Servo, numbers
 from trunnion.data.axis_log import AxisLog
@@ -339,12 +339,12 @@ class ToolTip:
     def of(cls, log: AxisLog, setup: Setup) -> "ToolTip":
         """From the tip's columns and the axes of a log.
 
-        Raises InputError: the axes of the log are not those of the machine.
+        Raises DataError: the axes of the log are not those of the machine.
         """
         chain = Chain(setup)
         letters = f"XYZ{chain.letters}"
         if sorted(letter.lower() for letter in letters) != sorted(log.axes):
-            raise InputError(
+            raise DataError(
                 f"tool tip in the log: got axes {', '.join(log.axes).upper()}, expected "
                 f"{', '.join(letters)} (machine {setup.machine.name})"
             )
