@@ -13,6 +13,7 @@ import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
 from trunnion.diagnosis import candidates, case
+from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
 
@@ -70,9 +71,9 @@ def test_many_readings_are_stored_in_single_precision_with_the_same_result(
 ) -> None:
     data = tn.Sweep(**make_sweep(5, hidden, targets=1).columns)
     usual = tn.diagnose(data)
-    monkeypatch.setattr(candidates, "MAX_DOUBLES", 0)
+    monkeypatch.setattr(kept, "MAX_DOUBLES", 0)
     monkeypatch.setattr(case, "MAX_DOUBLES", 0)
-    monkeypatch.setattr(candidates, "BATCH_NUMBERS", 2000)
+    monkeypatch.setattr(kept, "BATCH_NUMBERS", 2000)
     monkeypatch.setattr(case, "BATCH_NUMBERS", 2000)
     d = tn.diagnose(data)
     assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
@@ -96,7 +97,7 @@ def test_a_pencil_of_columns_is_as_good_as_all_of_them() -> None:
     variants = base + at[:, None, None] * slope
     other = rng.standard_normal((1, 60, 1))
     basis = np.linalg.qr(rng.standard_normal((60, 3)))[0]
-    firsts: list[Floats | candidates.Pencil] = [variants, candidates.Pencil(base, slope, at)]
+    firsts: list[Floats | kept.Pencil] = [variants, kept.Pencil(base, slope, at)]
     made = [
         candidates.Candidates.of_pieces([(0, first), (1, other)], 2, 60 * 19, basis)
         for first in firsts
@@ -116,4 +117,4 @@ def test_sums_of_columns_in_single_precision_are_exact() -> None:
     columns: Any = np.stack([one, one + 1e-5 * other]).astype(np.float32)
     columns /= np.linalg.norm(columns, axis=1, keepdims=True)
     exact = columns.astype(np.float64) @ columns.astype(np.float64).T
-    assert candidates.inner(columns, columns.T) == pytest.approx(exact, abs=1e-13)
+    assert kept.inner(columns, columns.T) == pytest.approx(exact, abs=1e-13)

@@ -19,14 +19,8 @@ from trunnion.base.resolution import (
     inflation,
 )
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import (
-    BATCH_NUMBERS,
-    DEPENDENT_INCOMPLETE,
-    MAX_DOUBLES,
-    Candidates,
-    Pencil,
-    Piece,
-)
+from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.columns import BATCH_NUMBERS, MAX_DOUBLES, Pencil, Piece
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
@@ -107,8 +101,9 @@ class Case:
         )
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
+        alone = frozenset(j for j, values in enumerate(self.values) if len(values) == 1)
         found = Candidates.of_pieces(
-            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated()
+            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated(), alone
         )
         low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])

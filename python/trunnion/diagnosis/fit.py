@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
+from trunnion.base.statistics import (
+    MANY_ROWS,
+    RANK_TOLERANCE,
+    LinearFit,
+    basis_of,
+    linear_fit,
+    quick_factor,
+)
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
-from trunnion.diagnosis.candidates import DEPENDENT
+from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.model import Model
 
@@ -147,10 +154,9 @@ def fit(
     jac = problem.derivative(at)
     solved = problem.solve(jac, w)
     for _ in range(MAX_STEPS):
-        promised = float(np.sum((solved.basis.T @ w) ** 2))
-        if promised <= 1e-10 * rss or rss <= 0:
+        if solved.promised <= 1e-10 * rss or rss <= 0:
             break
-        step = solved.solution @ problem.directions
+        step = solved.found.solution @ problem.directions
         taken = _downhill(problem, at, step, rss)
         if taken is None and problem.beyond(at, step).any():
             taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
@@ -162,18 +168,19 @@ def fit(
         solved = problem.solve(jac, w)
         if gained <= 1e-9 * rss:
             break
+    found, basis = solved.found, solved.basis()
     return Fit(
         at.nuisance,
         at.values,
         r,
-        w - solved.basis @ (solved.basis.T @ w),
+        w - basis @ (basis.T @ w),
         jac,
         tuple((e.id, p.name) for e, p in problem.index),
-        problem.directions.T @ solved.cofactor @ problem.directions,
-        problem.not_identifiable(solved),
-        problem.combinations(solved),
-        problem.directions[~solved.held],
-        solved.basis,
+        problem.directions.T @ found.cofactor @ problem.directions,
+        problem.not_identifiable(found),
+        problem.combinations(found),
+        problem.directions[~found.held],
+        basis,
         problem.judged,
     )
 
@@ -184,6 +191,36 @@ class _Point:
 
     nuisance: Array
     values: dict[str, Values]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Least squares of a step, ``along`` the directions.
+
+    ``promised``: drop of the sum of squares. ``factor``: triangular factor, of many rows: ``found``
+    is of its rows then, and the basis is made where it is asked for.
+    """
+
+    found: LinearFit
+    promised: float
+    along: Array
+    factor: Array | None = None
+
+    @classmethod
+    def of(cls, along: Array, w: Array, tolerance: float) -> "_Step":
+        """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
+        rows, right, factor = along, w, None
+        if len(along) >= MANY_ROWS:
+            factor = quick_factor(along, w)
+            rows, right = factor[:, :-1], factor[:, -1]
+        found = linear_fit(rows, right, tolerance=tolerance, basis=True)
+        return cls(found, float(np.sum((found.basis.T @ right) ** 2)), along, factor)
+
+    def basis(self) -> Array:
+        """Orthonormal basis of the directions that are not held, all rows."""
+        if self.factor is None:
+            return self.found.basis
+        return basis_of(self.along, self.found, self.factor)
 
 
 class _Problem:
@@ -221,10 +258,10 @@ class _Problem:
         parts += [self.model.effect_jacobian(at.nuisance, e, at.values[e.id]) for e in self.effects]
         return np.concatenate(parts, axis=1)
 
-    def solve(self, jac: Array, w: Array) -> LinearFit:
+    def solve(self, jac: Array, w: Array) -> _Step:
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
         along = self.used(jac) @ self.directions.T
-        return linear_fit(along, w, tolerance=self.model.rank_tolerance, basis=True)
+        return _Step.of(along, w, self.model.rank_tolerance)
 
     def not_identifiable(self, solved: LinearFit) -> Flags:
         """Parameters of combinations that are not identifiable at the start, or ``solved``."""
@@ -259,7 +296,7 @@ class _Problem:
             held |= over
             fixed = np.where(held, self.room(at, step), 0.0)
             others = self.solve(np.where(held, 0.0, jac), w - self.used(jac @ fixed))
-            step = np.where(held, fixed, others.solution @ self.directions)
+            step = np.where(held, fixed, others.found.solution @ self.directions)
         return step
 
     def moved(self, at: _Point, step: Array) -> _Point:

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from scipy import special
 
 from trunnion.base.rotation import cosine_sine
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import (
+from trunnion.diagnosis.columns import (
     AT_HAND,
+    AT_ONCE,
     BATCH_NUMBERS,
     MIN_ROWS,
     ROUNDING,
@@ -163,12 +165,43 @@ class Dictionary:
     def _products(self, r: Floats) -> dict[int, Floats]:
         """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
         out = {id(p): np.empty((*p.size.shape, r.shape[1])) for p in self._parts}
+        if len(r) >= MANY_ROWS:
+            for part, products in zip(self._parts, self._together(r), strict=True):
+                out[id(part)][:] = products
+            return {k: v.reshape(-1, *v.shape[2:]) for k, v in out.items()}
         for those in self._shared:
             part, i = those[0]
             weighted = (part.components[i][:, None] * r).astype(part.functions.dtype, copy=False)
             for part, i in those:
                 out[id(part)][:, i] = part.products(weighted, i)
         return {k: v.reshape(-1, *v.shape[2:]) for k, v in out.items()}
+
+    def _together(self, r: Floats) -> list[Floats]:
+        """Return the same of each part, (m, c, k, s), all of its components at once.
+
+        Some readings at a time, so that functions are read and made double once for all.
+        """
+        s = r.shape[1]
+        number = {id(part): [0] * len(part.components) for part in self._parts}
+        for i, those in enumerate(self._shared):
+            for part, c in those:
+                number[id(part)][c] = i
+        components = np.stack([those[0][0].components[those[0][1]] for those in self._shared])
+        flat = [part.functions.reshape(-1, len(r)) for part in self._parts]
+        sums = [
+            np.zeros((len(f), len(p.components) * s))
+            for f, p in zip(flat, self._parts, strict=True)
+        ]
+        for first in range(0, len(r), AT_ONCE):
+            some = slice(first, first + AT_ONCE)
+            weighted = components[:, some, None] * r[some]
+            for part, own, total in zip(self._parts, flat, sums, strict=True):
+                side = weighted[number[id(part)]].transpose(1, 0, 2).reshape(-1, total.shape[1])
+                total += own[:, some].astype(np.float64, copy=False) @ side
+        return [
+            total.reshape(*p.functions.shape[:2], -1, s).transpose(0, 2, 1, 3) * p.scale[..., None]
+            for total, p in zip(sums, self._parts, strict=True)
+        ]
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""

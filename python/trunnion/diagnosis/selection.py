@@ -29,7 +29,8 @@ import numpy as np
 
 from trunnion.base.resolution import NO_FLOOR, Floor
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import DEPENDENT, Candidates
+from trunnion.diagnosis.candidates import Candidates
+from trunnion.diagnosis.columns import DEPENDENT
 
 # "Within 6 of the best": a likelihood ratio of exp(3) = 20.
 WITHIN = 6.0
