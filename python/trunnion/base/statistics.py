@@ -4,8 +4,8 @@ Columns are scaled to unit length, so that units do not matter. A combination of
 identifiable* if its singular value is at most :data:`RANK_TOLERANCE` of the largest. One parameter
 of it is held, its step is zero: the last one that has a fair share. The others are determined then.
 The core does the work (``rust/core/src/linear.rs``); time and memory are linear in rows. Of many
-rows LAPACK makes the triangular factor some rows at a time, on which all is decided, and BLAS the
-basis: a third of the time.
+rows the triangular factor, on which all is decided, comes from inner products where their condition
+is small and from LAPACK elsewhere, and the basis from BLAS: a third of the time.
 
 A model that is not linear in its parameters is judged at its start, where dependencies are exact:
 away from it, leftovers of second order look like information. Afterwards it moves only in the
@@ -96,7 +96,7 @@ def linear_fit(
     if columns.ndim != 2 or values.shape != columns.shape[:1] or len(columns) < MANY_ROWS:
         return LinearFit(*_core.linear_fit(columns, values, held, tolerance, basis))
     with one_blas_thread():
-        factor = triangular_factor(columns, values)
+        factor = quick_factor(columns, values)
         fit = LinearFit(*_core.linear_fit(factor[:, :-1], factor[:, -1], held, tolerance, False))
         return replace(fit, basis=basis_of(columns, fit, factor)) if basis else fit
 

@@ -249,6 +249,15 @@ class Candidates:
             if b in known:
                 self._gram_rows[b] = np.concatenate([known[b], self._gram_rows[b]], axis=1)
 
+    def gram(self, blocks: Sequence[int]) -> Floats:
+        """Inner products of the columns of blocks with each other, (K, K)."""
+        if len(self._basis) < MANY_ROWS:
+            columns = np.concatenate([self.columns(b) for b in blocks]).astype(np.float64)
+            return np.asarray(columns @ columns.T)
+        self.prepare(blocks)
+        every = np.concatenate([np.arange(self.width)[self.span(b)] for b in blocks])
+        return np.concatenate([self._gram_rows[b][:, every] for b in blocks])
+
     def _group(self) -> None:
         """Find candidates whose columns span the same: one stands for all of them."""
         self.alike: dict[int, list[int]] = {}

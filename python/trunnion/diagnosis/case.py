@@ -20,7 +20,7 @@ from trunnion.base.resolution import (
 )
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
-from trunnion.diagnosis.columns import BATCH_NUMBERS, MAX_DOUBLES, Pencil, Piece
+from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
@@ -343,7 +343,7 @@ def _pieces(
             slope = (last - first) / (at[-1] - at[0])
             yield j, Pencil(first - at[0] * slope, slope, at)
             continue
-        most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
+        most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
             x = variant_columns(model, effect, nuisance, values[j][first : first + most])
             yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)

@@ -21,6 +21,7 @@ DEPENDENT = 1e-5
 ROUNDING = 1e-10  # of the longest column: sin 180°
 MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
 BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
+BATCH_COLUMNS = 16  # of many readings: what they are beside is read once for these
 AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
 MIN_ROWS = 2048  # readings of a step
 AT_ONCE = 1024  # readings of columns in single precision
@@ -145,11 +146,16 @@ def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[li
             yield batch
             batch = []
         batch.append(piece)
-        if sum(v.size for _, v in batch) >= BATCH_NUMBERS:
+        if sum(v.size for _, v in batch) >= batch_numbers(piece[1].shape[1]):
             yield batch
             batch = []
     if batch:
         yield batch
+
+
+def batch_numbers(n: int) -> int:
+    """How many numbers of n readings are worked on at once: of many readings, some columns."""
+    return max(BATCH_NUMBERS, BATCH_COLUMNS * n)
 
 
 def unit_blocks(
