@@ -74,7 +74,6 @@ def test_many_readings_are_stored_in_single_precision_with_the_same_result(
     monkeypatch.setattr(kept, "MAX_DOUBLES", 0)
     monkeypatch.setattr(case, "MAX_DOUBLES", 0)
     monkeypatch.setattr(kept, "BATCH_NUMBERS", 2000)
-    monkeypatch.setattr(case, "BATCH_NUMBERS", 2000)
     d = tn.diagnose(data)
     assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
     np.testing.assert_allclose(_numbers(d), _numbers(usual), rtol=1e-5, atol=1e-9)

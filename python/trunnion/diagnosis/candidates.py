@@ -18,7 +18,7 @@ from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import (
     DEPENDENT,
-    Combined,
+    Part,
     Piece,
     Shelf,
     batches,
@@ -114,7 +114,7 @@ class Candidates:
             owner += [np.full(len(v), j, dtype=np.intp) for j, v in batch]
             rank.append(some[0])
             start.append(some[1] + filled)
-        self._parts: tuple[Floats | Combined, ...] = shelf.parts() or (np.zeros((0, n)),)
+        self._parts: tuple[Floats | Part, ...] = shelf.parts() or (np.zeros((0, n)),)
         self.owner, self.rank, self.start = map(np.concatenate, (owner, rank, start))
         self.variant = np.arange(len(self.owner)) - np.searchsorted(self.owner, self.owner)
         self._keep(self.rank > 0)
@@ -209,7 +209,7 @@ class Candidates:
         part, some = self._place(block)
         return part[some]
 
-    def _place(self, block: int) -> tuple[Floats | Combined, slice]:
+    def _place(self, block: int) -> tuple[Floats | Part, slice]:
         """Part that holds the columns of a block, and which of it they are."""
         start = int(self.start[block])
         i = bisect_right(self._ends, start)
@@ -221,8 +221,8 @@ class Candidates:
         """Inner products of the columns of two blocks, shape (k, l)."""
         part, some = self._place(a)
         other, others = self._place(b)
-        if isinstance(part, Combined) and part is other:
-            return np.asarray(part.weights[some] @ part.products @ part.weights[others].T)
+        if not isinstance(part, np.ndarray) and part is other:
+            return part.inner(some, others)
         return inner(part[some], other[others].T)
 
     def gram_rows(self, block: int) -> Floats:

@@ -7,12 +7,12 @@ precision, and the sums in double.
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from trunnion.base.statistics import MANY_ROWS
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 
 # Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
 # length). Exact dependencies of a perfect machine are broken in second order by the errors of the
@@ -39,11 +39,6 @@ class Pencil:
     slope: Floats
     at: Floats
 
-    @property
-    def size(self) -> int:
-        """Count of the numbers kept."""
-        return 2 * self.base.size
-
     def __len__(self) -> int:
         """Count of the variants."""
         return len(self.at)
@@ -52,9 +47,56 @@ class Pencil:
         """Return the same of some of the rows."""
         return Pencil(self.base[some], self.slope[some], self.at)
 
+    def orthonormal(
+        self, basis: Floats, kind: type[np.float32 | np.float64]
+    ) -> tuple["Combined", Integers, Integers]:
+        """Orthonormal columns of each variant: all of it in inner products of the 2 k columns."""
+        shared = np.concatenate([self.base, self.slope], axis=1).T
+        k = len(shared) // 2
+        one = np.eye(k)
+        weights = np.stack([np.concatenate([one, at * one], axis=1) for at in self.at])
+        before = shared @ shared.T
+        size = np.sqrt(np.maximum(np.einsum("vki,ij,vkj->vk", weights, before, weights), 0.0))
+        least = ROUNDING * float(size.max(initial=0.0))
+        weights /= np.where(size > least, size, np.inf)[:, :, None]
+        shared -= (shared @ basis) @ basis.T
+        w, u = np.linalg.eigh(weights @ (shared @ shared.T) @ weights.transpose(0, 2, 1))
+        w, u = w[:, ::-1], u[:, :, ::-1]
+        seen = w > DEPENDENT
+        scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
+        rows = (u * scale[:, None, :]).transpose(0, 2, 1) @ weights
+        rank = seen.sum(axis=1)
+        start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+        return Combined(rows[seen], shared), rank, start
 
-# a candidate, some of its variants (v, n, k)
-Piece: TypeAlias = tuple[int, Floats | Pencil]
+
+class Part(Protocol):
+    """Columns of candidates, one a row, of which not all are made."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, some: slice) -> Floats: ...
+    def times(self, r: Floats) -> Floats:
+        """Inner products of the columns with residuals (n,) or (n, s)."""
+
+    def inner(self, some: slice, others: slice) -> Floats:
+        """Inner products of columns of one block with those of another, (k, l)."""
+
+
+class Family(Protocol):
+    """All variants of a candidate, of which none is made."""
+
+    def __len__(self) -> int: ...
+    def rows(self, some: Integers | slice) -> "Family":
+        """Return the same of some of the rows."""
+
+    def orthonormal(
+        self, basis: Floats, kind: type[np.float32 | np.float64]
+    ) -> tuple[Part, Integers, Integers]:
+        """Orthonormal columns of each variant beside a basis, their rank, and where they start."""
+
+
+# a candidate, all of its variants or some (v, n, k)
+Piece: TypeAlias = tuple[int, Floats | Family]
 
 
 @dataclass(frozen=True)
@@ -75,13 +117,20 @@ class Combined:
     def __getitem__(self, some: slice) -> Floats:
         return np.asarray(self.weights[some] @ self.shared)
 
+    def times(self, r: Floats) -> Floats:
+        """Inner products of the columns with residuals (n,) or (n, s)."""
+        return np.asarray(self.weights @ inner(self.shared, r))
 
-def products(parts: Sequence[Floats | Combined], r: Floats) -> Floats:
+    def inner(self, some: slice, others: slice) -> Floats:
+        """Inner products of some columns with others, (k, l)."""
+        return np.asarray(self.weights[some] @ self.products @ self.weights[others].T)
+
+
+def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
     """Inner products of the columns of parts with residuals (n,) or (n, s): (M,) or (M, s)."""
-    held = [x.shared if isinstance(x, Combined) else x for x in parts]
-    pairs = zip(parts, inners(held, r), strict=True)
-    whole = [part.weights @ x if isinstance(part, Combined) else x for part, x in pairs]
-    return np.concatenate(whole)
+    arrays = iter(inners([x for x in parts if isinstance(x, np.ndarray)], r))
+    found = (next(arrays) if isinstance(x, np.ndarray) else x.times(r) for x in parts)
+    return np.concatenate(list(found))
 
 
 class Shelf:
@@ -89,7 +138,7 @@ class Shelf:
 
     def __init__(self, n: int) -> None:
         self.n, self.filled = n, 0
-        self._parts: list[Floats | Combined] = []
+        self._parts: list[Floats | Part] = []
         self._open = False  # whether the last part has room left
         self._used = 0  # of it
 
@@ -110,7 +159,7 @@ class Shelf:
     def _left(self, last: Floats) -> int:
         return len(last) - self._used
 
-    def add(self, part: "Combined") -> None:
+    def add(self, part: Part) -> None:
         """Add a part that is complete."""
         self.close()
         self._parts.append(part)
@@ -123,20 +172,29 @@ class Shelf:
             self._parts[-1] = last[: self._used]
         self._open, self._used = False, 0
 
-    def parts(self) -> tuple[Floats | Combined, ...]:
+    def parts(self) -> tuple[Floats | Part, ...]:
         """Return all of them."""
         self.close()
         return tuple(self._parts)
 
 
+def lengths(columns: Floats) -> Floats:
+    """Length of each column, infinite for columns of rounding noise (sin 180°) beside the others.
+
+    Dividing by it leaves unit columns, and zeros where there was nothing.
+    """
+    size: Floats = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return np.where(size > ROUNDING * np.max(size, initial=0.0), size, np.inf)
+
+
 def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[list[Piece]]:
-    """Pieces, so many at a time as have not too many numbers together; a pencil by itself.
+    """Pieces, so many at a time as have not too many numbers together; a family by itself.
 
     ``apart``: candidates that go apart from the others.
     """
     batch: list[Piece] = []
     for piece in pieces:
-        if isinstance(piece[1], Pencil):
+        if not isinstance(piece[1], np.ndarray):
             if batch:
                 yield batch
             yield [piece]
@@ -146,7 +204,8 @@ def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[li
             yield batch
             batch = []
         batch.append(piece)
-        if sum(v.size for _, v in batch) >= batch_numbers(piece[1].shape[1]):
+        numbers = sum(v.size for _, v in batch if isinstance(v, np.ndarray))
+        if numbers >= batch_numbers(piece[1].shape[1]):
             yield batch
             batch = []
     if batch:
@@ -159,39 +218,18 @@ def batch_numbers(n: int) -> int:
 
 
 def unit_blocks(
-    variants: Sequence[Floats | Pencil],
+    variants: Sequence[Floats | Family],
     basis: Floats,
     kind: type[np.float32 | np.float64],
     shelf: Shelf,
 ) -> tuple[Integers, Integers]:
     """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
-    if isinstance(variants[0], Pencil):
-        part, rank, start = _orthonormal_pencil(variants[0], basis)
+    if not isinstance(variants[0], np.ndarray):
+        part, rank, start = variants[0].orthonormal(basis, kind)
         shelf.add(part)
         return rank, start
-    arrays = [v.transpose(0, 2, 1) for v in variants if not isinstance(v, Pencil)]
+    arrays = [v.transpose(0, 2, 1) for v in variants if isinstance(v, np.ndarray)]
     return _orthonormal_blocks(arrays, basis, kind, shelf)
-
-
-def _orthonormal_pencil(pencil: Pencil, basis: Floats) -> tuple[Combined, Integers, Integers]:
-    """The same of the variants of a pencil: all of it in inner products of its 2 k columns."""
-    shared = np.concatenate([pencil.base, pencil.slope], axis=1).T
-    k = len(shared) // 2
-    one = np.eye(k)
-    weights = np.stack([np.concatenate([one, at * one], axis=1) for at in pencil.at])
-    before = shared @ shared.T
-    size = np.sqrt(np.maximum(np.einsum("vki,ij,vkj->vk", weights, before, weights), 0.0))
-    least = ROUNDING * float(size.max(initial=0.0))
-    weights /= np.where(size > least, size, np.inf)[:, :, None]
-    shared -= (shared @ basis) @ basis.T
-    w, u = np.linalg.eigh(weights @ (shared @ shared.T) @ weights.transpose(0, 2, 1))
-    w, u = w[:, ::-1], u[:, :, ::-1]
-    seen = w > DEPENDENT
-    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
-    rows = (u * scale[:, None, :]).transpose(0, 2, 1) @ weights
-    rank = seen.sum(axis=1)
-    start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
-    return Combined(rows[seen], shared), rank, start
 
 
 def _orthonormal_blocks(
@@ -242,15 +280,8 @@ def _orthonormal(
     hand.
     """
     b, k, n = x.shape
-    square = np.diagonal(gram, axis1=1, axis2=2)
-    unit = 1.0 / np.sqrt(np.where(square > least, square, np.inf))
-    taken = (x.reshape(-1, n) @ basis).reshape(b, k, -1) * unit[:, :, None]
-    left = gram * unit[:, :, None] * unit[:, None] - taken @ taken.transpose(0, 2, 1)
-    w, u = (left[:, :, 0], np.ones_like(left)) if k == 1 else np.linalg.eigh(left)
-    w, u = w[:, ::-1], u[:, :, ::-1]
-    seen = w > DEPENDENT
-    weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
-    of_basis, weights = (weights @ taken)[seen], weights * unit[:, None]
+    taken = (x.reshape(-1, n) @ basis).reshape(b, k, -1)
+    weights, of_basis, seen = orthonormal_weights(gram, taken, least)
     out = shelf.room(len(of_basis), kind)
     most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
     for first in range(0, n, most):
@@ -258,6 +289,24 @@ def _orthonormal(
         of_x = (weights @ x[:, :, some])[seen]
         np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
     return np.asarray(seen.sum(axis=1))
+
+
+def orthonormal_weights(gram: Floats, taken: Floats, least: float) -> tuple[Floats, Floats, Flags]:
+    """Combinations of the rows of blocks that are orthonormal beside a basis.
+
+    ``gram``: inner products of the rows (b, k, k); ``taken``: with the basis (b, k, p); ``least``:
+    squared length of a row that counts as zero. Returns the weights (b, k, k) of each combination,
+    largest first, what to subtract of the basis (M, p), and which combinations are independent.
+    """
+    square = np.diagonal(gram, axis1=1, axis2=2)
+    unit = 1.0 / np.sqrt(np.where(square > least, square, np.inf))
+    taken = taken * unit[:, :, None]
+    left = gram * unit[:, :, None] * unit[:, None] - taken @ taken.transpose(0, 2, 1)
+    w, u = (left[:, :, 0], np.ones_like(left)) if left.shape[1] == 1 else np.linalg.eigh(left)
+    w, u = w[:, ::-1], u[:, :, ::-1]
+    seen = w > DEPENDENT
+    weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
+    return weights * unit[:, None], (weights @ taken)[seen], seen
 
 
 def inner(columns: Floats, r: Floats) -> Floats:

@@ -186,18 +186,20 @@ class Dictionary:
         for i, those in enumerate(self._shared):
             for part, c in those:
                 number[id(part)][c] = i
+        entering = [tuple(number[id(part)]) for part in self._parts]
         components = np.stack([those[0][0].components[those[0][1]] for those in self._shared])
         flat = [part.functions.reshape(-1, len(r)) for part in self._parts]
-        sums = [
-            np.zeros((len(f), len(p.components) * s))
-            for f, p in zip(flat, self._parts, strict=True)
-        ]
+        pairs = zip(flat, entering, strict=True)
+        sums = [np.zeros((len(f), len(own) * s)) for f, own in pairs]
         for first in range(0, len(r), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             weighted = components[:, some, None] * r[some]
-            for part, own, total in zip(self._parts, flat, sums, strict=True):
-                side = weighted[number[id(part)]].transpose(1, 0, 2).reshape(-1, total.shape[1])
-                total += own[:, some].astype(np.float64, copy=False) @ side
+            sides = {
+                own: weighted[list(own)].transpose(1, 0, 2).reshape(-1, len(own) * s)
+                for own in set(entering)
+            }
+            for own, f, total in zip(entering, flat, sums, strict=True):
+                total += f[:, some].astype(np.float64, copy=False) @ sides[own]
         return [
             total.reshape(*p.functions.shape[:2], -1, s).transpose(0, 2, 1, 3) * p.scale[..., None]
             for total, p in zip(sums, self._parts, strict=True)
