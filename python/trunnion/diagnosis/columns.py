@@ -48,7 +48,9 @@ class Pencil:
         return Pencil(self.base[some], self.slope[some], self.at)
 
     def orthonormal(
-        self, basis: Floats, kind: type[np.float32 | np.float64]
+        self,
+        basis: Floats,
+        kind: type[np.float32 | np.float64],  # noqa: ARG002
     ) -> tuple["Combined", Integers, Integers]:
         """Orthonormal columns of each variant: all of it in inner products of the 2 k columns."""
         shared = np.concatenate([self.base, self.slope], axis=1).T

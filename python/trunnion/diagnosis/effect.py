@@ -299,10 +299,13 @@ class _Waves:
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
         out = np.zeros((3, self.count))
-        for own, place, enters in self.parts:
+        for number, (own, place, enters) in enumerate(self.parts):
             waves = out[:, own]
             for some in at_hand(len(place)):
                 rows = wave_rows(place[some], period, a, b)
+                if number == 0:
+                    np.multiply(rows, enters[some], out=waves[: len(rows), some])
+                    continue
                 rows *= enters[some]
                 waves[: len(rows), some] += rows
             if not isinstance(own, slice):

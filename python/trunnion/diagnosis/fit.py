@@ -8,6 +8,7 @@ leftovers of second order look like information. A fit moves in the directions t
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -38,6 +39,7 @@ GONE = 1e-12  # of a squared column, what rounding leaves of it
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
+TRIALS_AT_ONCE = 16  # of many readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +244,7 @@ class _Problem:
             judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
         self.judged = judged
         self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
+        self.every = np.array_equal(self.directions, np.eye(len(self.directions)))
 
     def used(self, a: Array) -> Array:
         """Whiten an array of all readings and take those that are used."""
@@ -260,7 +263,9 @@ class _Problem:
 
     def solve(self, jac: Array, w: Array) -> _Step:
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
-        along = self.used(jac) @ self.directions.T
+        along = self.used(jac)
+        if not self.every:
+            along = along @ self.directions.T
         return _Step.of(along, w, self.model.rank_tolerance)
 
     def not_identifiable(self, solved: LinearFit) -> Flags:
@@ -347,29 +352,43 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         others = np.concatenate([base, *(columns(o) for o in effects if o is not e)], axis=1)
         q = linear_fit(others, y, basis=True).basis
         residual = y - q @ (q.T @ y)
-
-        def gain(e: Effect = e, q: Array = q, residual: Array = residual) -> float:
-            return gain_beside(columns(e), q, residual)
-
         for p in e.parameters:
-            if not p.linear:
-                _zoom_one(p.name, np.asarray(p.grid), values[e.id], gain)
+            if p.linear:
+                continue
+
+            def made(trial: float, e: Effect = e, name: str = p.name) -> Array:
+                values[e.id][name] = trial
+                return columns(e)
+
+            gains = partial(gains_at, made, basis=q, residual=residual)
+            _zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
     for e in effects:
         for p in e.parameters:
             if p.linear:
                 values[e.id][p.name] = 0.0
 
 
-def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
-    """Drop of the RSS of a residual by columns (n, k), beside an orthonormal basis (n, q).
+def gains_at(
+    columns: Callable[[float], Array], trials: Array, basis: Array, residual: Array
+) -> Array:
+    """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
 
-    ``residual``: what the basis leaves, (n,).
+    Of many readings several at once, for which the basis is read once.
     """
-    return float(gains_beside(columns[None], basis, residual)[0])
+    out = np.zeros(len(trials))
+    at_once = 1 if len(residual) < MANY_ROWS else TRIALS_AT_ONCE
+    for first in range(0, len(trials), at_once):
+        some = slice(first, first + at_once)
+        rows = [columns(trial).T for trial in trials[some].tolist()]
+        out[some] = gains_beside(np.stack(rows).transpose(0, 2, 1), basis, residual)
+    return out
 
 
 def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
-    """Return the same of several sets of columns (v, n, k), each by itself, shape (v,)."""
+    """Drop of the RSS of a residual by columns (v, n, k), beside an orthonormal basis (n, q).
+
+    Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).
+    """
     rows = variants.transpose(0, 2, 1)
     v, k, n = rows.shape
     flat = rows.reshape(-1, n)
@@ -383,17 +402,14 @@ def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
     return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
 
 
-def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:
+def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
     """Refine one nonlinear parameter for the largest gain, in place."""
     at = int(np.argmin(np.abs(grid - values[name])))
     low = float(grid[max(at - 1, 0)])
     high = float(grid[min(at + 1, len(grid) - 1)])
     for _ in range(GRID_ZOOMS):
         trials = np.linspace(low, high, ZOOM_POINTS)
-        gains = np.zeros(ZOOM_POINTS)
-        for i, trial in enumerate(trials):
-            values[name] = float(trial)
-            gains[i] = gain()
+        gains = gains_of(trials)
         # the middle of equally good values: between two touches a slip's time is free
         good = gains >= gains.max() * (1 - 1e-12)
         top = np.flatnonzero(good)

@@ -11,13 +11,12 @@ from functools import partial
 
 import numpy as np
 
-from trunnion.base.statistics import MANY_ROWS, linear_fit
+from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, gains_beside
+from trunnion.diagnosis.fit import Fit, gains_at
 
-AT_ONCE = 16  # of many readings
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
 DETERMINED = 0.5  # times the spread if it could be anywhere: above, the readings do not tell
@@ -47,19 +46,12 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
 
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
-        out = np.zeros(len(trials))
-        # Of many readings the basis is read once for some of them.
-        at_once = 1 if len(y) < MANY_ROWS else AT_ONCE
-        for first in range(0, len(trials), at_once):
-            some = trials[first : first + at_once]
-            columns = np.empty((len(some), len(linear), len(y)))
-            for own, trial in zip(columns, some, strict=True):
-                at = Values({**fitted, name: float(trial)})
-                x = case.model.effect_jacobian(f.nuisance, effect, at)[:, linear]
-                own[:] = case.white(x).T
-            variants = columns.transpose(0, 2, 1)
-            out[first : first + at_once] = gains_beside(variants, basis, y) / variance
-        return out
+
+        def columns(trial: float) -> Floats:
+            at = Values({**fitted, name: trial})
+            return case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
+
+        return gains_at(columns, trials, basis, y) / variance
 
     found = {
         p.name: _spread(fitted[p.name], np.asarray(p.grid), partial(gains, p.name)) for p in still
