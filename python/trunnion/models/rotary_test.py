@@ -138,7 +138,7 @@ class RotaryTestModel(Model):
     def base_jacobian(self, nuisance: Floats) -> Floats:
         """Return their derivative (the last one is kept, of many rows for what is next to it)."""
         near = SAME_PLACE if len(self.data) >= MANY_ROWS else 0.0
-        if np.abs(nuisance - self._at[0]).max(initial=0.0) > near:
+        if not np.all(np.abs(nuisance - self._at[0]) <= near):
             jacobian = self._known.jacobian(self._whole(nuisance))
             every = len(self._fitted) == jacobian.shape[1]
             self._at = (nuisance.copy(), jacobian if every else jacobian[:, self._fitted])
