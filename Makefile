@@ -49,6 +49,10 @@ bench: build  ## medians and ratios of the main job beside peers in the same run
 bench-joint: build  ## what a joint diagnosis costs beside its measurements one by one, two minutes
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -W ignore tests/benches/bench_joint.py
 
+.PHONY: bench-rows
+bench-rows: build  ## seconds and memory of a diagnosis of 10⁵ rows of each kind, three minutes
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/benches/bench_rows.py
+
 .PHONY: sweep-size
 sweep-size: build  ## what a sweep costs by its size, 10⁴ to 10⁷ samples, ten minutes, into docs/results/sweep-size.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/sweep_size.py --out docs/results/sweep-size.md

@@ -78,7 +78,9 @@ def hybrid_case(
     return data, hidden
 
 
-def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) -> tn.Ballbar:
+def hybrid_cases(
+    hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5, step_deg: float = 4.0
+) -> tn.Ballbar:
     """The same with several causes, each of a share of its usual size.
 
     One centre and a vertical tool see nothing of gravity; where it is hidden five centres and tilts
@@ -86,7 +88,7 @@ def hybrid_cases(hidden: Mapping[str, float], seed: int, sigma_um: float = 0.5) 
     """
     rng = np.random.default_rng(seed)
     spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
-    rec = record(spot, step_deg=4.0)
+    rec = record(spot, step_deg=step_deg)
     if "gravity" in hidden:
         tilt = np.radians(20)
         ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
@@ -155,6 +157,7 @@ def cartesian_cases(
     share: float = 1.0,
     sigma_um: float = 0.3,
     left: Sequence[float] = (),
+    step_deg: float = 2.0,
 ) -> tuple[tn.Ballbar, list[str | None]]:
     """A plain test with several causes, each on an axis drawn; ``share``: of their usual size.
 
@@ -166,7 +169,7 @@ def cartesian_cases(
     spot = rng.uniform(-200, 200, 3)
     flat = bool(rng.integers(2))
     arcs = (("XY", 0, 360),) if flat else (("XY", 0, 360), ("XZ", -20, 200), ("YZ", -20, 200))
-    rec = record(spot, step_deg=2.0, arcs=arcs)
+    rec = record(spot, step_deg=step_deg, arcs=arcs)
     error = np.zeros_like(rec.points)
     names = []
     for i, one in enumerate(hidden):

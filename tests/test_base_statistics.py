@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from trunnion.base import statistics
 from trunnion.base.errors import InputError
 from trunnion.base.statistics import combination_in_words, linear_fit
 
 RNG = np.random.default_rng(1)
 
 
-@pytest.mark.parametrize("rows", [7, 500, 3000])
+@pytest.mark.parametrize("rows", [7, 500, 3000, 20_000])
 def test_numbers_are_those_of_numpy(rows: int) -> None:
     columns = RNG.standard_normal((rows, 5)) * [1.0, 1e-4, 1e4, 3.0, 2.0]
     values = RNG.standard_normal(rows)
@@ -28,6 +29,25 @@ def test_numbers_are_those_of_numpy(rows: int) -> None:
     assert not fit.held.any()
     assert len(fit.combinations) == 0
     np.testing.assert_allclose(fit.std, np.sqrt(np.diag(fit.cofactor)))
+
+
+@pytest.mark.parametrize("apart", [1e-2, 1e-5, 0.0])
+def test_many_rows_are_judged_as_few(apart: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By inner products where their condition is small, by LAPACK elsewhere: as by the core."""
+    columns = RNG.standard_normal((20_000, 5)) * [1.0, 1e-4, 1e4, 3.0, 2.0]
+    columns[:, 3] = 2.0 * columns[:, 0] + apart * columns[:, 3]
+    values = RNG.standard_normal(len(columns))
+    many = linear_fit(columns, values, basis=True)
+    monkeypatch.setattr(statistics, "MANY_ROWS", len(columns) + 1)
+    few = linear_fit(columns, values, basis=True)
+    assert (many.rank, many.held.tolist()) == (few.rank, few.held.tolist())
+    assert many.not_identifiable.tolist() == few.not_identifiable.tolist()
+    sizes = np.sqrt(np.diag(few.cofactor))
+    np.testing.assert_allclose(many.solution, few.solution, atol=1e-9 * sizes.max())
+    np.testing.assert_allclose(many.cofactor, few.cofactor, rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(many.basis.T @ many.basis, np.eye(many.rank), atol=1e-9)
+    left = many.basis - few.basis @ (few.basis.T @ many.basis)
+    assert np.abs(left).max() < 1e-9
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])

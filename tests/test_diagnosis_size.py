@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 import trunnion as tn
 from power.measured_twin import make_sweep
 from trunnion.base.units import Floats
-from trunnion.diagnosis import candidates, case
+from trunnion.diagnosis import candidates, case, classes
+from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter
 from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
 
@@ -70,10 +71,9 @@ def test_many_readings_are_stored_in_single_precision_with_the_same_result(
 ) -> None:
     data = tn.Sweep(**make_sweep(5, hidden, targets=1).columns)
     usual = tn.diagnose(data)
-    monkeypatch.setattr(candidates, "MAX_DOUBLES", 0)
+    monkeypatch.setattr(kept, "MAX_DOUBLES", 0)
     monkeypatch.setattr(case, "MAX_DOUBLES", 0)
-    monkeypatch.setattr(candidates, "BATCH_NUMBERS", 2000)
-    monkeypatch.setattr(case, "BATCH_NUMBERS", 2000)
+    monkeypatch.setattr(kept, "BATCH_NUMBERS", 2000)
     d = tn.diagnose(data)
     assert (d.verdict, d.alternatives) == (usual.verdict, usual.alternatives)
     np.testing.assert_allclose(_numbers(d), _numbers(usual), rtol=1e-5, atol=1e-9)
@@ -96,7 +96,7 @@ def test_a_pencil_of_columns_is_as_good_as_all_of_them() -> None:
     variants = base + at[:, None, None] * slope
     other = rng.standard_normal((1, 60, 1))
     basis = np.linalg.qr(rng.standard_normal((60, 3)))[0]
-    firsts: list[Floats | candidates.Pencil] = [variants, candidates.Pencil(base, slope, at)]
+    firsts: list[Floats | kept.Pencil] = [variants, kept.Pencil(base, slope, at)]
     made = [
         candidates.Candidates.of_pieces([(0, first), (1, other)], 2, 60 * 19, basis)
         for first in firsts
@@ -109,6 +109,37 @@ def test_a_pencil_of_columns_is_as_good_as_all_of_them() -> None:
         np.testing.assert_allclose(ours.T @ ours, theirs.T @ theirs, atol=1e-10)
 
 
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_columns_in_classes_are_as_good_as_all_of_them(shuffled: bool) -> None:
+    """Functions times classes are kept as functions, with the same numbers."""
+    rng = np.random.default_rng(9)
+    label = np.repeat(np.arange(3), [20, 25, 15])
+    if shuffled:
+        label = rng.permutation(label)
+    functions = rng.standard_normal((40, 2, 60))
+    inside = label == np.arange(3)[:, None]
+    variants = (functions[:, None] * inside[None, :, None]).reshape(40, 6, 60).transpose(0, 2, 1)
+    spread = classes.InClasses(functions.__getitem__, 40, label, slice(60))
+    basis = np.linalg.qr(rng.standard_normal((60, 3)))[0]
+    other = rng.standard_normal((1, 60, 1))
+    used = np.flatnonzero(rng.random(60) < 0.9)
+    for rows, beside in ((slice(60), basis), (used, np.linalg.qr(basis[used])[0])):
+        firsts: list[Floats | kept.Family] = [variants[:, rows], spread.rows(rows)]
+        made = [
+            candidates.Candidates.of_pieces(
+                [(0, first), (1, other[:, rows])], 2, len(beside) * 241, beside
+            )
+            for first in firsts
+        ]
+        for r in rng.standard_normal((2, len(beside), 4)):
+            np.testing.assert_allclose(made[1].gains(r), made[0].gains(r), rtol=1e-9)
+            np.testing.assert_allclose(made[1].gains(r[:, 0]), made[0].gains(r[:, 0]), rtol=1e-9)
+        np.testing.assert_allclose(made[1].penalty, made[0].penalty, rtol=1e-9)
+        for block in range(41):
+            ours, theirs = made[1].columns(block), made[0].columns(block)
+            np.testing.assert_allclose(ours.T @ ours, theirs.T @ theirs, atol=1e-10)
+
+
 def test_sums_of_columns_in_single_precision_are_exact() -> None:
     """Columns that a hundredth of a per mille tells apart."""
     rng = np.random.default_rng(3)
@@ -116,4 +147,4 @@ def test_sums_of_columns_in_single_precision_are_exact() -> None:
     columns: Any = np.stack([one, one + 1e-5 * other]).astype(np.float32)
     columns /= np.linalg.norm(columns, axis=1, keepdims=True)
     exact = columns.astype(np.float64) @ columns.astype(np.float64).T
-    assert candidates.inner(columns, columns.T) == pytest.approx(exact, abs=1e-13)
+    assert kept.inner(columns, columns.T) == pytest.approx(exact, abs=1e-13)

@@ -12,6 +12,8 @@ import trunnion as tn
 from promise import kept, needed_runs
 from trunnion.base.units import Floats
 from trunnion.machine.chain import Chain
+from trunnion.probing import rotary_readings
+from trunnion.probing.rotary_readings import RotaryReadings
 from twin import forward
 
 SETUP = tn.Setup(artefact=tn.Artefact("none"))
@@ -50,6 +52,21 @@ def test_lengths_are_the_twins(frame: str) -> None:
     made = tn.simulate_rotary_test(plan, SETUP, BALL, ERRORS, bar=True)
     expected = np.linalg.norm(twin_displacement(plan, BALL), axis=1)
     assert made.length_mm == pytest.approx(expected, abs=1e-10)
+
+
+def test_many_rows_have_the_derivatives_of_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives are made some rows at a time."""
+    plan = tn.plan_rotary_test(SETUP, BALL, TURNS)
+    made = tn.simulate_rotary_test(plan, SETUP, BALL, ERRORS)
+    whole = RotaryReadings.of(made, SETUP, BALL)
+    expected, readings = whole.jacobian(whole.start), whole.modelled(whole.start)
+    monkeypatch.setattr(rotary_readings, "ROWS_AT_ONCE", 7)
+    parts = RotaryReadings.of(made, SETUP, BALL)
+    np.testing.assert_allclose(parts.jacobian(parts.start), expected, atol=1e-12)
+    np.testing.assert_allclose(parts.modelled(parts.start), readings, atol=1e-12)
+    step = np.eye(len(parts.start))[0]
+    ahead, behind = (whole.modelled(whole.start + d) for d in (step, -step))
+    np.testing.assert_allclose(expected[:, 0], (ahead - behind).ravel() / 2, atol=1e-9)
 
 
 def test_an_r_test_gives_the_errors_and_the_place_of_the_ball() -> None:

@@ -110,17 +110,19 @@ def measured(
     left: Sequence[float] = (),
     unknown: bool = False,
     exact: bool = False,
+    count: int | None = None,
 ) -> tuple[Diameters, Setup]:
     """Measured passes with these causes: the second with reversed feed, the third deeper.
 
     ``warm``: one more, like the first, right behind four of its kind. ``left``: what each cause,
     and the unknown error last, leaves beside a tool setting in each pass instead of its usual size:
     the root of the sum of squares of all readings in noises. ``unknown``: with an error that is no
-    cause of the catalogue. ``exact``: neither noise nor the steps of a gauge.
+    cause of the catalogue. ``exact``: neither noise nor the steps of a gauge. ``count``: readings
+    of a pass, by default 80 to 199.
     """
     rng = np.random.default_rng(seed)
     overhang = float(rng.uniform(55, 120))
-    count = int(rng.integers(80, 200))
+    count = int(rng.integers(80, 200)) if count is None else count
     noise = float(rng.uniform(0.4, 1.0))
     speed = float(rng.uniform(1.4, 2.2))
     z = np.linspace(overhang - 0.5, rng.uniform(2, 6), count)

@@ -86,17 +86,19 @@ def make_points(
     noise_um: float = 2.0,
     heavy: bool = False,
     left: Sequence[float] = (),
+    features: int | None = None,
 ) -> Made:
     """Measure a part; each hidden effect moves the features by ``size`` noises rms.
 
     ``left``: of each hidden effect instead what it leaves beside a motion of the part, the root of
-    the sum of squares of all readings in noises, with its sign.
+    the sum of squares of all readings in noises, with its sign. ``features``: how many there are,
+    anywhere, by default 60 to 159.
     """
     rng = np.random.default_rng([seed, 11])
-    n = int(rng.integers(60, 160))
+    n = int(rng.integers(60, 160)) if features is None else features
     half = rng.uniform(100, 300, size=3)
     kind = rng.integers(3)
-    if kind == 0 and not space:  # a grid
+    if kind == 0 and not space and features is None:  # a grid
         k = int(np.sqrt(n))
         x, y = np.meshgrid(np.linspace(-1, 1, k), np.linspace(-1, 1, k))
         q = np.column_stack([x.ravel(), y.ravel(), np.zeros(k * k)])

@@ -18,19 +18,15 @@ from trunnion.base.resolution import (
     growth,
     inflation,
 )
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import (
-    BATCH_NUMBERS,
-    DEPENDENT_INCOMPLETE,
-    MAX_DOUBLES,
-    Candidates,
-    Pencil,
-    Piece,
-)
+from trunnion.diagnosis.candidates import DEPENDENT_INCOMPLETE, Candidates
+from trunnion.diagnosis.classes import InClasses, Spread
+from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
-from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.model import Model, identity
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
@@ -102,13 +98,14 @@ class Case:
         """The candidates beside the plain fit."""
         rows = slice(None) if self.complete else self.rows
         pieces = (
-            (j, x.rows(rows) if isinstance(x, Pencil) else x[:, rows])
+            (j, x[:, rows] if isinstance(x, np.ndarray) else x.rows(rows))
             for j, x in self.linearised.pieces()
         )
         numbers = self.linearised.width * len(self.rows)
         own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
+        alone = frozenset(j for j, values in enumerate(self.values) if len(values) == 1)
         found = Candidates.of_pieces(
-            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated()
+            pieces, len(self.effects), numbers, self.plain.basis, own, self._stated(), alone
         )
         low = [[p.bounds[0] for p in e.parameters if p.linear] for e in self.effects]
         found.positive = frozenset(j for j, bounds in enumerate(low) if bounds == [0.0])
@@ -357,10 +354,20 @@ def _pieces(
             slope = (last - first) / (at[-1] - at[0])
             yield j, Pencil(first - at[0] * slope, slope, at)
             continue
-        most = max(1, BATCH_NUMBERS // (n * len(effect.parameters)))
+        if effect.spread is not None and n >= MANY_ROWS and whiten is identity:
+            yield j, _in_classes(effect.spread, values[j])
+            continue
+        most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
             x = variant_columns(model, effect, nuisance, values[j][first : first + most])
             yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+
+
+def _in_classes(spread: Spread, values: list[Values]) -> InClasses:
+    """Columns of an effect that has sizes of its own in classes."""
+    return InClasses(
+        lambda i: spread.functions(values[i]), len(values), spread.label, slice(len(spread.label))
+    )
 
 
 def affine(effect: Effect) -> str | None:

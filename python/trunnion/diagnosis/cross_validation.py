@@ -11,7 +11,7 @@ import numpy as np
 
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.diagnosis.candidates import DEPENDENT
+from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.fit import Fit, Whiten
 from trunnion.diagnosis.model import Model
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.diagnosis.effect import lengths
+from trunnion.diagnosis.columns import lengths
 from trunnion.diagnosis.selection import WITHIN
 
 DRAWS = 200

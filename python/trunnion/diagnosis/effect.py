@@ -22,6 +22,7 @@ from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
+from trunnion.diagnosis.classes import Spread
 from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
 from trunnion.setup.names import effect_ids, iso_codes
@@ -30,7 +31,6 @@ EffectLike: TypeAlias = UserEffect
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
 NamedValues: TypeAlias = Mapping[str, float]
 
-NOISE_OF_ROUNDING = 1e-10  # length of a column, relative to the longest
 STEP = 1e-4  # of a nonlinear parameter, over which the derivative is differenced
 
 
@@ -115,6 +115,8 @@ class Effect:
     stated:
         What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
         a set of causes what it contradicts of that, and its estimate is made with it.
+    spread:
+        How its linear parameters are functions times classes of readings, where they are.
     """
 
     id: str
@@ -129,6 +131,7 @@ class Effect:
     expected: bool = False
     rare: bool = False
     stated: Stated | None = None
+    spread: Spread | None = None
 
     @property
     def linear(self) -> bool:
@@ -164,15 +167,6 @@ class Effect:
             rise = np.asarray(self.change(self.values(up)), dtype=np.float64)
             out.append((rise - np.asarray(self.change(self.values(down)))) / (2 * step))
         return np.stack(out, axis=-1)
-
-
-def lengths(columns: Floats) -> Floats:
-    """Length of each column, infinite for columns of rounding noise (sin 180°) beside the others.
-
-    Dividing by it leaves unit columns, and zeros where there was nothing.
-    """
-    size: Floats = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    return np.where(size > NOISE_OF_ROUNDING * np.max(size, initial=0.0), size, np.inf)
 
 
 # --- builders
@@ -305,10 +299,13 @@ class _Waves:
     def jacobian(self, values: NamedValues) -> Floats:
         a, b, period = (values[name] for name in self.names)
         out = np.zeros((3, self.count))
-        for own, place, enters in self.parts:
+        for number, (own, place, enters) in enumerate(self.parts):
             waves = out[:, own]
             for some in at_hand(len(place)):
                 rows = wave_rows(place[some], period, a, b)
+                if number == 0:
+                    np.multiply(rows, enters[some], out=waves[: len(rows), some])
+                    continue
                 rows *= enters[some]
                 waves[: len(rows), some] += rows
             if not isinstance(own, slice):

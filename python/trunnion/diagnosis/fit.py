@@ -8,6 +8,7 @@ leftovers of second order look like information. A fit moves in the directions t
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -15,10 +16,17 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from trunnion.base.errors import DataError, KinematicsError
-from trunnion.base.statistics import RANK_TOLERANCE, LinearFit, linear_fit
+from trunnion.base.statistics import (
+    MANY_ROWS,
+    RANK_TOLERANCE,
+    LinearFit,
+    basis_of,
+    linear_fit,
+    quick_factor,
+)
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
-from trunnion.diagnosis.candidates import DEPENDENT
+from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.model import Model
 
@@ -31,6 +39,7 @@ GONE = 1e-12  # of a squared column, what rounding leaves of it
 MAX_HALVINGS = 6
 GRID_ZOOMS = 2
 ZOOM_POINTS = 9
+TRIALS_AT_ONCE = 16  # of many readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,10 +150,9 @@ def fit(
     jac = problem.derivative(at)
     solved = problem.solve(jac, w)
     for _ in range(MAX_STEPS):
-        promised = float(np.sum((solved.basis.T @ w) ** 2))
-        if promised <= 1e-10 * rss or rss <= 0:
+        if solved.promised <= 1e-10 * rss or rss <= 0:
             break
-        step = solved.solution @ problem.directions
+        step = solved.found.solution @ problem.directions
         taken = _downhill(problem, at, step, rss)
         if taken is None and problem.beyond(at, step).any():
             taken = _downhill(problem, at, problem.within(at, jac, w, step), rss)
@@ -156,18 +164,19 @@ def fit(
         solved = problem.solve(jac, w)
         if gained <= 1e-9 * rss:
             break
+    found, basis = solved.found, solved.basis()
     return Fit(
         at.nuisance,
         at.values,
         r,
-        w - solved.basis @ (solved.basis.T @ w),
+        w - basis @ (basis.T @ w),
         jac,
         tuple((e.id, p.name) for e, p in problem.index),
-        problem.directions.T @ solved.cofactor @ problem.directions,
-        problem.not_identifiable(solved),
-        problem.combinations(solved),
-        problem.directions[~solved.held],
-        solved.basis,
+        problem.directions.T @ found.cofactor @ problem.directions,
+        problem.not_identifiable(found),
+        problem.combinations(found),
+        problem.directions[~found.held],
+        basis,
         problem.judged,
     )
 
@@ -178,6 +187,36 @@ class _Point:
 
     nuisance: Array
     values: dict[str, Values]
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Least squares of a step, ``along`` the directions.
+
+    ``promised``: drop of the sum of squares. ``factor``: triangular factor, of many rows: ``found``
+    is of its rows then, and the basis is made where it is asked for.
+    """
+
+    found: LinearFit
+    promised: float
+    along: Array
+    factor: Array | None = None
+
+    @classmethod
+    def of(cls, along: Array, w: Array, tolerance: float) -> "_Step":
+        """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
+        rows, right, factor = along, w, None
+        if len(along) >= MANY_ROWS:
+            factor = quick_factor(along, w)
+            rows, right = factor[:, :-1], factor[:, -1]
+        found = linear_fit(rows, right, tolerance=tolerance, basis=True)
+        return cls(found, float(np.sum((found.basis.T @ right) ** 2)), along, factor)
+
+    def basis(self) -> Array:
+        """Orthonormal basis of the directions that are not held, all rows."""
+        if self.factor is None:
+            return self.found.basis
+        return basis_of(self.along, self.found, self.factor)
 
 
 class _Problem:
@@ -199,6 +238,7 @@ class _Problem:
             judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
         self.judged = judged
         self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
+        self.every = np.array_equal(self.directions, np.eye(len(self.directions)))
 
     def used(self, a: Array) -> Array:
         """Whiten an array of all readings and take those that are used."""
@@ -215,10 +255,12 @@ class _Problem:
         parts += [self.model.effect_jacobian(at.nuisance, e, at.values[e.id]) for e in self.effects]
         return np.concatenate(parts, axis=1)
 
-    def solve(self, jac: Array, w: Array) -> LinearFit:
+    def solve(self, jac: Array, w: Array) -> _Step:
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
-        along = self.used(jac) @ self.directions.T
-        return linear_fit(along, w, tolerance=self.model.rank_tolerance, basis=True)
+        along = self.used(jac)
+        if not self.every:
+            along = along @ self.directions.T
+        return _Step.of(along, w, self.model.rank_tolerance)
 
     def not_identifiable(self, solved: LinearFit) -> Flags:
         """Parameters of combinations that are not identifiable at the start, or ``solved``."""
@@ -253,7 +295,7 @@ class _Problem:
             held |= over
             fixed = np.where(held, self.room(at, step), 0.0)
             others = self.solve(np.where(held, 0.0, jac), w - self.used(jac @ fixed))
-            step = np.where(held, fixed, others.solution @ self.directions)
+            step = np.where(held, fixed, others.found.solution @ self.directions)
         return step
 
     def moved(self, at: _Point, step: Array) -> _Point:
@@ -304,29 +346,43 @@ def _zoom(problem: _Problem, at: _Point) -> None:
         others = np.concatenate([base, *(columns(o) for o in effects if o is not e)], axis=1)
         q = linear_fit(others, y, basis=True).basis
         residual = y - q @ (q.T @ y)
-
-        def gain(e: Effect = e, q: Array = q, residual: Array = residual) -> float:
-            return gain_beside(columns(e), q, residual)
-
         for p in e.parameters:
-            if not p.linear:
-                _zoom_one(p.name, np.asarray(p.grid), values[e.id], gain)
+            if p.linear:
+                continue
+
+            def made(trial: float, e: Effect = e, name: str = p.name) -> Array:
+                values[e.id][name] = trial
+                return columns(e)
+
+            gains = partial(gains_at, made, basis=q, residual=residual)
+            _zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
     for e in effects:
         for p in e.parameters:
             if p.linear:
                 values[e.id][p.name] = 0.0
 
 
-def gain_beside(columns: Array, basis: Array, residual: Array) -> float:
-    """Drop of the RSS of a residual by columns (n, k), beside an orthonormal basis (n, q).
+def gains_at(
+    columns: Callable[[float], Array], trials: Array, basis: Array, residual: Array
+) -> Array:
+    """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
 
-    ``residual``: what the basis leaves, (n,).
+    Of many readings several at once, for which the basis is read once.
     """
-    return float(gains_beside(columns[None], basis, residual)[0])
+    out = np.zeros(len(trials))
+    at_once = 1 if len(residual) < MANY_ROWS else TRIALS_AT_ONCE
+    for first in range(0, len(trials), at_once):
+        some = slice(first, first + at_once)
+        rows = [columns(trial).T for trial in trials[some].tolist()]
+        out[some] = gains_beside(np.stack(rows).transpose(0, 2, 1), basis, residual)
+    return out
 
 
 def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
-    """Return the same of several sets of columns (v, n, k), each by itself, shape (v,)."""
+    """Drop of the RSS of a residual by columns (v, n, k), beside an orthonormal basis (n, q).
+
+    Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).
+    """
     rows = variants.transpose(0, 2, 1)
     v, k, n = rows.shape
     flat = rows.reshape(-1, n)
@@ -340,17 +396,14 @@ def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
     return np.asarray(np.sum(np.where(seen, along**2 / np.where(seen, share, 1.0), 0.0), axis=1))
 
 
-def _zoom_one(name: str, grid: Array, values: Values, gain: Callable[[], float]) -> None:
+def _zoom_one(name: str, grid: Array, values: Values, gains_of: Callable[[Array], Array]) -> None:
     """Refine one nonlinear parameter for the largest gain, in place."""
     at = int(np.argmin(np.abs(grid - values[name])))
     low = float(grid[max(at - 1, 0)])
     high = float(grid[min(at + 1, len(grid) - 1)])
     for _ in range(GRID_ZOOMS):
         trials = np.linspace(low, high, ZOOM_POINTS)
-        gains = np.zeros(ZOOM_POINTS)
-        for i, trial in enumerate(trials):
-            values[name] = float(trial)
-            gains[i] = gain()
+        gains = gains_of(trials)
         # the middle of equally good values: between two touches a slip's time is free
         good = gains >= gains.max() * (1 - 1e-12)
         top = np.flatnonzero(good)

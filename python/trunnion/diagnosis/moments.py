@@ -15,7 +15,7 @@ from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, gain_beside
+from trunnion.diagnosis.fit import Fit, gains_at
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
@@ -46,12 +46,12 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
 
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
-        out = np.zeros(len(trials))
-        for i, trial in enumerate(trials):
-            at = Values({**fitted, name: float(trial)})
-            x = case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
-            out[i] = gain_beside(x, basis, y) / variance
-        return out
+
+        def columns(trial: float) -> Floats:
+            at = Values({**fitted, name: trial})
+            return case.white(case.model.effect_jacobian(f.nuisance, effect, at)[:, linear])
+
+        return gains_at(columns, trials, basis, y) / variance
 
     found = {
         p.name: _spread(fitted[p.name], np.asarray(p.grid), partial(gains, p.name)) for p in still

@@ -16,12 +16,12 @@ from scipy import special
 
 from trunnion.base.rotation import cosine_sine
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.candidates import (
+from trunnion.diagnosis.columns import (
     AT_HAND,
+    AT_ONCE,
     BATCH_NUMBERS,
     MIN_ROWS,
     ROUNDING,
-    inner,
     storage,
 )
 from trunnion.diagnosis.fit import Fit, Whiten
@@ -182,18 +182,24 @@ class Dictionary:
         return gain.reshape((-1, *r.shape[1:])), rank
 
     def _products(self, r: Floats) -> dict[int, Floats]:
-        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id."""
-        out = {id(p): np.empty((*p.size.shape, r.shape[1])) for p in self._parts}
-        most = max(1, BATCH_NUMBERS // max(r.size, 1))
+        """Inner products of all columns with r (n, s), (terms, k, s) of each part by its id.
+
+        Some readings at a time, so that functions are read and made double once for all components.
+        """
+        s = r.shape[1]
+        out: dict[int, Floats] = {}
         for parts in self._shared:
-            every, kind = parts[0].components, parts[0].functions.dtype
-            for first in range(0, len(every), most):
-                some = slice(first, first + most)
-                weighted = every[some].T[:, :, None] * r[:, None]
-                weighted = weighted.reshape(len(r), -1).astype(kind, copy=False)
-                for part in parts:
-                    out[id(part)][:, some] = part.products(weighted, some)
-        return {k: v.reshape(-1, *v.shape[2:]) for k, v in out.items()}
+            every = parts[0].components
+            flat = [part.functions.reshape(-1, len(r)) for part in parts]
+            sums = [np.zeros((len(f), len(every) * s)) for f in flat]
+            for first in range(0, len(r), AT_ONCE):
+                some = slice(first, first + AT_ONCE)
+                weighted = every[:, some].T[:, :, None] * r[some, None]
+                weighted = weighted.reshape(-1, len(every) * s)
+                for f, total in zip(flat, sums, strict=True):
+                    total += f[:, some].astype(np.float64, copy=False) @ weighted
+            out |= {id(x): x.scaled(total) for x, total in zip(parts, sums, strict=True)}
+        return out
 
     def block(self, term: int) -> Floats:
         """Columns of a term, shape (n, k)."""
@@ -318,15 +324,11 @@ class _Part:
             out += product.reshape(count, -1) @ weights[:, some].T
         return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
-    def products(self, weighted: Floats, some: slice) -> Floats:
-        """Inner products of the columns of some components with r (n, s), shape (m, c, k, s).
-
-        weighted: r times each of these components (n, c s).
-        """
-        m, k, n = self.functions.shape
-        scale = self.scale[:, some, :, None]
-        products = inner(self.functions.reshape(m * k, n), weighted)
-        return products.reshape(m, k, scale.shape[1], -1).transpose(0, 2, 1, 3) * scale
+    def scaled(self, products: Floats) -> Floats:
+        """Inner products of unit columns (m c, k, s), from those of functions (m k, c s)."""
+        m, k, _ = self.functions.shape
+        each = products.reshape(m, k, len(self.components), -1).transpose(0, 2, 1, 3)
+        return np.asarray((each * self.scale[..., None]).reshape(m * each.shape[1], k, -1))
 
     def block(self, number: int) -> Floats:
         """Columns of one term, shape (n, k)."""

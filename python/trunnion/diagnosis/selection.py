@@ -237,17 +237,17 @@ class Search:
         c = self.c
         if len(blocks) < 2:
             return 0.0
-        columns, along = self._joined(blocks)
-        solved = np.linalg.lstsq(columns @ columns.T, along, rcond=c.dependent)[0]
+        gram, along = self._joined(blocks)
+        solved = np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
         ends = np.cumsum([c.rank[b] for b in blocks])[:-1]
         sizes = np.array([float(x @ x) for x in np.split(solved, ends)]) / self.nothing.rss
         paid = np.array([c.penalty[b] > 0 for b in blocks])
         return float(np.sum(np.maximum(sizes[paid] - 1.0, 0.0))) / CANCELLING**2
 
     def _joined(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
-        """Columns of a set of blocks (K, n), and their inner products with the residuals (K,)."""
-        columns = np.concatenate([self.c.columns(b) for b in blocks]).astype(np.float64)
-        return columns, np.concatenate([self.residual[self.c.span(b)] for b in blocks])
+        """Inner products of the columns of a set of blocks (K, K), and with the residuals (K,)."""
+        along = np.concatenate([self.residual[self.c.span(b)] for b in blocks])
+        return self.c.gram(blocks), along
 
     def _contradicting(self, f: Found) -> float:
         """What a set costs that is larger than what is stated of its causes: of -2 ln L."""
@@ -255,10 +255,9 @@ class Search:
         held = [c.stated.get(int(c.owner[b]), np.inf) for b in f.blocks]
         if not np.isfinite(held).any():
             return 0.0
-        columns, along = self._joined(f.blocks)
+        gram, along = self._joined(f.blocks)
         noise = float(self.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
         less = np.repeat(noise / np.maximum(np.square(held), TINY), [c.rank[b] for b in f.blocks])
-        gram = columns @ columns.T
         free = along @ np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
         kept = along @ np.linalg.lstsq(gram + np.diag(less), along, rcond=c.dependent)[0]
         return max(float(free - kept), 0.0) / max(noise, TINY)

@@ -26,6 +26,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import where
 from trunnion.base.units import Floats, Integers
 from trunnion.data.diameters import Diameters
+from trunnion.diagnosis.classes import waves_in_classes
 from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
@@ -300,6 +301,7 @@ class _Cause:
 
     def effect(self) -> Effect:
         """Return the effect, bound to the passes."""
+        spread = self.name == "chatter" and bool(self.classes)
         return Effect(
             self.name,
             self.parameters(),
@@ -307,6 +309,7 @@ class _Cause:
             self.jacobian,
             label=CAUSES[self.name],
             least=self._least(),
+            spread=waves_in_classes(self.cuts[:, 1], self._blocks, "pitch_mm") if spread else None,
         )
 
     def _least(self) -> dict[str, float] | None:

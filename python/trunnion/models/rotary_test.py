@@ -17,6 +17,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.rows import repeats
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.rotary_test import RotaryTest
 from trunnion.diagnosis.effect import (
@@ -55,6 +56,8 @@ from trunnion.setup import Setup
 AXES = "XYZ"
 STEP_DEG = 1e-3
 """Of a rotary axis, over which readings are differenced."""
+SAME_PLACE = 1e-3
+"""µm, arcsec: over so little derivatives change by 1e-8 of themselves."""
 NOT_CATALOGUED = "the model of the machine has no such effect"
 
 
@@ -108,7 +111,7 @@ class RotaryTestModel(Model):
             else Nuisance(names[k], "µm")
             for k in self._fitted
         )
-        self._at = (self.start.tobytes(), at_start[:, self._fitted])
+        self._at = (self.start, at_start[:, self._fitted])
         self._given = tuple(effects)
         self._catalogue = _Catalogue(self._known)
         found = self._catalogue.effects()
@@ -133,11 +136,12 @@ class RotaryTestModel(Model):
         return np.asarray(self._known.modelled(self._whole(nuisance)).ravel() - self._reference)
 
     def base_jacobian(self, nuisance: Floats) -> Floats:
-        """Return their derivative (the last one is kept)."""
-        key = nuisance.tobytes()
-        if self._at[0] != key:
+        """Return their derivative (the last one is kept, of many rows for what is next to it)."""
+        near = SAME_PLACE if len(self.data) >= MANY_ROWS else 0.0
+        if not np.all(np.abs(nuisance - self._at[0]) <= near):
             jacobian = self._known.jacobian(self._whole(nuisance))
-            self._at = (key, jacobian[:, self._fitted])
+            every = len(self._fitted) == jacobian.shape[1]
+            self._at = (nuisance.copy(), jacobian if every else jacobian[:, self._fitted])
         return self._at[1]
 
     # --- what the engine looks for structure in

@@ -7,7 +7,7 @@ p - F(q), with F the machine's forward kinematics with its errors; a ball-bar re
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +27,7 @@ MAX_DEVIATION_MM = 5.0
 MAX_BALLS = 1000
 STEP = 1.0
 """Of every parameter, µm and arcsec, over which readings are differenced."""
+ROWS_AT_ONCE = 8192
 NO_PLACEMENT = (0.0,) * 6
 OFFSETS = ("dx_um", "dy_um", "dz_um")
 TOOL = "tool_offset"
@@ -236,12 +237,18 @@ class RotaryReadings:
         count = len(self.chain.location_errors)
         offsets = x[count : count + 3 * len(self.groups)].reshape(-1, 3)
         balls = (self.balls_mm + 1e-3 * offsets[: len(self.labels)])[self.index]
-        apart = (relation or self.relation(x)).apart_um(balls)
+        if relation is None:
+            errors = dict(zip(self.names, x[:count].tolist(), strict=False))
+            apart = self.chain.machine(errors).apart(self.axes, balls)
+        else:
+            apart = relation.apart_um(balls)
         return apart if self.tool_is_known else apart - offsets[-1]
 
-    def modelled(self, x: Floats, relation: Relation | None = None) -> Floats:
-        """Readings of these unknowns, (n, 3) or (n, 1); ``relation``: of them, if known."""
-        apart = self.apart_um(x, relation)
+    def modelled(self, x: Floats) -> Floats:
+        """Readings of these unknowns, (n, 3) or (n, 1)."""
+        if len(self._parts) > 1:
+            return np.concatenate([part.modelled(x) for _, part in self._parts])
+        apart = self.apart_um(x)
         if self.data.displacement_um is not None:
             return apart
         lengths: Floats = np.linalg.norm(apart, axis=1)[:, None]
@@ -256,14 +263,33 @@ class RotaryReadings:
 
         What moves the ball across a bar changes its length in second order: no information.
         """
-        here, count = self.relation(x), len(self.chain.location_errors)
-        columns = []
+        found = np.empty((self.measured.size, len(x)))
+        squares = np.zeros(len(x))
+        for rows, part in self._parts:
+            each = slice(*(self.measured.shape[1] * row for row in (rows.start, rows.stop)))
+            part.differenced(x, found[each])
+            squares += np.sum(found[each] ** 2, axis=0)
+        found[:, np.sqrt(squares / len(found)) < RANK_TOLERANCE] = 0.0
+        return found
+
+    def differenced(self, x: Floats, out: Floats) -> None:
+        """Put the derivative by central differences into an array, (readings, unknowns)."""
         for k, d in enumerate(STEP * np.eye(len(x))):
-            same = None if k < count else here
-            change = self.modelled(x + d, same) - self.modelled(x - d, same)
-            columns.append(change.ravel() / (2 * STEP))
-        found = np.column_stack(columns)
-        return np.where(np.sqrt(np.mean(found**2, axis=0)) < RANK_TOLERANCE, 0.0, found)
+            change = self.modelled(x + d) - self.modelled(x - d)
+            np.divide(change.ravel(), 2 * STEP, out=out[:, k])
+
+    @cached_property
+    def _parts(self) -> list[tuple[slice, RotaryReadings]]:
+        """Some rows at a time, which a processor's cache holds with all that is made of them."""
+        n, made = len(self.data), []
+        for first in range(0, n, ROWS_AT_ONCE):
+            rows = slice(first, min(first + ROWS_AT_ONCE, n))
+            part = self
+            if n > ROWS_AT_ONCE:
+                part = replace(self, data=self.data[rows], index=self.index[rows])
+                vars(part).update(chain=self.chain, names=self.names)
+            made.append((rows, part))
+        return made
 
 
 def _stated(ball_mm: ArrayLike | Mapping[str | int, ArrayLike], names: list[str]) -> Floats:

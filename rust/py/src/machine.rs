@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use trunnion_core::machine::batch::{ForwardBatch, TOOL};
 use trunnion_core::machine::kinematics::{AxisPositions, MAX_AXES, Tool};
 use trunnion_core::machine::{self, MAX_ROTARY, Places};
-use trunnion_core::units::{DEG, Unit};
+use trunnion_core::units::{DEG, UM, Unit};
 use trunnion_core::{Error, Result};
 
 use crate::arrays::{each_row, matrix, rows, vector};
@@ -126,6 +126,31 @@ impl Machine {
     #[getter]
     fn redundant_errors(&self) -> Vec<(String, String)> {
         self.inner.redundant_errors()
+    }
+
+    /// Points (n, 3) less tool points for axis positions (n, 3 + axes), along the machine's X, Y and
+    /// Z, µm: (n, 3).
+    fn apart<'py>(
+        &self,
+        py: Python<'py>,
+        axes: PyReadonlyArray2<'py, f64>,
+        points_mm: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let width = 3 + self.inner.rotary().len();
+        let axes = rows("axis positions", &axes, width)?;
+        let points = rows("points", &points_mm, 3)?;
+        if axes.len() / width != points.len() / 3 {
+            let expected = format!("{} of them", axes.len() / width);
+            return Err(Error::input("points", points.len() / 3, expected)).into_py();
+        }
+        let apart = py.detach(|| {
+            let forward = ForwardBatch::new(&self.inner, &self.places);
+            let mut apart = vec![0.0; points.len()];
+            forward.apart(&axes, &points, &mut apart);
+            apart.iter_mut().for_each(|value| *value /= UM);
+            apart
+        });
+        matrix(py, apart, 3)
     }
 
     fn forward<'py>(

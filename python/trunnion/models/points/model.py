@@ -14,13 +14,13 @@ from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes, SmoothField
 from trunnion.base.units import Floats, Integers
 from trunnion.data.points import Points
+from trunnion.diagnosis.columns import lengths
 from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
     EffectValues,
     Values,
     for_compensation,
-    lengths,
     with_own,
 )
 from trunnion.diagnosis.model import (

@@ -150,6 +150,40 @@ impl ForwardBatch {
         rest.iter_mut().zip(slot).for_each(|(tool, value)| *tool = value);
     }
 
+    /// Points less tool points of poses, along X, Y and Z of the machine as its errors have them.
+    ///
+    /// `poses` as of [`tools`](Self::tools), `points` in mm and in the frame of the table, `apart`
+    /// gets as many rows in mm.
+    pub fn apart(&self, poses: &[f64], points: &[f64], apart: &mut [f64]) {
+        match self.head.len() + self.table.len() {
+            0 => self.apart_rows::<3>(poses, points, apart),
+            1 => self.apart_rows::<4>(poses, points, apart),
+            2 => self.apart_rows::<5>(poses, points, apart),
+            _ => self.apart_rows::<MAX_AXES>(poses, points, apart),
+        }
+    }
+
+    fn apart_rows<const AXES: usize>(&self, poses: &[f64], points: &[f64], apart: &mut [f64]) {
+        let (poses, _) = poses.as_chunks::<AXES>();
+        let (points, _) = points.as_chunks::<3>();
+        let (apart, _) = apart.as_chunks_mut::<3>();
+        let lots = poses.chunks(LANES).zip(points.chunks(LANES));
+        for ((some, places), slots) in lots.zip(apart.chunks_mut(LANES)) {
+            // The last poses may not fill the lanes.
+            let (mut lot, mut there) = ([[0.0; AXES]; LANES], [[0.0; 3]; LANES]);
+            lot.iter_mut().zip(some).for_each(|(row, pose)| *row = *pose);
+            there.iter_mut().zip(places).for_each(|(row, place)| *row = *place);
+            let (mut tool, _) = self.before_table(&lot);
+            let mut along = [0, 1, 2].map(|k| self.gain.column(k).into_owned());
+            self.through_table(&lot, &mut tool, &mut along);
+            let there = Vector3::from_fn(|k, _| Lanes::from(there.map(|row| row[k])));
+            for (k, way) in along.iter().enumerate() {
+                let value: [f64; LANES] = way.dot(&(there - tool)).into();
+                slots.iter_mut().zip(value).for_each(|(slot, value)| slot[k] = value);
+            }
+        }
+    }
+
     /// As many poses as there are lanes.
     #[inline]
     fn lot<const AXES: usize>(
@@ -157,46 +191,72 @@ impl ForwardBatch {
         poses: &[[f64; AXES]; LANES],
         tools: &mut [[f64; TOOL]; LANES],
     ) {
+        let (mut point, direction) = self.before_table(poses);
+        let mut directions = [direction];
+        self.through_table(poses, &mut point, &mut directions);
+        for (k, value) in point.iter().chain(&directions[0]).enumerate() {
+            let value: [f64; LANES] = (*value).into();
+            tools.iter_mut().zip(value).for_each(|(tool, value)| tool[k] = value);
+        }
+    }
+
+    /// Tool point and direction as the first axis of the table has them.
+    #[inline]
+    fn before_table<const AXES: usize>(
+        &self,
+        poses: &[[f64; AXES]; LANES],
+    ) -> (Vector3<Lanes>, Vector3<Lanes>) {
         let column = |k: usize| Lanes::from(poses.map(|pose| pose[k]));
         let quarters = |axis: &Axis| column(3 + axis.index) * all(1.0 / 90.0);
         let linear = Vector3::new(column(0), column(1), column(2));
-        let (mut point, mut direction);
         if self.head.is_empty() {
-            point = self.gain * linear + self.offset;
-            direction = self.directions.column(2).into_owned();
-        } else {
-            let (mut real, mut nominal) = (self.tool, self.tool);
-            let mut spindle = self.spindle;
-            for axis in &self.head {
-                nominal = turned(axis.about, sin_cos(quarters(axis)), &nominal);
-                if let Some(place) = &axis.nominal {
-                    nominal = place.apply(&nominal);
-                }
-                let turn = sin_cos(quarters(axis) + all(axis.turn));
-                real = axis.place.apply(&turned(axis.about, turn, &real));
-                spindle = axis.place.rotation * turned(axis.about, turn, &spindle);
-            }
-            point = self.gain * (linear + nominal - self.tool_at_zero)
-                + self.offset
-                + self.directions * (real - nominal);
-            direction = self.directions * spindle;
+            let point = self.gain * linear + self.offset;
+            return (point, self.directions.column(2).into_owned());
         }
+        let (mut real, mut nominal) = (self.tool, self.tool);
+        let mut spindle = self.spindle;
+        for axis in &self.head {
+            nominal = turned(axis.about, sin_cos(quarters(axis)), &nominal);
+            if let Some(place) = &axis.nominal {
+                nominal = place.apply(&nominal);
+            }
+            let turn = sin_cos(quarters(axis) + all(axis.turn));
+            real = axis.place.apply(&turned(axis.about, turn, &real));
+            spindle = axis.place.rotation * turned(axis.about, turn, &spindle);
+        }
+        let point = self.gain * (linear + nominal - self.tool_at_zero)
+            + self.offset
+            + self.directions * (real - nominal);
+        (point, self.directions * spindle)
+    }
+
+    /// Takes a point and directions from the first axis of the table to the table.
+    #[inline]
+    fn through_table<const AXES: usize, const N: usize>(
+        &self,
+        poses: &[[f64; AXES]; LANES],
+        point: &mut Vector3<Lanes>,
+        directions: &mut [Vector3<Lanes>; N],
+    ) {
         for (i, axis) in self.table.iter().enumerate() {
             if i > 0 {
-                point = axis.place.undo(&point);
-                direction = axis.place.rotation.tr_mul(&direction);
+                *point = axis.place.undo(point);
+                for direction in &mut *directions {
+                    *direction = axis.place.rotation.tr_mul(direction);
+                }
             }
-            let (sin, cos) = sin_cos(quarters(axis) + all(axis.turn));
-            point = turned(axis.about, (-sin, cos), &point);
-            direction = turned(axis.about, (-sin, cos), &direction);
+            let quarters = Lanes::from(poses.map(|pose| pose[3 + axis.index])) * all(1.0 / 90.0);
+            let (sin, cos) = sin_cos(quarters + all(axis.turn));
+            *point = turned(axis.about, (-sin, cos), point);
+            for direction in &mut *directions {
+                *direction = turned(axis.about, (-sin, cos), direction);
+            }
         }
         if let Some(end) = &self.end {
-            point = end.undo(&point);
-            direction = end.rotation.tr_mul(&direction);
-        }
-        for (k, value) in point.iter().chain(&direction).enumerate() {
-            let value: [f64; LANES] = (*value).into();
-            tools.iter_mut().zip(value).for_each(|(tool, value)| tool[k] = value);
+            *point = end.undo(point);
+            for direction in directions {
+                *direction = end.rotation.tr_mul(direction);
+            }
         }
     }
 }
@@ -308,6 +368,19 @@ mod tests {
                     let (point, direction) = other.split_at(3);
                     assert!((one.point - Vector3::from_row_slice(point)).norm() < 1e-11);
                     assert!((one.direction - Vector3::from_row_slice(direction)).norm() < 1e-13);
+                }
+                let points: Vec<f64> = (0..3 * poses.len()).map(|i| 7.0 - i as f64).collect();
+                let mut apart = vec![0.0; points.len()];
+                many.apart(&rows, &points, &mut apart);
+                for (i, found) in apart.chunks(3).enumerate() {
+                    let at = |pose: &AxisPositions| machine.forward(pose, &places).point;
+                    let away = Vector3::from_row_slice(&points[3 * i..3 * i + 3]) - at(&poses[i]);
+                    for (k, component) in found.iter().enumerate() {
+                        let mut ahead = poses[i];
+                        ahead.linear[k] += 1.0;
+                        let along = at(&ahead) - at(&poses[i]);
+                        assert!((along.dot(&away) - component).abs() < 1e-9);
+                    }
                 }
             }
         }

@@ -1,0 +1,360 @@
+"""Unit columns of many candidates: made orthogonal, kept and multiplied.
+
+Columns are rows of arrays here. Of many readings those of candidates with a grid are kept in single
+precision, and the sums in double.
+"""
+
+import itertools
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from trunnion.base.statistics import MANY_ROWS
+from trunnion.base.units import Flags, Floats, Integers
+
+# Relative size of a squared column below which it counts as dependent on the others (0.3 % of its
+# length). Exact dependencies of a perfect machine are broken in second order by the errors of the
+# real one (1e-3 rad), which helps nobody: the parameter would have to be a thousand times as large.
+DEPENDENT = 1e-5
+ROUNDING = 1e-10  # of the longest column: sin 180°
+MAX_DOUBLES = 1 << 25  # numbers that are kept in double precision, 256 MiB
+BATCH_NUMBERS = 1 << 18  # numbers that are worked on at once
+BATCH_COLUMNS = 16  # of many readings: what they are beside is read once for these
+AT_HAND = 1 << 15  # of these, numbers of a step: what a processor's cache holds several times
+MIN_ROWS = 2048  # readings of a step
+AT_ONCE = 1024  # readings of columns in single precision
+PART_COLUMNS = 128  # in one array, of many rows
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """Columns ``base + at * slope`` of the variants of a candidate, of which none is made.
+
+    base, slope: (n, k); at: (v,).
+    """
+
+    base: Floats
+    slope: Floats
+    at: Floats
+
+    def __len__(self) -> int:
+        """Count of the variants."""
+        return len(self.at)
+
+    def rows(self, some: Integers | slice) -> "Pencil":
+        """Return the same of some of the rows."""
+        return Pencil(self.base[some], self.slope[some], self.at)
+
+    def orthonormal(
+        self,
+        basis: Floats,
+        kind: type[np.float32 | np.float64],  # noqa: ARG002
+    ) -> tuple["Combined", Integers, Integers]:
+        """Orthonormal columns of each variant: all of it in inner products of the 2 k columns."""
+        shared = np.concatenate([self.base, self.slope], axis=1).T
+        k = len(shared) // 2
+        one = np.eye(k)
+        weights = np.stack([np.concatenate([one, at * one], axis=1) for at in self.at])
+        before = shared @ shared.T
+        size = np.sqrt(np.maximum(np.einsum("vki,ij,vkj->vk", weights, before, weights), 0.0))
+        least = ROUNDING * float(size.max(initial=0.0))
+        weights /= np.where(size > least, size, np.inf)[:, :, None]
+        shared -= (shared @ basis) @ basis.T
+        w, u = np.linalg.eigh(weights @ (shared @ shared.T) @ weights.transpose(0, 2, 1))
+        w, u = w[:, ::-1], u[:, :, ::-1]
+        seen = w > DEPENDENT
+        scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, w, 1.0)), 0.0)
+        rows = (u * scale[:, None, :]).transpose(0, 2, 1) @ weights
+        rank = seen.sum(axis=1)
+        start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
+        return Combined(rows[seen], shared), rank, start
+
+
+class Part(Protocol):
+    """Columns of candidates, one a row, of which not all are made."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, some: slice) -> Floats: ...
+    def times(self, r: Floats) -> Floats:
+        """Inner products of the columns with residuals (n,) or (n, s)."""
+
+    def inner(self, some: slice, others: slice) -> Floats:
+        """Inner products of columns of one block with those of another, (k, l)."""
+
+    def neighbours(self, some: slice, k: int) -> Floats:
+        """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
+
+
+class Family(Protocol):
+    """All variants of a candidate, of which none is made."""
+
+    def __len__(self) -> int: ...
+    def rows(self, some: Integers | slice) -> "Family":
+        """Return the same of some of the rows."""
+
+    def orthonormal(
+        self, basis: Floats, kind: type[np.float32 | np.float64]
+    ) -> tuple[Part, Integers, Integers]:
+        """Orthonormal columns of each variant beside a basis, their rank, and where they start."""
+
+
+# a candidate, all of its variants or some (v, n, k)
+Piece: TypeAlias = tuple[int, Floats | Family]
+
+
+@dataclass(frozen=True)
+class Combined:
+    """Columns that are combinations ``weights`` (m, q) of a few ``shared`` ones (q, n)."""
+
+    weights: Floats
+    shared: Floats
+
+    @cached_property
+    def products(self) -> Floats:
+        """Inner products of the shared columns (q, q)."""
+        return np.asarray(self.shared @ self.shared.T)
+
+    def __len__(self) -> int:
+        return len(self.weights)
+
+    def __getitem__(self, some: slice) -> Floats:
+        return np.asarray(self.weights[some] @ self.shared)
+
+    def times(self, r: Floats) -> Floats:
+        """Inner products of the columns with residuals (n,) or (n, s)."""
+        return np.asarray(self.weights @ inner(self.shared, r))
+
+    def inner(self, some: slice, others: slice) -> Floats:
+        """Inner products of some columns with others, (k, l)."""
+        return np.asarray(self.weights[some] @ self.products @ self.weights[others].T)
+
+    def neighbours(self, some: slice, k: int) -> Floats:
+        """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
+        own = self.weights[some].reshape(-1, k, self.weights.shape[1])
+        return np.asarray((own[:-1] @ self.products) @ own[1:].transpose(0, 2, 1))
+
+
+def products(parts: Sequence[Floats | Part], r: Floats) -> Floats:
+    """Inner products of the columns of parts with residuals (n,) or (n, s): (M,) or (M, s)."""
+    arrays = iter(inners([x for x in parts if isinstance(x, np.ndarray)], r))
+    found = (next(arrays) if isinstance(x, np.ndarray) else x.times(r) for x in parts)
+    return np.concatenate(list(found))
+
+
+def neighbours(part: Floats | Part, some: slice, k: int) -> Floats:
+    """Inner products of each k of some columns with the next k, (b - 1, k, k)."""
+    if not isinstance(part, np.ndarray):
+        return part.neighbours(some, k)
+    own = part[some].reshape(-1, k, part.shape[1])
+    if part.dtype == np.float64:
+        return np.asarray(own[:-1] @ own[1:].transpose(0, 2, 1))
+    return np.stack([inner(a, b.T) for a, b in itertools.pairwise(own)])
+
+
+class Shelf:
+    """Arrays that hold the columns of candidates one after the other; of many rows, few of them."""
+
+    def __init__(self, n: int) -> None:
+        self.n, self.filled = n, 0
+        self._parts: list[Floats | Part] = []
+        self._open = False  # whether the last part has room left
+        self._used = 0  # of it
+
+    def room(self, count: int, kind: type[np.float32 | np.float64]) -> Floats:
+        """Return room for some columns, (count, n)."""
+        last = self._parts[-1] if self._open else None
+        if not isinstance(last, np.ndarray) or last.dtype != kind or self._left(last) < count:
+            self.close()
+            width = max(count, PART_COLUMNS) if self.n >= MANY_ROWS else count
+            last = np.empty((width, self.n), dtype=kind)
+            self._parts.append(last)
+            self._open = self.n >= MANY_ROWS
+        first = self._used
+        self._used = first + count if self._open else 0
+        self.filled += count
+        return last[first : first + count]
+
+    def _left(self, last: Floats) -> int:
+        return len(last) - self._used
+
+    def add(self, part: Part) -> None:
+        """Add a part that is complete."""
+        self.close()
+        self._parts.append(part)
+        self.filled += len(part)
+
+    def close(self) -> None:
+        """Give back the room that is left."""
+        if self._open:
+            last = self._parts[-1]
+            self._parts[-1] = last[: self._used]
+        self._open, self._used = False, 0
+
+    def parts(self) -> tuple[Floats | Part, ...]:
+        """Return all of them."""
+        self.close()
+        return tuple(self._parts)
+
+
+def lengths(columns: Floats) -> Floats:
+    """Length of each column, infinite for columns of rounding noise (sin 180°) beside the others.
+
+    Dividing by it leaves unit columns, and zeros where there was nothing.
+    """
+    size: Floats = np.sqrt(np.einsum("ij,ij->j", columns, columns))
+    return np.where(size > ROUNDING * np.max(size, initial=0.0), size, np.inf)
+
+
+def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[list[Piece]]:
+    """Pieces, so many at a time as have not too many numbers together; a family by itself.
+
+    ``apart``: candidates that go apart from the others.
+    """
+    batch: list[Piece] = []
+    for piece in pieces:
+        if not isinstance(piece[1], np.ndarray):
+            if batch:
+                yield batch
+            yield [piece]
+            batch = []
+            continue
+        if batch and (piece[0] in apart) != (batch[0][0] in apart):
+            yield batch
+            batch = []
+        batch.append(piece)
+        numbers = sum(v.size for _, v in batch if isinstance(v, np.ndarray))
+        if numbers >= batch_numbers(piece[1].shape[1]):
+            yield batch
+            batch = []
+    if batch:
+        yield batch
+
+
+def batch_numbers(n: int) -> int:
+    """How many numbers of n readings are worked on at once: of many readings, some columns."""
+    return max(BATCH_NUMBERS, BATCH_COLUMNS * n)
+
+
+def unit_blocks(
+    variants: Sequence[Floats | Family],
+    basis: Floats,
+    kind: type[np.float32 | np.float64],
+    shelf: Shelf,
+) -> tuple[Integers, Integers]:
+    """Put orthonormal columns of each block beside the basis on a shelf; their rank and start."""
+    if not isinstance(variants[0], np.ndarray):
+        part, rank, start = variants[0].orthonormal(basis, kind)
+        shelf.add(part)
+        return rank, start
+    arrays = [v.transpose(0, 2, 1) for v in variants if isinstance(v, np.ndarray)]
+    return _orthonormal_blocks(arrays, basis, kind, shelf)
+
+
+def _orthonormal_blocks(
+    variants: Sequence[Floats],
+    basis: Floats,
+    kind: type[np.float32 | np.float64],
+    shelf: Shelf,
+) -> tuple[Integers, Integers]:
+    """Orthonormalise the columns of each block beside the basis; drop what is dependent.
+
+    ``variants``: columns one a row, (v, k, n). Puts the columns, one a row, in precision ``kind``
+    on the shelf. Returns the rank of each block and where it starts.
+    """
+    grams = [v @ v.transpose(0, 2, 1) for v in variants]
+    least = ROUNDING**2 * max(float(g.max(initial=0.0)) for g in grams)
+    width = np.array([v.shape[1] for v in variants for _ in v], dtype=np.intp)
+    rank = np.zeros(len(width), dtype=np.intp)
+    start = np.zeros(len(width), dtype=np.intp)
+    before = shelf.filled
+    for k in np.unique(width):
+        same = [i for i, v in enumerate(variants) if v.shape[1] == k]
+        x, gram = (_joined([of[i] for i in same]) for of in (variants, grams))
+        filled = shelf.filled - before
+        some = _orthonormal(x, gram, least, basis, kind, shelf)
+        rank[width == k] = some
+        start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
+    return rank, start
+
+
+def _joined(parts: list[Floats]) -> Floats:
+    """Concatenate; one part as it is."""
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _orthonormal(
+    x: Floats,
+    gram: Floats,
+    least: float,
+    basis: Floats,
+    kind: type[np.float32 | np.float64],
+    shelf: Shelf,
+) -> Integers:
+    """Orthonormalise blocks of rows beside a basis; what is dependent is left out.
+
+    ``x``: (b, k, n); ``gram``: their inner products (b, k, k); ``least``: squared length of a row
+    that counts as zero. Puts the rows of all blocks (M, n), of each block largest first, on the
+    shelf. Returns the rank of each. Some readings are worked on at a time, which processors keep at
+    hand.
+    """
+    b, k, n = x.shape
+    taken = (x.reshape(-1, n) @ basis).reshape(b, k, -1)
+    weights, of_basis, seen = orthonormal_weights(gram, taken, least)
+    out = shelf.room(len(of_basis), kind)
+    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
+    for first in range(0, n, most):
+        some = slice(first, first + most)
+        of_x = (weights @ x[:, :, some])[seen]
+        np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
+    return np.asarray(seen.sum(axis=1))
+
+
+def orthonormal_weights(gram: Floats, taken: Floats, least: float) -> tuple[Floats, Floats, Flags]:
+    """Combinations of the rows of blocks that are orthonormal beside a basis.
+
+    ``gram``: inner products of the rows (b, k, k); ``taken``: with the basis (b, k, p); ``least``:
+    squared length of a row that counts as zero. Returns the weights (b, k, k) of each combination,
+    largest first, what to subtract of the basis (M, p), and which combinations are independent.
+    """
+    square = np.diagonal(gram, axis1=1, axis2=2)
+    unit = 1.0 / np.sqrt(np.where(square > least, square, np.inf))
+    taken = taken * unit[:, :, None]
+    left = gram * unit[:, :, None] * unit[:, None] - taken @ taken.transpose(0, 2, 1)
+    w, u = (left[:, :, 0], np.ones_like(left)) if left.shape[1] == 1 else np.linalg.eigh(left)
+    w, u = w[:, ::-1], u[:, :, ::-1]
+    seen = w > DEPENDENT
+    weights = (u / np.sqrt(np.where(seen, w, 1.0))[:, None, :]).transpose(0, 2, 1)
+    return weights * unit[:, None], (weights @ taken)[seen], seen
+
+
+def inner(columns: Floats, r: Floats) -> Floats:
+    """Inner products of columns, one a row (m, n), with r (n,) or (n, s), in double precision."""
+    return inners([columns], r)[0]
+
+
+def inners(parts: Sequence[Floats], r: Floats) -> list[Floats]:
+    """Return the same of several arrays of columns; r is read once for all in single precision.
+
+    Sums are in double precision, whatever columns are kept in: those of single precision would make
+    columns look independent that are not, and their errors would depend on the machine.
+    """
+    out = [x @ r if x.dtype == np.float64 else np.zeros((len(x), *r.shape[1:])) for x in parts]
+    single = [(x, sums) for x, sums in zip(parts, out, strict=True) if x.dtype == np.float32]
+    for first in range(0, len(r) if single else 0, AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        own = r[some].astype(np.float64, copy=False)
+        for x, sums in single:
+            sums += x[:, some].astype(np.float64) @ own
+    return out
+
+
+def storage(numbers: int) -> type[np.float32 | np.float64]:
+    """Precision in which so many numbers of unit columns are kept.
+
+    Single where there are many: its rounding, 6e-8 of a column, is far below any size that decides,
+    as long as sums are in double precision (:func:`inner`).
+    """
+    return np.float64 if numbers <= MAX_DOUBLES else np.float32
