@@ -9,7 +9,7 @@ import pytest
 import trunnion as tn
 from power import ticks
 from promise import kept, needed_runs
-from trunnion.base.resolution import Floor, Grid, inflation, recognised
+from trunnion.base.resolution import Coordinates, Floor, Grid, inflation, recognised
 from trunnion.diagnosis.effect import linear
 from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
 from trunnion.models.kinds import diagnose as diagnose_model
@@ -51,6 +51,59 @@ def test_repeats_on_one_grid_share_their_error(noise: float) -> None:
     )
     white = errors(np.eye(3)) @ np.cov(readings.T) @ errors(np.eye(3)).T
     assert white == pytest.approx(total * np.eye(3), abs=0.06 * total)
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.2, 0.4])
+def test_repeats_of_rounded_coordinates_share_their_errors(noise: float) -> None:
+    """An oblique approach of which each coordinate is rounded, a hundred thousand times."""
+    rng = np.random.default_rng(11)
+    way = np.array([0.0, 0.8, -0.6])
+    base = rng.uniform(0, 1, (100_000, 1, 3))
+    off = noise * rng.standard_normal((100_000, 4, 1)) * way
+    readings = (rounded(base + off, 1.0) - base) @ way
+    parts, alike = np.tile(way, (4, 1)), np.zeros(4, dtype=np.intp)
+    grid = Grid(np.ones(4), alike, parts)
+    errors = grid.errors(noise)
+    assert errors is not None
+    total = noise**2 + 1 / 12
+    assert np.cov(readings.T) == pytest.approx(
+        total * errors.covariance(np.eye(4)), abs=0.03 * total
+    )
+    many = Grid(np.ones(400_000), np.repeat(np.arange(100_000), 4), np.tile(way, (400_000, 1)))
+    assert many.noise(readings.reshape(-1), 300_000) == pytest.approx(noise, rel=0.03)
+
+
+def test_coordinates_are_what_is_rounded_where_only_they_lie_on_a_grid() -> None:
+    rng = np.random.default_rng(2)
+    way = np.array([0.0, 0.8, -0.6])
+    places = np.round(rng.uniform(-300, 300, (12, 3)))
+    places[1], step = places[0] + [0.0, 3.0, -2.0], np.ones(12)
+    parts, groups = np.tile(way, (12, 1)), np.zeros(12, dtype=np.intp)
+    jacobian = np.arange(12.0)[:, None] // 2
+    coordinates = Coordinates(places, parts)
+    grid = Grid.of(places @ way, step, jacobian, groups, (), coordinates)
+    assert grid.parts is parts
+    assert list(np.flatnonzero(grid.label == grid.label[0])) == list(range(12))[:2]
+    ways = np.round(rng.uniform(-300, 300, 12))
+    assert Grid.of(ways, step, jacobian, groups, (), coordinates).parts is None
+    assert Grid.of(places @ way, step, jacobian, groups, (ways,), coordinates).parts is None
+    off = Coordinates(places + 0.3 * rng.uniform(size=(12, 3)), parts)
+    assert Grid.of(places @ way, step, jacobian, groups, (), off).parts is None
+
+
+def test_machines_that_round_each_coordinate_are_drawn_so() -> None:
+    """Errors of draws, against the rounding of places that are drawn here."""
+    way, n = np.array([0.0, 0.8, -0.6]), 400
+    rng = np.random.default_rng(4)
+    values = (np.round(rng.uniform(-300, 300, (n, 3))) @ way).astype(float)
+    grid = Grid(np.ones(n), np.full(n, -1), np.tile(way, (n, 1)))
+    jacobian, covariance = np.ones((n, 1)), np.array([[0.2**2]])
+    drawn = grid.draws(values, np.zeros(n), jacobian, covariance, 0.1)
+    assert drawn is not None
+    machine = 0.2 * rng.standard_normal(100_000)
+    off = machine + 0.1 * rng.standard_normal(100_000)
+    error = np.round(off[:, None] * way) @ way - machine
+    assert np.sqrt(np.mean(drawn**2)) == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.1)
 
 
 def test_the_noise_beside_the_steps_is_seen_in_repeats() -> None:

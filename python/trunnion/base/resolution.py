@@ -75,6 +75,31 @@ NO_FLOOR = Floor()
 
 
 @dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Coordinates of which each may be recorded in steps, where a reading is a sum of them.
+
+    Attributes
+    ----------
+    places:
+        In the unit of the readings, shape (n, k).
+    parts:
+        Of each coordinate in the reading, that of the squares adds up to 1, shape (n, k).
+    """
+
+    places: Floats
+    parts: Floats
+
+    def on(self, step: Floats, readings: Sequence[Floats]) -> bool:
+        """Whether these lie on a grid of that step, and the readings by themselves on none."""
+        least = float(step.min())
+        return (
+            0 < least == step.max()
+            and _on_grid(self.places, least)
+            and not any(_on_grid(own, least) for own in readings)
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """The steps of readings, and which of them share their error of rounding.
 
@@ -84,13 +109,25 @@ class Grid:
         Of each reading, in its unit; 0: none. Shape (n,).
     label:
         Equal for repeats on one grid, -1 for the others, shape (n,).
+    parts:
+        Of coordinates that are rounded, each by itself, in each reading, shape (n, k); None: the
+        reading is rounded.
     """
 
     step: Floats
     label: Integers
+    parts: Floats | None = None
 
     @classmethod
-    def of(cls, values: Floats, step: Floats, jacobian: Floats, groups: Integers) -> "Grid":
+    def of(
+        cls,
+        values: Floats,
+        step: Floats,
+        jacobian: Floats,
+        groups: Integers,
+        recorded: Sequence[Floats] = (),
+        coordinates: Coordinates | None = None,
+    ) -> "Grid":
         """Find the repeats: readings on one grid and of one group that depend alike on everything.
 
         Parameters
@@ -99,13 +136,24 @@ class Grid:
             Of each reading, shape (n,).
         jacobian:
             Derivative of the readings, shape (n, p).
+        recorded, coordinates:
+            What may lie on the steps beside the readings.
         """
         size = np.abs(jacobian).max(axis=0)
         rows = np.floor(jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
         label, first = equal_rows([*rows.T, step, groups])
-        off = (values - values[first][label]) / np.where(step > 0, step, np.inf)
-        alike = (np.abs(off - np.round(off)) < SAME_PHASE_STEPS) & (step > 0)
-        return cls(step, _several(np.where(alike, label, -1)))
+        places, parts = values[:, None], None
+        if coordinates is not None and coordinates.on(step, (values, *recorded)):
+            places, parts = coordinates.places, coordinates.parts
+        off = (places - places[first][label]) / np.where(step > 0, step, np.inf)[:, None]
+        alike = np.all(np.abs(off - np.round(off)) < SAME_PHASE_STEPS, axis=1) & (step > 0)
+        return cls(step, _several(np.where(alike, label, -1)), parts)
+
+    def correlation(self, steps: Floats) -> Floats:
+        """Correlation of the errors of rounding of repeats with so much noise, in steps (n,)."""
+        parts = np.ones((len(self.step), 1)) if self.parts is None else np.abs(self.parts)
+        own = np.interp(parts * steps[:, None], _STEPS, _CORRELATION, right=0.0)
+        return np.asarray(np.sum(parts**2 * own, axis=1))
 
     @property
     def rounding(self) -> float:
@@ -130,8 +178,9 @@ class Grid:
         freedom = len(r) - len(count)
         if freedom >= MIN_REPEATS:
             pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
-            if pure < _PURE[-1]:
-                return step * float(np.interp(pure, _PURE, _STEPS))
+            scatter = self._scatter_of_repeats()
+            if pure < scatter[-1]:
+                return step * float(np.interp(pure, scatter, _STEPS))
             return step * float(np.sqrt(pure - 1 / 12))
         total = float(residuals @ residuals) / max(dof, 1)
         return float(np.sqrt(max(total - step**2 / 12, 0.0)))
@@ -147,12 +196,21 @@ class Grid:
         noise = max(noise, MIN_NOISE_STEPS * largest)
         rounding = self.step**2 / 12
         steps = noise / np.where(self.step > 0, self.step, noise)
-        correlation = np.interp(steps, _STEPS, _CORRELATION, right=0.0)
+        correlation = self.correlation(steps)
         if not np.any(self.label >= 0) and np.all(rounding == rounding[0]):
             return None
         total = noise**2 + self.rounding
         shared = rounding * correlation / total
         return Repeats((noise**2 + rounding) / total, shared, self.label)
+
+    def _scatter_of_repeats(self) -> Floats:
+        """Variance of repeats for each noise of `_STEPS`, in squares of steps."""
+        if self.parts is None:
+            return np.asarray(_PURE)
+        alike = np.unique(np.round(np.abs(self.parts[self.label >= 0]), 2), axis=0)
+        own = np.interp(alike * _STEPS[:, None, None], _STEPS, _CORRELATION, right=0.0)
+        shared = np.minimum(np.sum(alike**2 * own, axis=2).mean(axis=1), 1.0)
+        return np.asarray(_STEPS**2 + (1 - shared) / 12)
 
     def matters(self, noise: float) -> bool:
         """Whether the steps are so large beside the noise that rounding is not random."""
@@ -186,8 +244,11 @@ class Grid:
         where = (values - residuals)[:, None] + off
         noisy = where + max(noise, MIN_NOISE_STEPS * largest) * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
-        rounded = values[:, None] + step * np.round((noisy - values[:, None]) / step)
-        return np.asarray(np.where(self.step[:, None] > 0, rounded, noisy) - where)
+        steps, rounded = (noisy - values[:, None]) / step, np.zeros(noisy.shape)
+        for part in (np.ones(len(values)),) if self.parts is None else self.parts.T:
+            rounded += part[:, None] * np.round(part[:, None] * steps)
+        off = np.where(self.step[:, None] > 0, values[:, None] + step * rounded, noisy) - where
+        return np.asarray(off)
 
 
 def recognised(values: Floats) -> float:
@@ -212,6 +273,12 @@ def recognised(values: Floats) -> float:
             return float(digits * np.gcd.reduce(count.astype(np.int64)))
         digits /= 10
     return 0.0
+
+
+def _on_grid(values: Floats, step: float) -> bool:
+    """Whether values differ by multiples of a step."""
+    off = (values - values[:1]) / step
+    return bool(np.all(np.abs(off - np.round(off)) < SAME_STEP))
 
 
 def unstated(

@@ -305,7 +305,7 @@ class Case:
         """Rms of what rounding leaves of exact readings, or of the least noise."""
         readings = self.model.readings
         size = float(np.max(np.abs(readings.values), initial=1.0))
-        for recorded in readings.recorded:
+        for recorded in readings.numbers:
             size = max(size, float(np.max(np.abs(recorded), initial=1.0)))
         least = np.sqrt(np.mean(np.square(readings.least)))
         return max(EXACT * size, MIN_STEP, float(least))

@@ -45,7 +45,7 @@ from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
-from trunnion.diagnosis.steps import steps_of
+from trunnion.diagnosis.steps import grid_of
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -278,9 +278,7 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     plain = _plain(model)
-    step, grid = steps_of(model, plain), None
-    if np.any(step > 0):
-        grid = Grid.of(model.readings.values, step, plain.jacobian, np.asarray(model.groups))
+    grid = grid_of(model, plain)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
         whiten = _white(grid, grid.noise(plain.residuals, plain.dof))

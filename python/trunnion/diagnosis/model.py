@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import InputError, UnknownNameError
+from trunnion.base.resolution import Coordinates
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
@@ -67,6 +68,8 @@ class Readings:
     recorded:
         The numbers that were recorded, in the unit of the readings, where these are something else:
         in them a step is recognised. Each of shape (n,) or (n, k), the first dimension a reading.
+    coordinates:
+        Those of which a reading is a sum, and each of which may be recorded in steps.
     hint:
         What to do about a step that is recognised in the readings.
     least:
@@ -80,8 +83,15 @@ class Readings:
     sigma: Floats | None = None
     step: Floats | None = None
     recorded: tuple[Floats, ...] = ()
+    coordinates: Coordinates | None = None
     hint: str = ""
     least: Floats | float = 0.0
+
+    @property
+    def numbers(self) -> tuple[Floats, ...]:
+        """All that was recorded of each reading, the readings if it was these."""
+        more = () if self.coordinates is None else (self.coordinates.places,)
+        return (*(self.recorded or (self.values,)), *more)
 
     def __len__(self) -> int:
         """Count of readings."""

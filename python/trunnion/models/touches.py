@@ -48,6 +48,7 @@ from trunnion.probing.model import (
     UNKNOWN_TICK,
     TouchModel,
     catalogue,
+    coordinates_um,
     known_sigma_um,
     readings_um,
     recorded_um,
@@ -135,6 +136,7 @@ class TouchDiagnosisModel(Model):
             np.full(len(data), sigma) if (sigma := known_sigma_um(setup, data)) else None,
             steps if np.any(steps := steps_um(setup, data)) else None,
             recorded_um(data),
+            coordinates_um(data),
             hint=UNKNOWN_TICK,
         )
         self._start = self._full.values()[self._unknown]

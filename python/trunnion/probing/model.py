@@ -10,7 +10,7 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import Grid, recognised, unstated
+from trunnion.base.resolution import Coordinates, Grid, recognised, unstated
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact
@@ -76,18 +76,25 @@ def readings_um(touches: Touches) -> Floats:
 
 
 def recorded_um(touches: Touches) -> tuple[Floats, ...]:
-    """What may be recorded in steps, µm: the ways (n,), or places along and across, (n,), (n, 3).
+    """What may be recorded in steps, µm: places along the approach, or ways along it, (n,).
 
     A control that looks at the probe once in a tick records multiples of it on the way from the
-    start along the approach; a file or a display has as many digits wherever the touch is, however
-    oblique the approach.
+    start along the approach.
+    """
+    known = readings_um(touches)
+    if touches.start_mm is None:
+        return (known,)
+    way = np.einsum("ij,ij->i", touches.position_mm - touches.start_mm, touches.direction)
+    return (np.asarray(1e3 * way), known)
+
+
+def coordinates_um(touches: Touches) -> Coordinates:
+    """Coordinates that may be recorded in steps, µm, from the first touch.
+
+    A file or a display has as many digits wherever the touch is, however oblique the approach.
     """
     places = touches.position_mm
-    known = (readings_um(touches), 1e3 * (places - places[:1]))
-    if touches.start_mm is None:
-        return known
-    way = np.einsum("ij,ij->i", places - touches.start_mm, touches.direction)
-    return (np.asarray(1e3 * way), *known)
+    return Coordinates(1e3 * (places - places[:1]), touches.direction)
 
 
 def servo_period_ms(touches: Touches) -> float:
@@ -118,7 +125,8 @@ def with_recognised_step(
         return np.asarray(model.core.residuals(model.moves(touches), model.values()))
 
     stated = float(np.max(steps_um(setup, touches), initial=0.0))
-    step = unstated(recorded_um(touches), stated, sigma_um, off)
+    recorded = (*recorded_um(touches), coordinates_um(touches).places)
+    step = unstated(recorded, stated, sigma_um, off)
     if step <= sigma_um:
         return None
     known = replace(setup, probe=replace(setup.probe, resolution_um=step))
@@ -286,5 +294,11 @@ def grid_of(model: TouchModel, touches: Touches, jacobian: Floats) -> Grid:
 
     jacobian: By location errors, placement and what else is fitted, shape (n, p).
     """
-    plain = jacobian[:, : len(model.error_names) + len(PLACEMENT)]
-    return Grid.of(readings_um(touches), steps_um(model.setup, touches), plain, stops_of(touches))
+    return Grid.of(
+        readings_um(touches),
+        steps_um(model.setup, touches),
+        jacobian[:, : len(model.error_names) + len(PLACEMENT)],
+        stops_of(touches),
+        recorded_um(touches),
+        coordinates_um(touches),
+    )
