@@ -100,6 +100,35 @@ class Coordinates:
 
 
 @dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of the readings of several measurements, each with steps and noise of its own.
+
+    Attributes
+    ----------
+    noise:
+        Standard deviation of each reading beside the rounding, shape (n,).
+    scale:
+        Largest step of the measurement of each reading; 0: it has none. Shape (n,).
+    rounding:
+        Mean variance of the errors of rounding of white readings.
+    """
+
+    noise: Floats
+    scale: Floats
+    rounding: float
+
+    @classmethod
+    def nothing(cls, count: int) -> "Known":
+        """Of so many readings that are not recorded in steps."""
+        return cls(np.zeros(count), np.zeros(count), 0.0)
+
+    def completed(self, white: Floats) -> Floats:
+        """Return white errors (n, s) with white noise where a measurement has no steps."""
+        rng = np.random.default_rng(SEED)
+        return np.where(self.scale[:, None] > 0, white, rng.standard_normal(white.shape))
+
+
+@dataclass(frozen=True, eq=False)
 class Grid:
     """The steps of readings, and which of them share their error of rounding.
 
@@ -112,11 +141,14 @@ class Grid:
     parts:
         Of coordinates that are rounded, each by itself, in each reading, shape (n, k); None: the
         reading is rounded.
+    known:
+        Of several measurements, what each of them says of its own readings.
     """
 
     step: Floats
     label: Integers
     parts: Floats | None = None
+    known: Known | None = None
 
     @classmethod
     def of(
@@ -155,9 +187,46 @@ class Grid:
         own = np.interp(parts * steps[:, None], _STEPS, _CORRELATION, right=0.0)
         return np.asarray(np.sum(parts**2 * own, axis=1))
 
+    @classmethod
+    def joined(cls, measured: Sequence[tuple["Grid | None", int]]) -> "Grid | None":
+        """Grid of several measurements below each other; None: none has one.
+
+        ``measured``: the grid of each, with what is known of its readings, and their count.
+        """
+        if not any(grid for grid, _ in measured):
+            return None
+        every = [grid or cls.none(count) for grid, count in measured]
+        known = [grid.known or Known.nothing(len(grid.step)) for grid in every]
+        width = max(1 if grid.parts is None else grid.parts.shape[1] for grid in every)
+        labels, parts, first = [], [], 0
+        for grid in every:
+            own = np.ones((len(grid.step), 1)) if grid.parts is None else grid.parts
+            parts.append(np.pad(own, ((0, 0), (0, width - own.shape[1]))))
+            labels.append(np.where(grid.label >= 0, grid.label + first, -1))
+            first += int(grid.label.max(initial=-1)) + 1
+        step = np.concatenate([grid.step for grid in every])
+        rounding = sum(k.rounding * len(k.noise) for k in known) / len(step)
+        return cls(
+            step,
+            np.concatenate(labels),
+            np.concatenate(parts) if width > 1 else None,
+            Known(
+                np.concatenate([k.noise for k in known]),
+                np.concatenate([k.scale for k in known]),
+                rounding,
+            ),
+        )
+
+    @classmethod
+    def none(cls, count: int) -> "Grid":
+        """Grid of so many readings that are not recorded in steps."""
+        return cls(np.zeros(count), np.full(count, -1))
+
     @property
     def rounding(self) -> float:
         """Mean variance of the errors of rounding."""
+        if self.known is not None:
+            return self.known.rounding
         return float(np.mean(self.step**2)) / 12
 
     def without(self, bad: Integers) -> "Grid":
@@ -230,19 +299,25 @@ class Grid:
         None where the noise is large beside the steps. The machine is drawn from the fit's
         covariance; each of its readings is the step next to what it would be. ``spread``: the
         readings of these machines differ by as many steps at least (rms); 0: as the fit says.
+        ``noise``: of all readings, unless that of each is known.
         """
-        if not self.matters(noise):
+        known, every = self.known, np.ones(len(values))
+        each, scale = noise * every, float(self.step.max()) * every
+        if known is not None:
+            each, scale = known.noise, known.scale
+        if not np.any(each < MAX_SIMULATED_STEPS * scale):
             return None
-        largest = float(self.step.max())
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
         free = np.flatnonzero(np.diag(covariance) > 0)
         size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
         root = axes * np.sqrt(np.maximum(size, 0.0))
         off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
-        off *= max(1.0, spread * largest / max(float(np.sqrt(np.mean(off**2))), TINY))
+        steps = off[scale > 0] / scale[scale > 0, None]
+        off *= max(1.0, spread / max(float(np.sqrt(np.mean(steps**2))), TINY))
         where = (values - residuals)[:, None] + off
-        noisy = where + max(noise, MIN_NOISE_STEPS * largest) * rng.standard_normal(where.shape)
+        each = np.maximum(each, MIN_NOISE_STEPS * scale)
+        noisy = where + each[:, None] * rng.standard_normal(where.shape)
         step = np.where(self.step > 0, self.step, 1.0)[:, None]
         steps, rounded = (noisy - values[:, None]) / step, np.zeros(noisy.shape)
         for part in (np.ones(len(values)),) if self.parts is None else self.parts.T:

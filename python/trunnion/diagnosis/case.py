@@ -25,11 +25,12 @@ from trunnion.diagnosis.classes import InClasses, Spread
 from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
-from trunnion.diagnosis.model import Model, identity
+from trunnion.diagnosis.fit import Fit, Flags, fit, grid_values, variant_columns
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.whitening import Whiten, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -253,7 +254,10 @@ class Case:
             self.grid.noise(used, of.dof),
             spread,
         )
-        return None if drawn is None else np.asarray(self.whiten(drawn))[self.rows]
+        if drawn is None:
+            return None
+        white = np.asarray(self.whiten(drawn))
+        return (white if self.grid.known is None else self.grid.known.completed(white))[self.rows]
 
     @cached_property
     def dictionary(self) -> Dictionary:

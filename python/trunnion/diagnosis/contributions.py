@@ -23,8 +23,8 @@ from trunnion.base.report import Cell, Result, Shown, Table, left_text, number, 
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.model import identity
 from trunnion.diagnosis.records import labelled, units_of, with_unit
+from trunnion.diagnosis.whitening import identity
 
 Named: TypeAlias = frozenset[int]  # causes that are fitted, by number
 

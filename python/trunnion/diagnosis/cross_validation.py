@@ -12,8 +12,9 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import DEPENDENT
-from trunnion.diagnosis.fit import Fit, Whiten
+from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.whitening import Whiten
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by

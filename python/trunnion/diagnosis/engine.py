@@ -31,21 +31,22 @@ from dataclasses import replace
 import numpy as np
 
 from trunnion.base.errors import DataError
-from trunnion.base.resolution import Floor, Grid, Repeats
+from trunnion.base.resolution import Floor, Grid
 from trunnion.base.threads import one_blas_thread
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Integers
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows, rms
 from trunnion.diagnosis.explain import best_score, exactly, explain
-from trunnion.diagnosis.fit import Fit, Whiten, fit
-from trunnion.diagnosis.model import Model, Scaling, identity
+from trunnion.diagnosis.fit import Fit, fit
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
-from trunnion.diagnosis.steps import grid_of
+from trunnion.diagnosis.steps import grid_of, white_beside, white_rounding, white_variance
+from trunnion.diagnosis.whitening import Whiten, identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -278,10 +279,10 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     plain = _plain(model)
-    grid = grid_of(model, plain)
+    grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
-        whiten = _white(grid, grid.noise(plain.residuals, plain.dof))
+        whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof))
     return _whitened(model, plain, grid, whiten)
 
 
@@ -298,33 +299,11 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     return Case(model, rows, whiten, plain, linearised, floor, grid)
 
 
-def _white(grid: Grid, noise: float) -> Whiten:
-    """Whitener of readings with this noise beside the errors of rounding."""
-    errors = grid.errors(noise)
-    if errors is None:
-        return identity
-    return errors if len(errors.rows) else Scaling(errors.scale)
-
-
 def _floor(model: Model, grid: Grid | None, whiten: Whiten) -> Floor:
     """Least variance of a white reading: of errors of rounding alone, or what is no evidence."""
     least = np.broadcast_to(np.asarray(model.readings.least), len(model.readings))
-    smallest = _white_variance(least, whiten)
-    if grid is None:
-        return Floor(smallest)
-    simple = whiten is identity or isinstance(whiten, Repeats | Scaling)
-    rounding = grid.rounding if simple else _white_variance(grid.step / np.sqrt(12), whiten)
-    return Floor(max(smallest, rounding))
-
-
-def _white_variance(sizes: Floats, whiten: Whiten) -> float:
-    """Mean variance, after whitening, of independent errors of these standard deviations (n,)."""
-    if not np.any(sizes):
-        return 0.0
-    if whiten is identity:
-        return float(np.mean(sizes**2))
-    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(sizes), 8))
-    return float(np.mean(np.asarray(whiten(sizes[:, None] * signs)) ** 2))
+    smallest = white_variance(least, whiten)
+    return Floor(smallest if grid is None else max(smallest, white_rounding(grid, whiten)))
 
 
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:
@@ -338,7 +317,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     found = choice[1].fit
     used = kept_rows(len(case.rows), choice[2])
     noise = grid.without(choice[2]).noise(np.where(used, found.residuals, 0.0), found.dof)
-    whiten = _white(grid, noise)
+    whiten = white_beside(grid, noise)
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
     again = _whitened(case.model, case.plain, grid, whiten)

@@ -29,9 +29,9 @@ from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.whitening import Whiten
 
 Flags: TypeAlias = NDArray[np.bool_]
-Whiten: TypeAlias = Callable[[Array], Array]
 
 MAX_STEPS = 12
 ABSORBED_SHARE = DEPENDENT**0.5

@@ -26,10 +26,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.resolution import Coordinates
+from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
+from trunnion.diagnosis.whitening import identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
 
@@ -168,25 +169,9 @@ class Uncertainty:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Scaling:
-    """Whiten readings of different noise: divide each by its own, ``scale`` (n,)."""
-
-    scale: Floats
-
-    def __call__(self, columns: Floats) -> Floats:
-        """Divide columns (n, ...)."""
-        return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
-
-
 TURNED = ((1.0, "forward"), (0.0, "not turned"), (-1.0, "backward"))
 """Senses in which an axis came to its place, in words."""
 EXACT_TOLERANCE = 1e-9
-
-
-def identity(columns: Floats) -> Floats:
-    """Whiten noise that is white already."""
-    return columns
 
 
 class Model:
@@ -255,6 +240,11 @@ class Model:
     def covariates(self) -> tuple[Covariate, ...]:
         """Quantities that the residuals may depend on: the order of the rows."""
         return (Covariate("order of measurement", self.readings.rows.astype(float), sequence=True),)
+
+    @property
+    def grid(self) -> Grid | None:
+        """Steps of the readings, where the model knows them; None: they are sought in these."""
+        return None
 
     @property
     def allows_outliers(self) -> bool:

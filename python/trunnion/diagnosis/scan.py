@@ -24,8 +24,9 @@ from trunnion.diagnosis.columns import (
     ROUNDING,
     storage,
 )
-from trunnion.diagnosis.fit import Fit, Whiten
-from trunnion.diagnosis.model import Covariate, Model, Scaling, identity
+from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.model import Covariate, Model
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 SCAN_LEVEL = 0.01
 UNNAMED_TERM_PENALTY = 10.0  # a term has to explain exp(5) times better than causes do

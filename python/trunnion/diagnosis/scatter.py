@@ -20,7 +20,8 @@ from trunnion.base.scatter import LEAST_FREEDOM, LEVEL, variances_by_direction
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
-from trunnion.diagnosis.model import Model, Scaling
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.whitening import Scaling
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,24 +6,25 @@ from functools import partial
 
 import numpy as np
 
-from trunnion.base.resolution import Grid, unstated
+from trunnion.base.resolution import Grid, Repeats, unstated
 from trunnion.base.units import Flags, Floats
-from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 
-def steps_of(model: Model, plain: Fit) -> Floats:
+def steps_of(model: Model, residuals: Floats, dof: int) -> Floats:
     """Step of each reading: the model's, or one that is recognised in the readings of a unit.
 
-    Places on a regular grid are no steps: see :func:`~trunnion.base.resolution.unstated`.
+    ``residuals``, ``dof``: of the plain fit. Places on a regular grid are no steps: see
+    :func:`~trunnion.base.resolution.unstated`.
     """
     readings = model.readings
     stated = np.zeros(len(readings)) if readings.step is None else np.asarray(readings.step)
     _, index = units_of(readings)
     steps = np.array(stated, dtype=np.float64)
     for some in (index == i for i in range(index.max() + 1)):
-        left = float(np.sqrt(np.sum(plain.residuals[some] ** 2) / max(plain.dof, 1)))
+        left = float(np.sqrt(np.sum(residuals[some] ** 2) / max(dof, 1)))
         off = partial(_off_start, model, some)
         known = [values[some] for values in readings.numbers]
         if step := unstated(known, float(stated[some].max()), left, off):
@@ -31,14 +32,45 @@ def steps_of(model: Model, plain: Fit) -> Floats:
     return steps
 
 
-def grid_of(model: Model, plain: Fit) -> Grid | None:
-    """Return the grid of readings that are recorded in steps; None: they are not."""
-    readings, step = model.readings, steps_of(model, plain)
+def grid_of(model: Model, residuals: Floats, dof: int, jacobian: Floats) -> Grid | None:
+    """Return the grid of readings that are recorded in steps; None: they are not.
+
+    ``jacobian``: by what is always fitted, shape (n, p).
+    """
+    if model.grid is not None:
+        return model.grid
+    readings, step = model.readings, steps_of(model, residuals, dof)
     if not np.any(step > 0):
         return None
     groups = np.asarray(model.groups)
     recorded, coordinates = readings.recorded, readings.coordinates
-    return Grid.of(readings.values, step, plain.jacobian, groups, recorded, coordinates)
+    return Grid.of(readings.values, step, jacobian, groups, recorded, coordinates)
+
+
+def white_beside(grid: Grid, noise: float) -> Whiten:
+    """Whitener of readings with this noise beside the errors of rounding."""
+    errors = grid.errors(noise)
+    if errors is None:
+        return identity
+    return errors if len(errors.rows) else Scaling(errors.scale)
+
+
+def white_rounding(grid: Grid, whiten: Whiten) -> float:
+    """Mean variance of the errors of rounding of white readings."""
+    of_grid = whiten is identity or isinstance(whiten, Repeats | Scaling)
+    if of_grid or grid.known is not None:
+        return grid.rounding
+    return white_variance(grid.step / np.sqrt(12), whiten)
+
+
+def white_variance(sizes: Floats, whiten: Whiten) -> float:
+    """Mean variance, after whitening, of independent errors of these standard deviations (n,)."""
+    if not np.any(sizes):
+        return 0.0
+    if whiten is identity:
+        return float(np.mean(sizes**2))
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(len(sizes), 8))
+    return float(np.mean(np.asarray(whiten(sizes[:, None] * signs)) ** 2))
 
 
 def _off_start(model: Model, some: Flags) -> Floats:

@@ -21,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
+from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import Model, Nuisance, OneEffect, Readings, Uncertainty
 from trunnion.diagnosis.records import units_of
+from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
-
-Whiten = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +47,8 @@ class Part:
         Data row of each reading, counted through all measurements, shape (n,).
     whiten
         Makes the noise of its readings white, of size 1.
+    grid
+        Steps of its readings, with what is known of their noise; None: they have none.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Part:
     model: Model
     rows: Integers
     whiten: Whiten
+    grid: Grid | None = None
 
 
 @dataclass(frozen=True)
@@ -322,6 +325,11 @@ class JointModel(Model):
         )
 
     # --- what the engine asks
+
+    @cached_property
+    def grid(self) -> Grid | None:
+        """The steps of each part, as its own diagnosis found them."""
+        return Grid.joined([(p.grid, len(p.model.readings)) for p in self.parts])
 
     @property
     def allows_outliers(self) -> bool:

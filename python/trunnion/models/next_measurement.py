@@ -25,10 +25,11 @@ from trunnion.data.positioning import Positioning
 from trunnion.data.touches import Touches
 from trunnion.diagnosis.discrimination import Discrimination, Hypothesis
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.fit import Whiten, fit
-from trunnion.diagnosis.model import Model, Scaling
+from trunnion.diagnosis.fit import fit
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.whitening import Scaling, Whiten
 from trunnion.models.ballbar.model import BallbarModel
 from trunnion.models.joint import JointModel, Part
 from trunnion.models.kinds import measured_of
@@ -334,8 +335,7 @@ def _joint(diagnosis: Diagnosis) -> tuple[JointModel, Mapping[str, str]]:
         model = cast(JointModel, diagnosis.rebuilt_model())
         return model, {e.id: e.id for e in model.effects}
     one = measured_of(diagnosis)
-    rows = np.arange(len(one.used.readings))
-    joint = JointModel([Part(one.kind, one.kind, one.used, rows, one.noise(one.used))])
+    joint = JointModel([one.part(one.kind, 0, one.used)])
     return joint, joint.ids_of_part(0)
 
 

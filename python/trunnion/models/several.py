@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.resolution import Grid, Known
 from trunnion.base.units import Floats, Integers
 from trunnion.data.times import time_notes
-from trunnion.diagnosis.model import Model, Scaling, identity
+from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
+from trunnion.diagnosis.steps import grid_of, white_beside, white_rounding
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel, Part
 
@@ -62,23 +65,38 @@ class Measured:
             return self.model
         return self.model.bind(self.data[self.rows])
 
-    def noise(self, model: Model) -> Callable[[Floats], Floats]:
-        """Return what makes the noise of the used readings white, of size 1."""
+    def part(self, name: str, start: int, model: Model) -> Part:
+        """Return this as one of several; ``start``: number of its first data row."""
+        rows = np.asarray(model.readings.rows)
+        rows = self.rows[rows] if isinstance(self.data, Table) else rows
+        return Part(name, self.kind, model, rows + start, *self._noise(model))
+
+    def _noise(self, model: Model) -> tuple[Whiten, Grid | None]:
+        """Return what makes the noise of the used readings white, of size 1, and their steps."""
         found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
         kept = ~np.isin(of_row, self.alone.outliers)
-        whiten = model.whitener(found.before[kept])
+        before, after, n = found.before[kept], found.after[kept], int(np.sum(kept))
+        whiten = model.whitener(before)
         parameters = found.parameters + len(model.nuisance)
+        dof = max(n - parameters, 1)
+        grid = grid_of(model, before, n - len(model.nuisance), model.jacobian(model.start, {}))
+        quiet = 0.0 if grid is None else grid.noise(after, dof)
+        if whiten is identity and grid is not None:
+            whiten = white_beside(grid, quiet)
         directions = Directions.of(model) if whiten is identity else None
-        if directions is not None:
-            n = int(np.sum(kept))
+        if directions is not None and (grid is None or not grid.matters(quiet)):
             free = np.full(n, max(1.0 - parameters / n, 0.0))
-            whiten = directions.of_residuals(found.after[kept], free, np.arange(n)) or identity
-        after = np.asarray(whiten(found.after[kept]))
-        size = np.sqrt(np.sum(after**2) / max(len(after) - parameters, 1))
-        least = np.asarray(whiten(np.broadcast_to(model.readings.least, len(after)).astype(float)))
-        size = float(max(size, np.sqrt(np.mean(least**2)), MIN_NOISE))
-        return _Scaled(whiten, Scaling(np.full(len(after), size)))
+            whiten = directions.of_residuals(after, free, np.arange(n)) or identity
+        variance = float(np.sum(np.asarray(whiten(after)) ** 2)) / dof
+        least = np.asarray(whiten(np.broadcast_to(model.readings.least, n).astype(float)))
+        rounding = 0.0 if grid is None else white_rounding(grid, whiten)
+        variance = max(variance, float(np.mean(least**2)), rounding, MIN_NOISE**2)
+        white = _Scaled(whiten, Scaling(np.full(n, np.sqrt(variance))))
+        if grid is None:
+            return white, None
+        scale = np.full(n, float(grid.step.max()))
+        return white, replace(grid, known=Known(np.full(n, quiet), scale, rounding / variance))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +121,7 @@ def joint_model(
         earlier = sum(part.kind == one.kind for part in parts)
         name = one.kind if not earlier else f"{one.kind} {earlier + 1}"
         model = one.used
-        rows = np.asarray(model.readings.rows)
-        rows = one.rows[rows] if isinstance(one.data, Table) else rows
-        parts.append(Part(name, one.kind, model, rows + start, one.noise(model)))
+        parts.append(one.part(name, start, model))
         start += one.size
     return JointModel(parts, binder)
 

@@ -29,8 +29,8 @@ from trunnion.diagnosis.model import (
     Nuisance,
     Readings,
     Uncertainty,
-    identity,
 )
+from trunnion.diagnosis.whitening import identity
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
 from trunnion.models.points.effects import (

@@ -30,10 +30,9 @@ from trunnion.diagnosis.model import (
     Nuisance,
     OneEffect,
     Readings,
-    Scaling,
     Uncertainty,
-    identity,
 )
+from trunnion.diagnosis.whitening import Scaling, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
 from trunnion.models.rotary.motions import MOTION_UNIT, MOTIONS, Conditions, Motion, catalogue
