@@ -16,6 +16,7 @@ from positioning_twin import HIDDEN, axis
 from power.probabilities import binned, calibration_error, state
 from power.study import draw_effects, ground
 from promise import kept
+from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.probability import Probabilities
 from trunnion.diagnosis.selection import search
@@ -43,30 +44,55 @@ def test_probabilities_are_of_all_sets_and_of_none() -> None:
     assert [a.probability for a in again.evidence] == stated
 
 
-def ratios(*names: str) -> tuple[list[float], list[float]]:
-    """Odds of the best set against the next over their likelihoods: of one size, of one more."""
-    of_one_size: list[float] = []
-    one_more: list[float] = []
+def test_one_more_cause_that_does_not_pay_weighs_less() -> None:
+    """By more than what it costs to name it: sizes that are seen would show."""
+    weighed = 0
     for seed in range(30):
-        d = tn.diagnose(drifting(seed, *names))
+        d = tn.diagnose(drifting(seed, "reversal"))
         for first, second in zip(d.evidence[:1], d.evidence[1:2], strict=False):
-            ratio = first.probability / second.probability
-            stated = ratio / np.exp((second.distance - first.distance) / 2)
-            (one_more if second.causes > first.causes else of_one_size).append(stated)
-    return of_one_size, one_more
+            if second.causes > first.causes:
+                ratio = first.probability / second.probability
+                assert ratio > np.exp((second.distance - first.distance) / 2)
+                weighed += 1
+    assert weighed
 
 
-def test_a_likelihood_ratio_is_the_ratio_of_two_sets() -> None:
-    """Of two sets of which neither has a cause too many; one more that does not pay weighs less.
+def mean_likelihood(readings: Floats, columns: Floats, least: Floats) -> float:
+    """Likelihood, mean over sizes of causes of one column and over the noise, drawn."""
+    rng = np.random.default_rng(7)
+    shape = (100_000, columns.shape[1])
+    sizes = least * np.exp(rng.uniform(0, np.log(100), shape)) * rng.choice([-1.0, 1.0], shape)
+    sigma = np.geomspace(0.5, 2.0, 41)
+    square, along = columns.T @ columns, columns.T @ readings
+    own = np.einsum("si,ij,sj->s", sizes, square, sizes)
+    off = readings @ readings / sigma[:, None] ** 2 - 2 * (sizes @ along) / sigma[:, None] + own
+    return float(np.mean(sigma[:, None] ** -len(readings) * np.exp(-off / 2)))
 
-    One more that the set hides (a drift beside one from cycle to cycle) keeps its odds instead.
-    """
-    of_one_size, _ = ratios("cycle_drift")
-    assert of_one_size == pytest.approx([1.0] * len(of_one_size))
-    assert of_one_size
-    _, one_more = ratios("reversal")
-    assert one_more
-    assert min(one_more) > 1.0
+
+def test_sets_weigh_their_mean_likelihood() -> None:
+    """Three causes, two of them close to each other: against draws of sizes and noise."""
+    rng = np.random.default_rng(3)
+    shared = rng.standard_normal((40, 1))
+    columns = np.concatenate([shared, rng.standard_normal((40, 1)), shared], axis=1)
+    columns += [0.0, 0.0, 0.6] * rng.standard_normal((40, 3))
+    columns /= np.linalg.norm(columns, axis=0)
+    candidates = Candidates([x[None, :, None] for x in columns.T], np.zeros((40, 0)))
+    least = np.sqrt(candidates.penalty)
+    sets = [frozenset(s) for k in range(4) for s in itertools.combinations(range(3), k)]
+    compared = 0
+    for size in (3.0, 4.5, 6.0, 12.0):
+        readings = columns @ [size, 0.0, 0.0] + rng.standard_normal(40)
+        stated = Probabilities(search(candidates, readings), candidates)
+        true = {
+            s: mean_likelihood(readings, columns[:, list(s)], least[list(s)]) / 3.0 ** len(s)
+            for s in sets
+        }
+        whole = sum(true.values())
+        for s in sets:
+            if true[s] > 0.02 * whole:
+                assert stated.of_set(s) == pytest.approx(true[s] / whole, rel=0.2, abs=0.01)
+                compared += 1
+    assert compared >= 6
 
 
 def test_the_summary_leads_with_them() -> None:

@@ -45,6 +45,8 @@ class Candidates:
         identifiable.
     own_level: For each candidate a level of its own, or 0 for its share of ``level``.
     own_price: For each candidate what is added to its penalty.
+
+    chance: Drop of -2 ln L that each block reaches by chance at its level (b,).
     """
 
     def __init__(
@@ -84,6 +86,7 @@ class Candidates:
         return new
 
     penalty: Floats
+    chance: Floats
     inflation: Floats
     dependent: float = DEPENDENT
     positive: frozenset[int] = frozenset()  # candidates of one column, nothing if negative
@@ -155,7 +158,7 @@ class Candidates:
 
     def inflate(self, factor: Floats) -> None:
         """Raise the penalty of each block by a factor (b,): it gains so much more by chance."""
-        self.penalty = self.penalty + (factor - self.inflation) * self.chance()
+        self.penalty = self.penalty + (factor - self.inflation) * self.chance
         self.inflation = factor
 
     def ban(self, members: Iterable[int]) -> None:
@@ -163,10 +166,6 @@ class Candidates:
         self._banned = self._banned | frozenset(members)
         banned = np.isin(self.owner, sorted(self._banned))
         self.penalty = np.where(banned, np.inf, self.penalty)
-
-    def chance(self) -> Floats:
-        """Drop of -2 ln L that each block reaches by chance at its level (b,)."""
-        return np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
 
     def _complete(
         self,
@@ -191,7 +190,8 @@ class Candidates:
         self.multiplicity = float(shared)
         self.places = self._places()
         self.inflation = np.ones(len(self.owner))
-        self.penalty = self.chance()
+        self.chance = np.asarray(special.chdtri(self.rank, self.level[self.owner] / self.places))
+        self.penalty = self.chance
         if own_price is not None:
             self.penalty = self.penalty + own_price[self.owner]
 

@@ -114,7 +114,7 @@ class Case:
             found.dependent = DEPENDENT_INCOMPLETE
         drawn = self.rounding(self.plain)
         if drawn is not None:
-            found.inflate(inflation(found.gains, drawn, found.rank, found.chance()))
+            found.inflate(inflation(found.gains, drawn, found.rank, found.chance))
         return found
 
     def _stated(self) -> dict[int, float]:

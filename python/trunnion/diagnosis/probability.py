@@ -1,20 +1,16 @@
 """How probable the sets of causes are that a search looked at.
 
-A set S has the weight exp(-score(S) / 2), its penalised likelihood: the penalty of a cause stands
-for what is assumed of it beforehand (:mod:`.selection`). Sets are identified by the causes of the
-catalogue that act in them, with or without unexplained structure beside these; the weights of all
-sets that the search looked at, of the plain model (no cause) and of structure without a cause add
-up to 1. Candidates that change the readings alike share their sets' weights evenly.
-
-A cause is said to act where it is large enough to be seen: beforehand its size, in standard errors,
-is at least z₀ = √penalty. Where it is seen to be z < z₀, the set without it explains the readings
-better, and what is left of the likelihood above z₀ is Φ(z - z₀), beside the half of one at z₀.
+A set S has its evidence as weight: its mean likelihood over all sizes that its causes may have,
+times the odds that they have beforehand (:mod:`.evidence`). Sets are identified by the causes of
+the catalogue that act in them, with or without unexplained structure beside these; the weights of
+all sets that the search looked at, of the plain model (no cause) and of structure without a cause
+add up to 1. Candidates that change the readings alike share their sets' weights evenly.
 
 Beside others that would make about the same of the readings (a cubic in time beside a drift, a
 tilt beside a taper) a cause that is large enough to be seen by itself need not be seen. Readings
 say little of it, and it keeps the odds that it has beforehand, one among all candidates, times the
-mean likelihood of its sizes: from the least to a hundred times as large, logarithmically uniform,
-either sign.
+mean likelihood of its sizes, even where the search did not look at it, or not at it again because
+nothing determines its size.
 
 An effect that may hide behind others (:attr:`.effect.Effect.least`) is supposed and not fitted: its
 sets have the weight of the likelihood times the odds of one more cause beforehand, one among all
@@ -34,13 +30,13 @@ import numpy as np
 
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
+from trunnion.diagnosis.evidence import SIZES, Evidence
 from trunnion.diagnosis.selection import TINY, Found, Search
 
 Members = frozenset[int]
 
 HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
 MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
-SIZES = np.geomspace(1.0, 100.0, 33)[:, None]  # of a cause, over the least that is seen
 
 
 @dataclass(frozen=True)
@@ -142,10 +138,7 @@ class Probabilities:
     def _sets(self) -> dict[int, float]:
         """Weight of each set of leaders, by its mask, of one of the sets that it stands for."""
         out: dict[int, float] = {}
-        weights = {
-            mask: self._weight(score) * self._large_enough(mask, score)
-            for mask, score in self.search.scores.items()
-        }
+        weights = dict(self._weights)
         for mask, weight in self._unseen():
             weights[mask] = max(weight, weights.get(mask, 0.0))
         for mask, weight in weights.items():
@@ -158,15 +151,17 @@ class Probabilities:
         """Bits of the causes in the mask of a set."""
         return (1 << self.candidates.count) - 1
 
-    def _weight(self, score: float) -> float:
-        """Penalised likelihood over that of the best set."""
-        # with too few readings both scores are infinite
-        return math.exp((self.search.best - score) / 2) if score > self.search.best else 1.0
+    @cached_property
+    def _weights(self) -> dict[int, float]:
+        """Odds of each set against the best one, by its mask."""
+        odds = Evidence(self.search, self.candidates.count).odds
+        # with too few readings nothing is known of any set, and no cause is named
+        return {mask: math.exp(-value / 2) for mask, value in odds.items()} or {0: 1.0}
 
     def _unseen(self) -> Iterator[tuple[int, float]]:
         """Sets with one or two more causes that they hide, and their weights."""
         for mask, f in self.search.known.items():
-            weight = self._weight(f.score)
+            weight = self._weights.get(mask, 0.0)
             if weight > MIN_WEIGHT and f.blocks:
                 odds = self._odds_unseen(f)
                 for j, own in odds.items():
@@ -179,39 +174,23 @@ class Probabilities:
         c = self.search.c
         left, along = self.search.beside(f.blocks)
         hidden = (left < HIDDEN) & (c.owner < self.candidates.count)
-        hidden &= (c.penalty > 0.0) & np.isfinite(c.penalty)
+        hidden &= c.penalty > 0.0
         noise = float(self.search.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
-        out = {}
+        chance, out = c.chance, {}
         for j in np.unique(c.owner[hidden]).tolist():
             own = c.owner == j
             if j not in f.members:
-                least = c.penalty[own]
+                least = chance[own]
                 seen = np.sqrt(np.minimum(along[own] / max(noise, TINY), least))
                 likely = _mean_likelihood(seen, np.sqrt(least * left[own]))
                 out[j] = float(np.mean(likely)) * float(c.level[j]) / NAMING_LEVEL
         return out
 
-    def _large_enough(self, mask: int, score: float) -> float:
-        """How likely the weakest cause of a set is one that can be seen, 1 where it pays."""
-        short, scores = 0.0, self.search.scores
-        for bit in _bits(mask & self._catalogue):
-            alone = scores.get(mask ^ bit, np.inf)
-            if alone < score:  # it is better without
-                least = self._least[bit]
-                seen = max(alone - score + least, 0.0)
-                short = max(short, math.sqrt(least) - math.sqrt(seen))
-        return math.erfc(short / math.sqrt(2.0))
-
-    @cached_property
-    def _least(self) -> dict[int, float]:
-        """Least penalty of each leader, by its bit."""
-        c = self.candidates
-        least = np.minimum.reduceat(c.penalty, c.first_of_leader)
-        return {1 << j: own for j, own in zip(c.leaders.tolist(), least.tolist(), strict=True)}
-
     @cached_property
     def _hidden(self) -> dict[Members, float]:
-        odds = 1.0 / max(self.candidates.multiplicity, 1.0)
+        # their distance is that of scores, to the set of the best score
+        best = sum(1 << m for m in self.search.top.members)
+        odds = self._weights.get(best, 1.0) / max(self.candidates.multiplicity, 1.0)
         return {b.members: odds * float(np.exp(-b.distance / 2)) for b in self.behind}
 
     @cached_property
@@ -229,20 +208,12 @@ class Probabilities:
         }
 
 
-def _bits(mask: int) -> Iterator[int]:
-    """Bits of a mask, each by itself."""
-    while mask:
-        low = mask & -mask
-        yield low
-        mask ^= low
-
-
 def _mean_likelihood(seen: Floats, least: Floats) -> Floats:
     """Likelihood of a cause over that without it, mean over its sizes, shape (b,).
 
     ``seen``: what is seen of it beside the others, in standard errors; ``least``: what would be of
     the smallest that is seen by itself.
     """
-    size = SIZES * least
+    size = SIZES[:, None] * least
     either = np.exp(size * (seen - size / 2)) + np.exp(-size * (seen + size / 2))
     return np.asarray(np.mean(either, axis=0) / 2)

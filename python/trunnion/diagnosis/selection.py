@@ -130,6 +130,8 @@ class Search:
         The empty set.
     scores:
         Score of each set by its mask (a bit a candidate), up to about ``REACH`` above the best.
+    made:
+        Blocks of each of these sets.
     """
 
     def __init__(self, c: Candidates, r: Floats, floor: Floor, within: float) -> None:
@@ -154,6 +156,7 @@ class Search:
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
         self.scores = {0: self.nothing.score}
+        self.made: dict[int, tuple[int, ...]] = {0: ()}
         self.best = self.nothing.score
 
     @property
@@ -182,11 +185,12 @@ class Search:
     def take_over(self, other: "Search", keep: int) -> None:
         """Know the sets of a search among fewer candidates; try every other beside the best."""
         for mask, score in other.scores.items():
-            self.scores.setdefault(mask, score)
+            if mask not in self.scores:
+                self.scores[mask], self.made[mask] = score, other.made[mask]
         for mask, f in other.known.items():
             penalty = float(np.sum(self.c.penalty[list(f.blocks)]))
             score = float(self.score(f.rss, f.columns, penalty))  # not settled yet
-            self.scores[mask] = score
+            self.scores[mask], self.made[mask] = score, f.blocks
             self.remember(mask, f.blocks, score, f.rss, f.columns)
         self.best = min(f.score for f in self.known.values())
         if near := [self.built(f.blocks) for f in other.found[:keep]]:
@@ -226,7 +230,7 @@ class Search:
                 break
             done.add(mask)
             f = self.known[mask]
-            more = self._cancelling(f.blocks) + self._contradicting(f)
+            more = self._cancelling(f.blocks) + self.contradicting(f.blocks, f.rss, f.columns)
             if more > 0:
                 self.known[mask] = replace(f, score=float(np.round(f.score + more, SCORE_DIGITS)))
                 self.scores[mask] = self.known[mask].score
@@ -249,15 +253,18 @@ class Search:
         along = np.concatenate([self.residual[self.c.span(b)] for b in blocks])
         return self.c.gram(blocks), along
 
-    def _contradicting(self, f: Found) -> float:
-        """What a set costs that is larger than what is stated of its causes: of -2 ln L."""
+    def contradicting(self, blocks: Sequence[int], rss: float, size: int) -> float:
+        """What a set costs that is larger than what is stated of its causes: of -2 ln L.
+
+        ``rss``: what it leaves; ``size``: count of its columns.
+        """
         c = self.c
-        held = [c.stated.get(int(c.owner[b]), np.inf) for b in f.blocks]
+        held = [c.stated.get(int(c.owner[b]), np.inf) for b in blocks]
         if not np.isfinite(held).any():
             return 0.0
-        gram, along = self._joined(f.blocks)
-        noise = float(self.score.floor.noise(f.rss, max(c.dof - f.columns, 1)))
-        less = np.repeat(noise / np.maximum(np.square(held), TINY), [c.rank[b] for b in f.blocks])
+        gram, along = self._joined(blocks)
+        noise = float(self.score.floor.noise(rss, max(c.dof - size, 1)))
+        less = np.repeat(noise / np.maximum(np.square(held), TINY), [c.rank[b] for b in blocks])
         free = along @ np.linalg.lstsq(gram, along, rcond=c.dependent)[0]
         kept = along @ np.linalg.lstsq(gram + np.diag(less), along, rcond=c.dependent)[0]
         return max(float(free - kept), 0.0) / max(noise, TINY)
@@ -271,6 +278,7 @@ class Search:
             score = float(self.score(rss, columns, state.core.penalty))
             self.best = min(self.best, score)
             self.remember(state.mask, blocks, score, rss, columns)
+            self.made[state.mask] = blocks
         return state
 
     def bit(self, block: int) -> int:
@@ -303,6 +311,11 @@ class Search:
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
         return left, seen
 
+    def gains_beside(self, blocks: Sequence[int]) -> tuple[float, Floats]:
+        """What a set leaves (RSS), and by how much less each block beside it would (b,)."""
+        core = self.built(blocks).core
+        return core.rss, self.core.gains(core)
+
     def grow(self, states: list[_State], keep: int) -> list[tuple[_State, int]]:
         """Try every candidate on every state; remember all sets near the best, and the best `keep`.
 
@@ -317,7 +330,7 @@ class Search:
         self.best = best = min(self.best, tried[0][0])
         chosen: list[tuple[_State, int]] = []
         seen: set[int] = set()
-        scores, bits = self.scores, self.bits
+        scores, made, bits = self.scores, self.made, self.bits
         for value, i, block, rss, columns in tried:
             full = len(chosen) >= keep and value > best + self.within
             if full and value > best + REACH:
@@ -327,11 +340,12 @@ class Search:
             if mask in seen:
                 continue
             seen.add(mask)
+            blocks = (*state.blocks, block)
             if value < scores.get(mask, np.inf):
-                scores[mask] = value
+                scores[mask], made[mask] = value, blocks
             if full:
                 continue
-            self.remember(mask, (*state.blocks, block), value, rss, columns)
+            self.remember(mask, blocks, value, rss, columns)
             if len(chosen) < keep:
                 chosen.append((state, block))
         return chosen

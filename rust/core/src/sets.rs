@@ -239,17 +239,10 @@ impl Blocks {
         (best, reach, many): (f64, f64, usize),
     ) -> Result<Vec<Tried>> {
         let mut found = Vec::new();
-        let ends = self.pairs().scan(0, |end, pairs| {
-            *end += pairs;
-            Some(*end)
-        });
-        let at: Vec<usize> = std::iter::once(0).chain(ends).collect();
+        let at = self.places();
         for (number, set) in sets.iter().enumerate() {
-            self.of_block(set, 0)?;
+            self.check_set(set, &at)?;
             let inside: Vec<usize> = set.blocks.iter().map(|&b| self.candidate[b]).collect();
-            if set.cross.len() != at.last().copied().unwrap_or(0) {
-                return Err(Error::input("set of blocks", "another", "one of these blocks"));
-            }
             let mut first = 0;
             while first < self.start.len() {
                 let candidate = self.candidate[first];
@@ -269,6 +262,34 @@ impl Blocks {
         found.sort_by(|a, b| a.score.total_cmp(&b.score));
         found.truncate(near.max(many));
         Ok(found)
+    }
+
+    /// Drop of the sum of squares by each block beside a set.
+    ///
+    /// # Errors
+    /// A set that does not belong to these blocks.
+    pub fn gains(&self, set: &Set) -> Result<Vec<f64>> {
+        let at = self.places();
+        self.check_set(set, &at)?;
+        Ok((0..self.start.len()).map(|block| self.gain(set, block, at[block]).0).collect())
+    }
+
+    /// Where the numbers of each block in [`Set::cross`] start, and their count.
+    fn places(&self) -> Vec<usize> {
+        let ends = self.pairs().scan(0, |end, pairs| {
+            *end += pairs;
+            Some(*end)
+        });
+        std::iter::once(0).chain(ends).collect()
+    }
+
+    /// Checks that a set is one of these blocks.
+    fn check_set(&self, set: &Set, at: &[usize]) -> Result<()> {
+        self.of_block(set, 0)?;
+        if set.cross.len() != at.last().copied().unwrap_or(0) {
+            return Err(Error::input("set of blocks", "another", "one of these blocks"));
+        }
+        Ok(())
     }
 
     fn best_of(

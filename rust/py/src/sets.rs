@@ -97,6 +97,11 @@ impl CauseBlocks {
         Ok(CauseSet { inner })
     }
 
+    /// Drop of the sum of squares by each block beside a set (b,).
+    fn gains<'py>(&self, py: Python<'py>, beside: &CauseSet) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        array(py, self.inner.gains(&beside.inner).into_py()?)
+    }
+
     /// Every candidate beside every set, at its best block, best first: score, number of the set,
     /// block, sum of squares, count of columns. All as far as `reach` above the best, and `best`; so
     /// `many` at least.

@@ -1,0 +1,215 @@
+"""How well sets of causes explain readings, mean over all sizes that their causes may have.
+
+The probability of a set is its mean likelihood times what is assumed of it beforehand (Kass and
+Raftery 1995, Bayes factors). A cause acts with odds of one among all candidates. Its size, the root
+of the sum of squares of what it changes in the readings, is from the least that is seen (the root
+of what a cause has to gain, `.candidates.Candidates.chance`) to `RANGE` times as large,
+logarithmically uniform and in any direction of its columns; a nonlinear parameter is any value of
+its grid. Over that of the best sizes the mean likelihood of causes j with columns of unit length is
+(Laplace's approximation) ::
+
+    Π I_j · sqrt(|C| / Π |C_j|)
+
+C: covariance of their sizes together, C_j: of one beside the others, I_j: the mean over the sizes
+of one, that of a normal distribution about its estimate. So causes that cancel, of sizes many times
+what they explain together, and causes of many columns are worth what they leave to chance.
+
+Terms of structure and causes that are expected have their penalty instead: nothing is assumed of
+their sizes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.candidates import NAMING_LEVEL
+from trunnion.diagnosis.selection import TINY, Search
+
+RANGE = 100.0  # of the sizes of a cause: the largest over the least that is seen
+SIZES = np.geomspace(1.0, RANGE, 33)  # of a cause, over the least
+FAR = 8.0  # standard errors: the likelihood of larger sizes is narrow beside the range
+NEGLIGIBLE = 14.0  # of -2 ln of the odds against the best set: less than 0.1 %
+TO_WEIGH = 20.0  # above the best score, to which sets are weighed
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Odds of the sets of a search.
+
+    Attributes
+    ----------
+    search:
+        The sets.
+    count:
+        Of the causes; further candidates are terms of structure.
+    """
+
+    search: Search
+    count: int
+    _beside: dict[frozenset[int], tuple[float, Floats]] = field(default_factory=dict)
+
+    @cached_property
+    def odds(self) -> Mapping[int, float]:
+        """-2 ln of the odds of sets over those of the best one, by their masks; 0: the best."""
+        s = self.search
+        rank = s.c.rank.tolist()
+        rough: dict[int, float] = {}
+        by_rank: dict[tuple[int, ...], dict[int, list[int]]] = {}
+        for mask, score in s.scores.items():
+            if score <= s.best + TO_WEIGH:
+                blocks = sorted(s.made[mask], key=lambda b: rank[b])
+                by_rank.setdefault(tuple(rank[b] for b in blocks), {})[mask] = blocks
+        for widths, sets in by_rank.items():
+            if not widths:
+                rss = max(s.empty.core.rss, s.score.least)
+                rough[0] = float(s.score.floor.deviance(rss, s.c.dof))
+            elif sum(widths) < s.c.dof - 2:
+                values = self._at_best(widths, np.array(list(sets.values())))
+                rough |= dict(zip(sets, values.tolist(), strict=True))
+        out: dict[int, float] = {}
+        least = math.inf
+        for mask, value in sorted(rough.items(), key=lambda one: one[1]):
+            if value > least + NEGLIGIBLE:
+                break
+            out[mask] = value + self._of_variants(s.made[mask])
+            least = min(least, out[mask])
+        return {mask: value - least for mask, value in out.items()}
+
+    @cached_property
+    def _assumed(self) -> tuple[Floats, Floats, Floats]:
+        """Of each block the least size that is seen, what it costs beforehand, and its penalty.
+
+        The latter of blocks that have a penalty only, else 0, and the reverse; shapes (b,).
+        """
+        c = self.search.c
+        free = (c.penalty == 0) | (c.owner >= self.count)
+        chance = c.chance
+        # what is gained by chance may be more
+        own = c.penalty - chance - 2 * np.log(c.level / NAMING_LEVEL)[c.owner]
+        return np.where(free, 0.0, np.sqrt(chance)), np.where(free, 0.0, own), free * c.penalty
+
+    def _at_best(self, rank: tuple[int, ...], blocks: Integers) -> Floats:
+        """-2 ln of the odds of sets, at their values of the nonlinear parameters, shape (s,).
+
+        ``rank``: columns of each block of a set; ``blocks``: of each set, shape (s, k).
+        """
+        s, c = self.search, self.search.c
+        size, width = sum(rank), np.array(rank)
+        rss, sizes, spread = self._fitted(blocks, width)
+        sigma = np.sqrt(np.maximum(s.score.floor.noise(rss, c.dof - size), TINY))[:, None]
+        out = s.score.floor.deviance(rss, c.dof)
+        least, prior, penalty = (x[blocks] for x in self._assumed)
+        out = out + np.sum(prior, axis=1)
+        out = out + np.sum(penalty, axis=1) * c.dof / (c.dof - size / 2 - 1)
+        paid = np.repeat(least > 0, width, axis=1)
+        # what has a penalty only is fitted, and stands by itself
+        both = paid[:, :, None] & paid[:, None]
+        out = out - _log_det(np.where(both, spread, np.eye(size)))
+        starts = np.cumsum(width) - width
+        for k in set(rank):
+            own = starts[width == k][:, None] + np.arange(k)
+            some = least[:, width == k] > 0
+            wide = _log_det(spread[:, own[:, :, None], own[:, None]][some])
+            length = np.linalg.norm(sizes[:, own], axis=2) / sigma
+            error, small = np.exp(wide / (2 * k)), least[:, width == k][some]
+            value = np.zeros(some.shape)
+            value[some] = wide - 2 * _log_mean_likelihood(length[some], error, k, small)
+            out = out + value.sum(axis=1)
+        if c.stated:
+            many = zip(blocks.tolist(), rss.tolist(), strict=True)
+            out = out + [s.contradicting(one, left, size) for one, left in many]
+        return np.asarray(out + _of_unknown_noise(c.dof, paid.sum(axis=1)))
+
+    def _fitted(self, blocks: Integers, width: Integers) -> tuple[Floats, Floats, Floats]:
+        """What sets leave (s,), the sizes of their columns (s, k), and their covariance (s, k, k).
+
+        Of a set with columns that depend on each other none determines the sizes: as if the causes
+        changed nothing that another does.
+        """
+        s, c = self.search, self.search.c
+        used = np.unique(blocks)
+        columns = [np.arange(c.start[b], c.start[b] + c.rank[b]) for b in used]
+        place = np.concatenate(columns)
+        gram = np.concatenate([c.gram_rows(int(b))[:, place] for b in used])
+        starts = np.cumsum(c.rank[used]) - c.rank[used]
+        firsts = starts[np.searchsorted(used, blocks)]
+        within = np.concatenate([np.arange(k) for k in width])
+        at = np.repeat(firsts, width, axis=1) + within
+        w, u = np.linalg.eigh(gram[at[:, :, None], at[:, None]])
+        seen = w > c.dependent
+        back = (u * np.where(seen, 1.0 / np.where(seen, w, 1.0), 0.0)[:, None]) @ u.swapaxes(1, 2)
+        along = s.residual[place][at]
+        sizes = np.einsum("sij,sj->si", back, along)
+        rss = np.maximum(s.empty.core.rss - np.einsum("si,si->s", along, sizes), s.score.least)
+        back[~seen.all(axis=1)] = np.eye(len(within))
+        return rss, sizes, back
+
+    @cached_property
+    def _variants(self) -> tuple[Integers, Integers]:
+        """Number of the first block of each candidate, and how many it has."""
+        many = np.bincount(self.search.c.owner, minlength=self.search.c.count)
+        return np.cumsum(many) - many, many
+
+    def _of_variants(self, blocks: Sequence[int]) -> float:
+        """What a set costs of which the nonlinear parameters may have any value of their grids."""
+        s, c = self.search, self.search.c
+        out = 0.0
+        for b in blocks:
+            first, many = (int(x[c.owner[b]]) for x in self._variants)
+            if many < 2:
+                continue
+            rest = frozenset(blocks) - {b}
+            if rest not in self._beside:
+                self._beside[rest] = s.gains_beside(sorted(rest))
+            rss, gain = self._beside[rest]
+            left = np.maximum(rss - gain[first : first + many], s.score.least)
+            deviance = s.score.floor.deviance(left, c.dof)
+            likely = np.exp((deviance[b - first] - deviance) / 2)
+            out -= 2 * math.log(max(float(np.mean(likely)), TINY))
+        return out
+
+
+def _log_det(a: Floats) -> Floats:
+    """Logarithms of the determinants of covariances (s, k, k)."""
+    if a.shape[1] == 1:
+        return np.asarray(np.log(np.maximum(a[:, 0, 0], TINY)))
+    return np.asarray(np.linalg.slogdet(a)[1])
+
+
+def _of_unknown_noise(dof: int, columns: Integers) -> Floats:
+    """What the likelihood, mean over the noise too, adds to -2 ln of that of the best noise."""
+    more = dof - columns
+    of_all = special.gammaln(dof / 2) - special.gammaln(more / 2)
+    return np.asarray(2 * of_all - columns * np.log(more / 2))
+
+
+def _log_mean_likelihood(size: Floats, error: Floats, columns: int, least: Floats) -> Floats:
+    """Logarithm of the mean over the sizes of causes of the likelihood over that of the best (s,).
+
+    size, error: estimate, the length of a vector of so many columns, and the standard error of
+    each; least: that is seen. All in standard deviations of the noise.
+    """
+    of_sphere = math.lgamma(columns / 2)
+    area = math.log(2) + columns / 2 * math.log(math.pi) - of_sphere
+    volume = columns * np.log(math.sqrt(2 * math.pi) * error / np.maximum(size, TINY))
+    out = np.asarray(volume - area - math.log(math.log(RANGE)))
+    near = (size <= FAR * error) | (size <= least + 3 * error)
+    if near.any():
+        b, e = size[near, None], error[near, None]
+        sizes = least[near, None] * SIZES
+        order = columns / 2 - 1
+        x = np.maximum(sizes * b / e**2, 1e-9)
+        # mean over the directions: a Bessel function, by exp(-x); it underflows far below its order
+        turned = special.ive(order, x)
+        mean = np.log(np.maximum(turned, TINY)) + order * np.log(2 / x) + of_sphere
+        mean = np.where(turned > TINY, mean, x**2 / (2 * columns) - x)
+        ln = mean - (sizes - b) ** 2 / (2 * e**2)
+        out[near] = special.logsumexp(ln, axis=1) - math.log(len(SIZES))
+    return out
