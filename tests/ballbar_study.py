@@ -18,29 +18,32 @@ from numpy.typing import NDArray
 import trunnion as tn
 from ballbar_twin import (
     ARCSEC,
+    HybridTwin,
     Legs,
     Recording,
     cartesian_lengths,
     hybrid_lengths,
     leg_travel,
+    nominal_joints,
     record,
     sign,
 )
 from power import report
 
 Array = NDArray[np.float64]
-# Rms, about, that each cause of its usual size leaves in the readings, µm
-HYBRID_UM = {
-    "leg_expansion": 1.8,
-    "leg_expansion_2": 8.0,
-    "lost_motion": 5.3,
-    "screw_cyclic": 4.8,
-    "gravity": 0.13,
-    "wrist_squareness": 0.17,
-}
-HYBRID = tuple(HYBRID_UM)
+HYBRID = (
+    "leg_expansion",
+    "leg_expansion_2",
+    "lost_motion",
+    "screw_cyclic",
+    "gravity",
+    "wrist_squareness",
+)
+HYBRID_DRIFTS = ("drift_x", "drift_y", "drift_z")
 DRIFT_UM_H = 60.0
-HYBRID_DRIFTS_UM = {"drift_x": 1.9, "drift_y": 2.0, "drift_z": 0.46}  # rms left by such a drift
+EVERY = 4  # of the readings one, of which it is calculated what a cause leaves
+SMALL = 1e-4  # mm and rad: a step of a derivative
+DEPENDENT = 1e-4  # of the largest, a singular value of fitted columns that counts as none
 CARTESIAN = (
     "scale",
     "squareness",
@@ -87,16 +90,7 @@ def hybrid_cases(
     take their place.
     """
     rng = np.random.default_rng(seed)
-    spot = np.array([0.0, -350.0, -1400.0]) + rng.uniform(-60, 60, 3)
-    rec = record(spot, step_deg=step_deg)
-    if "gravity" in hidden:
-        tilt = np.radians(20)
-        ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
-        shift = [(0, 0, 0), (150, 0, 0), (-150, 0, 0), (0, -100, 50), (0, 100, -50)]
-        directions = np.array(
-            [(a * np.sin(tilt), b * np.sin(tilt), -np.cos(tilt * np.hypot(a, b))) for a, b in ways]
-        )
-        rec = record(np.array([0.0, -350.0, -1400.0]) + shift, step_deg=12.0, directions=directions)
+    rec = _hybrid_plan(rng, tilted="gravity" in hidden, step_deg=step_deg)[0]
     tau, pitch, phase = rng.uniform(300, 1200), rng.uniform(5, 20), rng.uniform(0, 6.28)
     way = rng.choice([-1.0, 1.0])
 
@@ -128,6 +122,55 @@ def hybrid_cases(
         sag_um=60.0 * way * hidden.get("gravity", 0.0),
     )
     return _hybrid_table(rec, joints, lengths)
+
+
+def _hybrid_plan(
+    rng: np.random.Generator, *, tilted: bool, step_deg: float = 4.0
+) -> tuple[Recording, Array]:
+    """The runs, and the centre of each set-up: one and a vertical tool, or five and tilts."""
+    spot = np.array([0.0, -350.0, -1400.0])
+    here = spot + rng.uniform(-60, 60, 3)
+    if not tilted:
+        return record(here, step_deg=step_deg), here[None]
+    tilt = np.radians(20)
+    ways = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+    shift = [(0, 0, 0), (150, 0, 0), (-150, 0, 0), (0, -100, 50), (0, 100, -50)]
+    directions = np.array(
+        [(a * np.sin(tilt), b * np.sin(tilt), -np.cos(tilt * np.hypot(a, b))) for a, b in ways]
+    )
+    return record(spot + shift, step_deg=12.0, directions=directions), spot + shift
+
+
+def hybrid_left(names: Sequence[str], seed: int, sigma_um: float = 0.5) -> dict[str, float]:
+    """What each of some causes together, of its usual size, leaves in the readings of that seed.
+
+    Beside the errors of the mechanism and a centre in each set-up, which are always fitted: the
+    root of the sum of squares, in noises.
+    """
+    plan = {"gravity": 0.0} if "gravity" in names else {}
+    if not names:
+        return {}
+    rec, centres = _hybrid_plan(np.random.default_rng(seed), tilted=bool(plan))
+    some = slice(None, None, EVERY)
+    joints, twin = nominal_joints(rec.points[some], rec.direction[some]), HybridTwin()
+    setup = rec.setup[some]
+    ways = rec.points[some] - centres[setup]
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    fitted = [ways * (setup == s)[:, None] for s in range(len(centres))]
+    tips, exact = twin.tips(joints), twin.e
+    for k in range(len(exact)):
+        twin.e = exact.copy()
+        twin.e[k] += SMALL
+        fitted.append(np.sum(ways * (twin.tips(joints) - tips), axis=1)[:, None] / SMALL)
+    columns = np.concatenate(fitted, axis=1)
+    columns /= np.linalg.norm(columns, axis=0)
+    plain = hybrid_cases(plan, seed, sigma_um=0.0)["length_mm"][some]
+    out = {}
+    for name in names:
+        change = hybrid_cases({**plan, name: 1.0}, seed, sigma_um=0.0)["length_mm"][some] - plain
+        left = change - columns @ np.linalg.lstsq(columns, change, rcond=DEPENDENT)[0]
+        out[name] = float(np.linalg.norm(left)) * EVERY**0.5 / (1e-3 * sigma_um)
+    return out
 
 
 def _hybrid_table(rec: Recording, joints: Array, lengths: Array) -> tn.Ballbar:

@@ -48,12 +48,12 @@ HEAD = """# Are the probabilities of a diagnosis true?
 Made by `make power-probabilities` on measurements of the independent generators of each kind
 (`tests/power/random_cases.py`): no cause in 25 % of the cases, one in 35 %, two in 25 %, three in
 15 %, drawn at random, with sizes over a decade, logarithmically uniform, from about the smallest
-that can be named: points, ball-bar tests, diameters and axis logs are changed by 5 to 50 noises
-(root of the sum of squares, beside what is always fitted), touches by 6 to 70, the others by a
-share of a usual size; causes that look alike (a drift and a warm-up of an axis, effects on touches
-and axis logs with a correlation above 0.7) are not drawn together, those of diameters are. In one
-of eight cases an error is hidden that
-is no cause of the catalogue (hybrid ball-bar: none).
+that can be named: points, ball-bar tests (hybrid ones, too), diameters and axis logs are changed by
+5 to 50 noises (root of the sum of squares, beside what is always fitted), touches by 6 to 70, the
+others by a share of a usual size; causes that look alike (a drift and a warm-up of an axis, effects
+on touches and axis logs with a correlation above 0.7) are not drawn together, those of diameters
+are. In one of eight cases an error is hidden that is no cause of the catalogue (hybrid ball-bar:
+none).
 
 A diagnosis states, for sets of causes and for none, how probable it is that just these causes of
 the catalogue act. *Stated* and *true*: the mean probability of the most probable set and how often

@@ -31,7 +31,7 @@ UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
-HYBRID_UM = {**ballbar_study.HYBRID_UM, **ballbar_study.HYBRID_DRIFTS_UM}
+HYBRID = (*ballbar_study.HYBRID, *ballbar_study.HYBRID_DRIFTS)
 
 
 @dataclass(frozen=True)
@@ -132,8 +132,10 @@ def ballbar(rng: Rng, number: int) -> Drawn:
 
 def hybrid_ballbar(rng: Rng, number: int) -> Drawn:
     """Circle tests of a hybrid machine; nothing unknown."""
-    hidden = _some(rng, tuple(HYBRID_UM))
-    shares = {name: size(rng, 0.1, 1.0) / HYBRID_UM[name] for name in hidden}
+    hidden = _some(rng, HYBRID)
+    usual = ballbar_study.hybrid_left(hidden, 900_000 + number)
+    left = zip(hidden, _left(rng, len(hidden)), strict=True)
+    shares = {name: abs(want) / usual[name] for name, want in left}
     data = ballbar_study.hybrid_cases(shares, 900_000 + number)
     return Drawn(data, None, frozenset(hidden), unknown=False)
 
