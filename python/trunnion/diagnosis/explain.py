@@ -119,11 +119,10 @@ def _fit_members(case: Case, members: dict[int, int]) -> Fit:
 def _explained(case: Case) -> Explanation:
     """Find the sets of causes by the noise that they leave."""
     plain, candidates = case.plain, case.candidates
-    searched, extended, alarm_cause = _demanded(case)
-    least = searched.top.rss
-    nothing, named = searched.nothing, searched.found
+    chances, extended, alarm_cause = _demanded(case)
+    least, named = chances.search.top.rss, chances.likeliest
     demanded = extended is not plain
-    best = named[0] if demanded else nothing
+    best = named[0] if demanded else chances.search.nothing
 
     terms: list[tuple[Term, float]] = []
     alarm_scan = Alarm.of_terms(case, extended)
@@ -137,7 +136,7 @@ def _explained(case: Case) -> Explanation:
             picked = _promising(case, (extended, plain))
             if not unexplained:
                 picked = [i for i in picked if not _has_a_name(case, i)]
-            searched, best, terms, extended = _with_terms(case, picked, searched)
+            chances, best, terms, extended = _with_terms(case, picked, chances.search)
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
@@ -154,7 +153,7 @@ def _explained(case: Case) -> Explanation:
         terms=terms,
         alarm=alarm,
         candidates=candidates,
-        probabilities=Probabilities(searched, candidates),
+        probabilities=chances,
         note=note,
         least=least,
         behind=behind,
@@ -175,8 +174,8 @@ def with_behind(e: Explanation) -> Explanation:
     )
 
 
-def _demanded(case: Case) -> tuple[Search, Fit, Alarm]:
-    """Search the sets of causes: the search, and the fit of the best.
+def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
+    """Search the sets of causes: those, and the fit of the likeliest.
 
     The plain fit where no cause is demanded; with the test of all candidates. Causes are demanded
     where the plain model does not explain the readings about as well as they do. An effect that
@@ -188,19 +187,20 @@ def _demanded(case: Case) -> tuple[Search, Fit, Alarm]:
     while True:
         alarm = Alarm.of_causes(case)
         searched = search(candidates, plain.white, floor=case.floor)
-        nothing, named = searched.nothing, searched.found
+        chances = Probabilities(searched, candidates)
         if (
-            not named
+            not searched.top.members
             or case.exact(plain)
             or not (
-                named[0].score < nothing.score - WITHIN or (alarm.p < level and alarm.holds(level))
+                searched.top.score < searched.nothing.score - WITHIN
+                or (alarm.p < level and alarm.holds(level))
             )
         ):
-            return searched, plain, alarm
-        extended = _fit_set(case, candidates, named[0])
+            return chances, plain, alarm
+        extended = _fit_set(case, candidates, chances.likeliest[0])
         bad = _undetermined(case, extended)
         if not bad:
-            return searched, extended, alarm
+            return chances, extended, alarm
         candidates.ban(bad)
 
 
@@ -403,7 +403,7 @@ def _evidence(case: Case, f: Fit) -> Floats:
 
 def _with_terms(
     case: Case, picked: list[int], first: Search
-) -> tuple[Search, Found, list[tuple[Term, float]], Fit]:
+) -> tuple[Probabilities, Found, list[tuple[Term, float]], Fit]:
     """Let some terms compete with the causes; ``first``: search of these alone."""
     d, c, plain = case.dictionary, case.candidates, case.plain
     more = (case.term_inflation(plain) - 1.0) * d.chance(plain)
@@ -412,8 +412,8 @@ def _with_terms(
         np.full(len(picked), d.level),
         UNNAMED_TERM_PENALTY + more[picked],
     )
-    searched = search(both, plain.white, floor=case.floor, after=first)
-    top = searched.top
+    chances = Probabilities(search(both, plain.white, floor=case.floor, after=first), c)
+    top = next(iter(chances.likeliest), chances.search.nothing)
     causes = Found(
         frozenset(m for m in top.members if m < c.count),
         top.score,
@@ -425,7 +425,7 @@ def _with_terms(
     terms: list[tuple[Term, float]] = []
     if causes.members != top.members or Alarm.of_terms(case, fitted).p < SCAN_LEVEL:
         terms = _best_terms(case, fitted)
-    return searched, causes, terms, fitted
+    return chances, causes, terms, fitted
 
 
 def _has_a_name(case: Case, term: int) -> bool:

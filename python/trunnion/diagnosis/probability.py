@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -31,7 +31,7 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.evidence import SIZES, Evidence
-from trunnion.diagnosis.selection import TINY, Found, Search
+from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
 
 Members = frozenset[int]
 
@@ -115,12 +115,19 @@ class Probabilities:
         """Probability that no cause of the catalogue acts."""
         return self.of_set(frozenset())
 
+    @cached_property
+    def likeliest(self) -> list[Found]:
+        """Sets near the best score, the most probable first; none is empty."""
+        # Sets that explain the same are ordered by the catalogue, not by rounding.
+        weight = {m: round(w, SCORE_DIGITS) for m, w in self._weights.items()}
+        return sorted(self.search.found, key=lambda f: -weight.get(_mask(f.members), 0.0))
+
     def of_set(self, members: Members) -> float:
         """Probability that just these causes of the catalogue act."""
         if members in self._hidden:
             return self._hidden[members] / self._total
         leaders = {self._leader.get(m, m) for m in members}
-        return self._sets.get(sum(1 << m for m in leaders), 0.0) / self._total
+        return self._sets.get(_mask(leaders), 0.0) / self._total
 
     def of_cause(self, member: int) -> float:
         """Probability that a cause acts, alone or with others."""
@@ -188,8 +195,8 @@ class Probabilities:
 
     @cached_property
     def _hidden(self) -> dict[Members, float]:
-        # their distance is that of scores, to the set of the best score
-        best = sum(1 << m for m in self.search.top.members)
+        # their distance is that of scores, to the set that is named
+        best = _mask(next(iter(self.likeliest), self.search.nothing).members)
         odds = self._weights.get(best, 1.0) / max(self.candidates.multiplicity, 1.0)
         return {b.members: odds * float(np.exp(-b.distance / 2)) for b in self.behind}
 
@@ -206,6 +213,11 @@ class Probabilities:
             s: w * math.prod(count for leader, count in many if s >> leader & 1)
             for s, w in self._sets.items()
         }
+
+
+def _mask(members: Collection[int]) -> int:
+    """Set of candidates as a bit each."""
+    return sum(1 << m for m in members)
 
 
 def _mean_likelihood(seen: Floats, least: Floats) -> Floats:
