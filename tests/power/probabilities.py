@@ -34,11 +34,11 @@ RUNS = {
     "touches": 1000,
     "points": 700,
     "sweep": 700,
-    "diameters": 500,
+    "diameters": 1000,
     "ballbar": 800,
-    "hybrid ballbar": 400,
+    "hybrid ballbar": 800,
     "positioning": 1000,
-    "axislog": 400,
+    "axislog": 800,
 }
 BINS = 10
 LIMIT = 0.02  # of the expected calibration error
