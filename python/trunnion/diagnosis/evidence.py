@@ -134,10 +134,14 @@ class Evidence:
         changed nothing that another does.
         """
         s, c = self.search, self.search.c
+        if len(width) == 1:  # the columns of a block are orthonormal
+            sizes = s.residual[c.start[blocks] + np.arange(width[0])]
+            rss = s.empty.core.rss - np.einsum("si,si->s", sizes, sizes)
+            every = np.broadcast_to(np.eye(width[0]), (*sizes.shape, width[0]))
+            return np.maximum(rss, s.score.least), sizes, every
         used = np.unique(blocks)
-        columns = [np.arange(c.start[b], c.start[b] + c.rank[b]) for b in used]
-        place = np.concatenate(columns)
-        gram = np.concatenate([c.gram_rows(int(b))[:, place] for b in used])
+        place = np.concatenate([np.arange(c.start[b], c.start[b] + c.rank[b]) for b in used])
+        gram = c.gram(used.tolist())
         starts = np.cumsum(c.rank[used]) - c.rank[used]
         firsts = starts[np.searchsorted(used, blocks)]
         within = np.concatenate([np.arange(k) for k in width])
@@ -190,6 +194,20 @@ def _of_unknown_noise(dof: int, columns: Integers) -> Floats:
     return np.asarray(2 * of_all - columns * np.log(more / 2))
 
 
+def _log_mean_of_directions(x: Floats, columns: int) -> Floats:
+    """Logarithm of the mean of exp(x cos a - x) over all directions of vectors of so many columns.
+
+    A Bessel function; x is not negative.
+    """
+    if columns == 1:
+        return np.asarray(np.log1p(np.exp(-2 * x)) - math.log(2))
+    order, x = columns / 2 - 1, np.maximum(x, 1e-9)
+    turned = special.ive(order, x)
+    mean = np.log(np.maximum(turned, TINY)) + order * np.log(2 / x) + math.lgamma(columns / 2)
+    # it underflows far below its order
+    return np.where(turned > TINY, mean, x**2 / (2 * columns) - x)
+
+
 def _log_mean_likelihood(size: Floats, error: Floats, columns: int, least: Floats) -> Floats:
     """Logarithm of the mean over the sizes of causes of the likelihood over that of the best (s,).
 
@@ -204,12 +222,7 @@ def _log_mean_likelihood(size: Floats, error: Floats, columns: int, least: Float
     if near.any():
         b, e = size[near, None], error[near, None]
         sizes = least[near, None] * SIZES
-        order = columns / 2 - 1
-        x = np.maximum(sizes * b / e**2, 1e-9)
-        # mean over the directions: a Bessel function, by exp(-x); it underflows far below its order
-        turned = special.ive(order, x)
-        mean = np.log(np.maximum(turned, TINY)) + order * np.log(2 / x) + of_sphere
-        mean = np.where(turned > TINY, mean, x**2 / (2 * columns) - x)
-        ln = mean - (sizes - b) ** 2 / (2 * e**2)
-        out[near] = special.logsumexp(ln, axis=1) - math.log(len(SIZES))
+        ln = _log_mean_of_directions(sizes * b / e**2, columns) - (sizes - b) ** 2 / (2 * e**2)
+        largest = ln.max(axis=1, keepdims=True)
+        out[near] = largest[:, 0] + np.log(np.mean(np.exp(ln - largest), axis=1))
     return out
