@@ -120,7 +120,7 @@ def _explained(case: Case) -> Explanation:
     """Find the sets of causes by the noise that they leave."""
     plain, candidates = case.plain, case.candidates
     chances, extended, alarm_cause = _demanded(case)
-    least, named = chances.search.top.rss, chances.likeliest
+    top, named = chances.search.top, chances.likeliest
     demanded = extended is not plain
     best = named[0] if demanded else chances.search.nothing
 
@@ -140,8 +140,9 @@ def _explained(case: Case) -> Explanation:
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
-    sets = _alternatives(case, best, named) if demanded else []
-    behind = partial(_behind, case, best.score, sets) if sets and not terms else None
+    least = min(best.score, chances.search.top.score)
+    sets = _alternatives(case, named, least) if demanded else []
+    behind = partial(_behind, case, least, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)
     alarm = min(1.0, 0.05 * min(alarm_cause.p / CAUSE_LEVEL, alarm_scan.p / SCAN_LEVEL, p_scatter))
     penalty = best.score - float(case.floor.deviance(best.rss, plain.dof))
@@ -155,7 +156,7 @@ def _explained(case: Case) -> Explanation:
         candidates=candidates,
         probabilities=chances,
         note=note,
-        least=least,
+        least=top.rss,
         behind=behind,
     )
 
@@ -168,7 +169,7 @@ def with_behind(e: Explanation) -> Explanation:
     known = [Behind(frozenset(members), distance) for members, distance, _ in behind]
     return replace(
         e,
-        sets=sorted([*e.sets, *behind], key=lambda s: s[1]) if e.sets else [],
+        sets=[*e.sets, *behind] if e.sets else [],
         probabilities=e.probabilities.with_behind(known),
         behind=None,
     )
@@ -284,16 +285,16 @@ def best_score(case: Case) -> float:
     return min(found.top.score, _one_term_score(case, case.plain))
 
 
-def _alternatives(case: Case, best: Found, named: Sequence[Found]) -> Sets:
-    """List all sets within reach of the best."""
+def _alternatives(case: Case, named: Sequence[Found], least: float) -> Sets:
+    """List all sets within reach of the best score, the named one first."""
     sets: Sets = []
     for f in named:
-        if case.dependent and f.members > best.members:
-            continue  # readings that are not independent demand no more than the best set
-        if f.score <= best.score + WITHIN:
-            distance = max(f.score - best.score, 0.0)
+        if case.dependent and f.members > named[0].members:
+            continue  # readings that are not independent demand no more than the named set
+        if f.score <= least + WITHIN:
+            distance = max(f.score - least, 0.0)
             sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
-    return sorted(sets, key=lambda s: s[1])
+    return sets
 
 
 def _behind(case: Case, best: float, sets: Sets) -> Sets:

@@ -195,8 +195,8 @@ class Probabilities:
 
     @cached_property
     def _hidden(self) -> dict[Members, float]:
-        # their distance is that of scores, to the set that is named
-        best = _mask(next(iter(self.likeliest), self.search.nothing).members)
+        # their distance is that of scores, to the set of the best score
+        best = _mask(self.search.top.members)
         odds = self._weights.get(best, 1.0) / max(self.candidates.multiplicity, 1.0)
         return {b.members: odds * float(np.exp(-b.distance / 2)) for b in self.behind}
 

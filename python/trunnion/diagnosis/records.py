@@ -222,7 +222,7 @@ class Alternative(Result):
     causes:
         Ids of the set.
     distance:
-        Penalised -2 ln L above the best set's.
+        Penalised -2 ln L above the best of all sets, which is the first as a rule.
     rms_um:
         Of the residuals, in the readings' unit; relative to the noise where units are mixed.
     start:
@@ -236,8 +236,8 @@ class Alternative(Result):
     >>> import trunnion as tn
     >>> setup = tn.read_setup(tn.sample_path("hidden/setup.toml"))
     >>> d = tn.diagnose(tn.read_touches(tn.sample_path("hidden/touches.csv")), setup)
-    >>> [(sorted(a.causes), round(a.probability, 1)) for a in d.evidence[:2]]
-    [(['c_positioning_2', 'drift_z'], 0.9), (['c_positioning_2', 'warmup_z'], 0.1)]
+    >>> [(sorted(a.causes), round(a.probability, 2)) for a in d.evidence[:2]]
+    [(['c_positioning_2', 'drift_z'], 0.96), (['c_positioning_2', 'warmup_z'], 0.03)]
     """
 
     causes: frozenset[str]

@@ -232,7 +232,7 @@ def _alternatives(found: Found) -> list[Item]:
             " + ".join(sorted(map(found.label, a.causes))) or "no cause",
             Shown(a.probability, percent(a.probability)),
             "best"
-            if a is d.evidence[0]
+            if a is d.evidence[0] and a.distance < CLOSE
             else "as well"
             if a.distance < CLOSE
             else "worse"
