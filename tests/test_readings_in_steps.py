@@ -9,7 +9,8 @@ import pytest
 import trunnion as tn
 from power import ticks
 from promise import kept, needed_runs
-from trunnion.base.resolution import Coordinates, Floor, Grid, inflation, recognised
+from trunnion.base.recognition import recognised
+from trunnion.base.resolution import Coordinates, Floor, Grid, inflation
 from trunnion.diagnosis.effect import linear
 from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
 from trunnion.models.kinds import diagnose as diagnose_model
@@ -70,7 +71,9 @@ def test_repeats_of_rounded_coordinates_share_their_errors(noise: float) -> None
         total * errors.covariance(np.eye(4)), abs=0.03 * total
     )
     many = Grid(np.ones(400_000), np.repeat(np.arange(100_000), 4), np.tile(way, (400_000, 1)))
-    assert many.noise(readings.reshape(-1), 300_000) == pytest.approx(noise, rel=0.03)
+    assert many.noise(readings.reshape(-1), 300_000, np.ones((400_000, 1))) == pytest.approx(
+        noise, rel=0.03
+    )
 
 
 def test_coordinates_are_what_is_rounded_where_only_they_lie_on_a_grid() -> None:
@@ -112,7 +115,7 @@ def test_the_noise_beside_the_steps_is_seen_in_repeats() -> None:
     for noise in (0.05, 0.15, 0.3):
         off = rounded(base + noise * rng.standard_normal(1600), 1.0) - base
         grid = Grid(np.ones(1600), np.repeat(np.arange(400), 4))
-        assert grid.noise(off, 1600) == pytest.approx(noise, rel=0.15)
+        assert grid.noise(off, 1600, np.ones((1600, 1))) == pytest.approx(noise, rel=0.15)
 
 
 @pytest.mark.parametrize(("mean", "scatter"), [(0.0, 1.5), (3.0, 0.2), (2.0, 1.0), (0.5, 0.3)])
@@ -407,3 +410,33 @@ def test_a_positioning_run_in_whole_micrometres_has_no_vanishing_error() -> None
     run = tn.Positioning(target_mm=at, measured_mm=at + at / 5e4, direction=way, cycle=runs)
     d = tn.diagnose(run)
     assert d.sigma >= 1 / np.sqrt(12) * (1 - 1e-9)
+
+
+@pytest.mark.parametrize("step_um", [1.0, 10.0])
+def test_points_without_noise_are_known_to_their_digits_only(step_um: float) -> None:
+    """A turned and shifted grid of points, rounded: what rounding makes is no cause."""
+    along = np.arange(-150.0, 151.0, 50.0)
+    x, y = (np.ravel(one) for one in np.meshgrid(along, along))
+    rng, seen, runs = np.random.default_rng(29), [], needed_runs(0.95)
+    for _ in range(runs):
+        shift, turn = rng.uniform(-40, 40, 2), np.deg2rad(rng.uniform(-60, 60) / 3600)
+        dx, dy = (
+            rounded(d, step_um) for d in (shift[0] - 1e3 * turn * y, shift[1] + 1e3 * turn * x)
+        )
+        points = tn.Points(nominal_x_mm=x, nominal_y_mm=y, x_mm=x + 1e-3 * dx, y_mm=y + 1e-3 * dy)
+        seen.append(tn.diagnose(points))
+    assert kept(sum(d.verdict == "consistent" for d in seen), runs, 0.95)
+    floor = step_um / np.sqrt(12) * (1 - 1e-9)
+    assert kept(sum(d.sigma >= floor for d in seen), runs, 0.98)  # some are shifted, no more
+
+
+def test_touches_at_two_feeds_have_two_steps() -> None:
+    """The slow feed's repeats show the noise that the fast feed's steps hide."""
+    feeds = replace(LINUXCNC, artefact=Artefact("cross"))
+    plan = tn.plan(feeds, feeds_mm_min=(600, 60), repeats=2)
+    runs = needed_runs(0.95)
+    seen = [
+        tn.diagnose(tn.simulate(plan, feeds, {"EX0C": 15.0}, noise_um=1.0, seed=s), feeds)
+        for s in range(runs)
+    ]
+    assert kept(sum(d.verdict == "consistent" for d in seen), runs, 0.95)

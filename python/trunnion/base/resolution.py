@@ -15,11 +15,13 @@ t²/12 (GUM, F.2.2.1). Three things follow.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from trunnion.base.recognition import on_grid
 from trunnion.base.rows import equal_rows
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
 MAX_NOISE_STEPS = 1.0  # from here on errors of rounding are noise like any other
@@ -32,14 +34,6 @@ SEED = 1
 SAME_PHASE_STEPS = 0.02
 SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
-MAX_ROUNDING = 1e-13  # of the largest reading: rounding of numbers
-MIN_STEP = 1e-8  # µm, arcsec: what computers make of coordinates of metres
-MAX_PARTS = 5  # steps between the nearest readings
-SAME_STEP = 0.02
-MAX_STEP_SIGMAS = 100.0  # of steps that are recognised; a fit takes much of what rounding leaves
-MIN_EXACT = 8  # distinct readings that a step is recognised in although they fit far better
-SMALLEST = 1e-3  # µm, arcsec: steps below this are digits that no instrument resolves
-COARSER = 1.5  # times a stated step, that a recognised one is to be taken instead
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
 
@@ -94,8 +88,8 @@ class Coordinates:
         least = float(step.min())
         return (
             0 < least == step.max()
-            and _on_grid(self.places, least)
-            and not any(_on_grid(own, least) for own in readings)
+            and on_grid(self.places, least)
+            and not any(on_grid(own, least) for own in readings)
         )
 
 
@@ -235,24 +229,47 @@ class Grid:
         label[bad] = -1
         return replace(self, label=_several(label))
 
-    def noise(self, residuals: Floats, dof: int) -> float:
+    def noise(
+        self, residuals: Floats, dof: int, jacobian: Floats, weights: Floats | float = 1.0
+    ) -> float:
         """Estimate the noise beside the rounding (standard deviation), from repeats if there are.
 
-        ``residuals``: of all readings, not whitened, shape (n,).
+        Of several steps the finest show it: of what they leave, what the others brought into the
+        fit is taken off. ``residuals``: of all readings, not whitened, shape (n,); ``jacobian``
+        and ``weights``: of the fit, shapes (n, p) and (n,).
         """
-        step = float(np.sqrt(np.mean(self.step**2)))
-        index, count = _groups(self.label)
-        r = residuals[self.label >= 0]
-        mean = np.bincount(index, r) / count if len(count) else np.zeros(0)
+        step = float(self.step.min())
+        label = np.where(self.step == step, self.label, -1)
+        index, count = _groups(label)
+        r = residuals[label >= 0]
         freedom = len(r) - len(count)
-        if freedom >= MIN_REPEATS:
+        if step > 0 and freedom >= MIN_REPEATS:
+            mean = np.bincount(index, r) / count
             pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
             scatter = self._scatter_of_repeats()
             if pure < scatter[-1]:
                 return step * float(np.interp(pure, scatter, _STEPS))
             return step * float(np.sqrt(pure - 1 / 12))
-        total = float(residuals @ residuals) / max(dof, 1)
-        return float(np.sqrt(max(total - step**2 / 12, 0.0)))
+        if np.all(self.step == self.step[0]):
+            total = float(residuals @ residuals) / max(dof, 1)
+            return float(np.sqrt(max(total - self.step[0] ** 2 / 12, 0.0)))
+        return self._noise_of_finest(residuals, jacobian, np.broadcast_to(weights, len(residuals)))
+
+    def _noise_of_finest(self, residuals: Floats, jacobian: Floats, weights: Floats) -> float:
+        """Noise from the readings of the finest steps that are enough to tell it."""
+        cofactor = np.asarray(
+            np.linalg.pinv(jacobian.T @ (weights[:, None] * jacobian), hermitian=True), np.float64
+        )
+        noise = 0.0
+        for step in np.unique(self.step):
+            used = self.step <= step
+            seen = partial(_left, jacobian, weights, cofactor, used)
+            freedom = max(seen(np.ones(len(residuals))), 1.0)
+            left = float(residuals[used] @ residuals[used]) - seen(self.step**2 / 12)
+            noise = float(np.sqrt(max(left / freedom, 0.0)))
+            if freedom >= MIN_REPEATS:
+                break
+        return noise
 
     def errors(self, noise: float) -> "Repeats | None":
         """Errors of readings with this noise beside the rounding.
@@ -324,60 +341,6 @@ class Grid:
             rounded += part[:, None] * np.round(part[:, None] * steps)
         off = np.where(self.step[:, None] > 0, values[:, None] + step * rounded, noisy) - where
         return np.asarray(off)
-
-
-def recognised(values: Floats) -> float:
-    """Return the largest step whose multiples readings differ by; 0: none.
-
-    Such a step is the tick of a control, the resolution of an instrument, or the digits of a file.
-    """
-    distinct = np.unique(values)
-    gaps = np.diff(distinct)
-    rounding = max(MAX_ROUNDING * float(np.abs(distinct).max(initial=0.0)), MIN_STEP)
-    gaps = gaps[gaps > rounding]
-    if not len(gaps):
-        return 0.0
-    off = distinct - distinct[0]
-    for step in float(gaps.min()) / np.arange(1, MAX_PARTS + 1):
-        if step > rounding and np.all(np.abs(off - step * np.round(off / step)) < SAME_STEP * step):
-            return float(step)
-    digits = 10.0 ** np.floor(np.log10(float(gaps.min())))
-    while digits > rounding:
-        count = np.round(off / digits)
-        if np.all(np.abs(off - digits * count) < SAME_STEP * digits):
-            return float(digits * np.gcd.reduce(count.astype(np.int64)))
-        digits /= 10
-    return 0.0
-
-
-def _on_grid(values: Floats, step: float) -> bool:
-    """Whether values differ by multiples of a step."""
-    off = (values - values[:1]) / step
-    return bool(np.all(np.abs(off - np.round(off)) < SAME_STEP))
-
-
-def unstated(
-    recorded: Sequence[Floats], stated: float, sigma: float, off: Callable[[], Floats]
-) -> float:
-    """Coarsest step that is recognised in what was recorded, above the stated one; 0: none.
-
-    Places of a plan lie on a regular grid, too: a step far above the standard deviation of the
-    readings is one only where none is stated, and they differ from what a machine without errors
-    gives (``off``).
-    """
-    for step, values in sorted(((recognised(v), v) for v in recorded), key=_first, reverse=True):
-        if step <= COARSER * stated:
-            break
-        if step <= MAX_STEP_SIGMAS * sigma:
-            return step
-        many = stated == 0 and step >= SMALLEST and len(np.unique(values)) >= MIN_EXACT
-        if many and np.any(np.abs(off()) > SAME_STEP * step):
-            return step
-    return 0.0
-
-
-def _first(pair: tuple[float, Floats]) -> float:
-    return pair[0]
 
 
 class Repeats:
@@ -466,6 +429,16 @@ def inflation(
     scatter = np.maximum(every - mean, 0.0) / np.maximum(rank, 1)
     reached = (np.sqrt(mean) + np.sqrt(scatter * chance)) ** 2
     return np.asarray(np.maximum(reached / np.maximum(chance, TINY), 1.0))
+
+
+def _left(
+    jacobian: Floats, weights: Floats, cofactor: Floats, used: Flags, variance: Floats
+) -> float:
+    """Sum of squares that errors of these variances (n,) leave in the used readings of a fit."""
+    own = jacobian[used] @ cofactor
+    kept = 1 - 2 * weights[used] * np.sum(own * jacobian[used], axis=1)
+    brought = jacobian.T @ ((weights**2 * variance)[:, None] * jacobian)
+    return float(kept @ variance[used] + np.sum((own @ brought) * own))
 
 
 def _groups(label: Integers) -> tuple[Integers, Integers]:

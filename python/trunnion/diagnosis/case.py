@@ -8,9 +8,9 @@ from typing import TypeAlias
 import numpy as np
 from scipy import special
 
+from trunnion.base.recognition import MIN_STEP
 from trunnion.base.resolution import (
     ANY_PLACE,
-    MIN_STEP,
     NO_FLOOR,
     Floor,
     Grid,
@@ -30,6 +30,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
+from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.whitening import Whiten, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
@@ -228,7 +229,7 @@ class Case:
         if self.dependent:
             jacobian = np.asarray(self.whiten(f.jacobian))[self.rows]
             return growth_by_dependence(jacobian, f.white, f.covariance, variance, self.segments)
-        drawn = self._errors_of_rounding(ANY_PLACE)
+        drawn = self._drawn_anywhere
         if drawn is None:
             return np.ones(len(f.covariance))
         off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
@@ -237,6 +238,10 @@ class Case:
     @cached_property
     def _drawn(self) -> Floats | None:
         return self._errors_of_rounding()
+
+    @cached_property
+    def _drawn_anywhere(self) -> Floats | None:
+        return self._errors_of_rounding(ANY_PLACE)
 
     def _errors_of_rounding(self, spread: float = 0.0) -> Floats | None:
         """Errors of rounding and noise of machines like the likely one, white, shape (m, s)."""
@@ -251,7 +256,7 @@ class Case:
             of.residuals,
             of.jacobian,
             of.covariance * variance,
-            self.grid.noise(used, of.dof),
+            self.grid.noise(used, of.dof, of.jacobian, weights_of(self.whiten)),
             spread,
         )
         if drawn is None:

@@ -45,7 +45,13 @@ from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
-from trunnion.diagnosis.steps import grid_of, white_beside, white_rounding, white_variance
+from trunnion.diagnosis.steps import (
+    grid_of,
+    weights_of,
+    white_beside,
+    white_rounding,
+    white_variance,
+)
 from trunnion.diagnosis.whitening import Whiten, identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
@@ -282,7 +288,7 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
     grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:
-        whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof))
+        whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof, plain.jacobian))
     return _whitened(model, plain, grid, whiten)
 
 
@@ -316,7 +322,9 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
         return None
     found = choice[1].fit
     used = kept_rows(len(case.rows), choice[2])
-    noise = grid.without(choice[2]).noise(np.where(used, found.residuals, 0.0), found.dof)
+    left = np.where(used, found.residuals, 0.0)
+    weights = np.where(used, weights_of(case.whiten), 0.0)
+    noise = grid.without(choice[2]).noise(left, found.dof, found.jacobian, weights)
     whiten = white_beside(grid, noise)
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None

@@ -93,7 +93,8 @@ class Evidence:
         chance = c.chance
         # what is gained by chance may be more
         own = c.penalty - chance - 2 * np.log(c.level / NAMING_LEVEL)[c.owner]
-        return np.where(free, 0.0, np.sqrt(chance)), np.where(free, 0.0, own), free * c.penalty
+        cost = np.where(free, c.penalty, 0.0)  # that of a cause which must explain may be inf
+        return np.where(free, 0.0, np.sqrt(chance)), np.where(free, 0.0, own), cost
 
     def _at_best(self, rank: tuple[int, ...], blocks: Integers) -> Floats:
         """-2 ln of the odds of sets, at their values of the nonlinear parameters, shape (s,).

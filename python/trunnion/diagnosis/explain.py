@@ -208,6 +208,9 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
 def _undetermined(case: Case, f: Fit) -> set[int]:
     """Effects of a fit that might as well not be in it."""
     variance = float(case.floor.noise(f.rss, f.dof))
+    if not case.dependent:  # errors of rounding make some sizes far less certain
+        growth = case.growth(f, variance)
+        f = replace(f, covariance=f.covariance * np.outer(growth, growth))
     out = set()
     for j, effect in enumerate(case.effects):
         if effect.id in f.effects:

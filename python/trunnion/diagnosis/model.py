@@ -11,9 +11,7 @@ parameters (always fitted: location errors, placement, a circle, a ball centre) 
 the data demand. It knows no unit, no machine and no instrument: those are carried by the model.
 
 A new kind of data is one file with one class: subclass :class:`Model`, or fill a
-:class:`LinearModel` from arrays.
-
-What an effect is, and how one is built, is in :mod:`trunnion.diagnosis.effect`.
+:class:`LinearModel` from arrays. Effects are in :mod:`trunnion.diagnosis.effect`.
 """
 
 from __future__ import annotations
@@ -71,6 +69,8 @@ class Readings:
         in them a step is recognised. Each of shape (n,) or (n, k), the first dimension a reading.
     coordinates:
         Those of which a reading is a sum, and each of which may be recorded in steps.
+    planned:
+        What was to be recorded, where known: its steps are no resolution. Shape as ``values``.
     hint:
         What to do about a step that is recognised in the readings.
     least:
@@ -85,6 +85,7 @@ class Readings:
     step: Floats | None = None
     recorded: tuple[Floats, ...] = ()
     coordinates: Coordinates | None = None
+    planned: Floats | None = None
     hint: str = ""
     least: Floats | float = 0.0
 

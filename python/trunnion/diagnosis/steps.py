@@ -6,7 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from trunnion.base.resolution import Grid, Repeats, unstated
+from trunnion.base.recognition import recognised, unstated
+from trunnion.base.resolution import Grid, Repeats
 from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of
@@ -23,11 +24,12 @@ def steps_of(model: Model, residuals: Floats, dof: int) -> Floats:
     stated = np.zeros(len(readings)) if readings.step is None else np.asarray(readings.step)
     _, index = units_of(readings)
     steps = np.array(stated, dtype=np.float64)
+    planned = 0.0 if readings.planned is None else recognised(np.append(readings.planned, 0.0))
     for some in (index == i for i in range(index.max() + 1)):
         left = float(np.sqrt(np.sum(residuals[some] ** 2) / max(dof, 1)))
         off = partial(_off_start, model, some)
         known = [values[some] for values in readings.numbers]
-        if step := unstated(known, float(stated[some].max()), left, off):
+        if step := unstated(known, float(stated[some].max()), left, off, planned):
             steps[some] = step
     return steps
 
@@ -53,6 +55,11 @@ def white_beside(grid: Grid, noise: float) -> Whiten:
     if errors is None:
         return identity
     return errors if len(errors.rows) else Scaling(errors.scale)
+
+
+def weights_of(whiten: Whiten) -> Floats | float:
+    """Weights of readings in a fit, of size 1 where they are of one noise, shape (n,)."""
+    return np.asarray(1 / whiten.scale**2) if isinstance(whiten, Repeats | Scaling) else 1.0
 
 
 def white_rounding(grid: Grid, whiten: Whiten) -> float:

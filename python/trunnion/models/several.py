@@ -15,7 +15,7 @@ from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
-from trunnion.diagnosis.steps import grid_of, white_beside, white_rounding
+from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
 from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 from trunnion.files.table import Table
 from trunnion.models.joint import JointModel, Part
@@ -80,8 +80,11 @@ class Measured:
         whiten = model.whitener(before)
         parameters = found.parameters + len(model.nuisance)
         dof = max(n - parameters, 1)
-        grid = grid_of(model, before, n - len(model.nuisance), model.jacobian(model.start, {}))
-        quiet = 0.0 if grid is None else grid.noise(after, dof)
+        jacobian = model.jacobian(model.start, {})
+        grid = grid_of(model, before, n - len(model.nuisance), jacobian)
+        quiet = 0.0 if grid is None else grid.noise(after, dof, jacobian)
+        if grid is not None:  # what the fit had for its weights
+            quiet = grid.noise(after, dof, jacobian, weights_of(white_beside(grid, quiet)))
         if whiten is identity and grid is not None:
             whiten = white_beside(grid, quiet)
         directions = Directions.of(model) if whiten is identity else None

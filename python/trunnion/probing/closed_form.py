@@ -167,7 +167,7 @@ def _beside_rounding(
     jacobian = model.core.linearise(moves, values)[1]
     residuals = model.core.residuals(moves, values)
     grid = grid_of(model, data, jacobian)
-    noise = grid.noise(residuals, len(along) - len(values))
+    noise = grid.noise(residuals, len(along) - len(values), jacobian)
     columns = jacobian[:, : len(covariance)]
     drawn = grid.draws(along, residuals, columns, covariance, noise, ANY_PLACE)
     return covariance if drawn is None else grown(covariance, operator @ drawn)

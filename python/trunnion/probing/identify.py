@@ -260,7 +260,7 @@ def _beside_rounding(
     along = readings_um(data)
     jacobian = model.core.linearise(moves, found.values)[1]
     grid = grid_of(model, data, jacobian)
-    noise = grid.noise(found.residuals_um, found.degrees_of_freedom)
+    noise = grid.noise(found.residuals_um, found.degrees_of_freedom, jacobian, found.weights)
     errors = grid.errors(noise)
     shared = errors if errors is not None and len(errors.rows) else None
     drawn = grid.draws(along, found.residuals_um, jacobian, found.covariance, noise, ANY_PLACE)

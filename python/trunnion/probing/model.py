@@ -10,7 +10,8 @@ import numpy as np
 import trunnion._core as _core
 from trunnion.base.checks import finite, instance, named
 from trunnion.base.errors import DataError, InputError, UnknownNameError
-from trunnion.base.resolution import Coordinates, Grid, recognised, unstated
+from trunnion.base.recognition import recognised, unstated
+from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain, standing_artefact

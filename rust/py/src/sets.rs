@@ -98,7 +98,11 @@ impl CauseBlocks {
     }
 
     /// Drop of the sum of squares by each block beside a set (b,).
-    fn gains<'py>(&self, py: Python<'py>, beside: &CauseSet) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn gains<'py>(
+        &self,
+        py: Python<'py>,
+        beside: &CauseSet,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         array(py, self.inner.gains(&beside.inner).into_py()?)
     }
 

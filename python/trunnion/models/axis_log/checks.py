@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.resolution import recognised
+from trunnion.base.recognition import recognised
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog

@@ -95,6 +95,7 @@ class PointsModel(Model):
             deviation.reshape(-1),
             np.repeat(np.arange(n), d),
             recorded=(1e3 * data.measured_mm.reshape(-1),),
+            planned=1e3 * data.nominal_mm.reshape(-1),
             least=LEAST_NOISE_UM,
         )
         names = [f"d{a}_um" for a in AXES[:d]]
