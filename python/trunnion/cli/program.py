@@ -157,7 +157,7 @@ def touches(
 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
-    """Say which touches of a plan are not in its log, and how its program goes on with them."""
+    """Say which touches of a plan were not read from its log, and how its program goes on."""
     touches = None if measured.origin is None else measured.origin.touch
     there = set() if touches is None else set(touches.tolist())
     numbers = [number for number in range(1, len(planned) + 1) if number not in there]
@@ -172,4 +172,4 @@ def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
     spans = ", ".join(" to ".join(map(str, run)) for run in runs)
     rest = len(runs) == 1 and numbers[-1] == len(planned)
     how = f"; the program goes on with #<_from> = {numbers[0]}" if rest and numbers[0] > 1 else ""
-    return f"; not in the log: {spans}{how}"
+    return f"; not among them: {spans}{how}"
