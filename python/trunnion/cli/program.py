@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
@@ -86,6 +87,10 @@ def program(
         corrected=corrected,
         tcp=tcp,
     )
+    from trunnion.probing.notes import fast_approaches
+
+    for note in fast_approaches([step.feed for step in made.cycle.steps], made.cycle.setup):
+        warnings.warn(note, UserWarning, stacklevel=1)
     if output is None:
         return Answer(_values(made), (made.text().rstrip("\n"),))
     return Answer(_values(made), (_said(made), save_program(output, made)))
