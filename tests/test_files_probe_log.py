@@ -126,8 +126,29 @@ def test_runs_in_one_log(plan: tn.Touches, tmp_path: Path) -> None:
     path.write_text(run(plan) + ONE + TWO + run(plan, 2) + again)
     touches = tn.read_probe_log(path, plan)
     assert touches.x_mm.tolist() == [37.500012, 50.9988]
+    assert touches.recognised is not None
+    assert not touches.recognised.notes
     path.write_text(path.read_text() + run(plan) + again)
     assert tn.read_probe_log(path, plan).x_mm.tolist() == [50.9988]
+
+
+def test_measurements_before_the_last_are_said(plan: tn.Touches, tmp_path: Path) -> None:
+    """What is used, what is not and where it stands, with what to do about it."""
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan) + ONE + TWO + run(plan) + ONE + run(plan) + run(plan, 2) + TWO)
+    read = tn.read_probe_log(path, plan).recognised
+    assert read is not None
+    (note,) = read.notes
+    assert note == (
+        "touches.log has 3 measurements (a run from touch 1 begins a new one): the last is used, "
+        "1 touch from line 8 on; not used: 2 touches from line 1 on, 1 touch from line 5 on. To "
+        "use one of those, read a copy of the log that ends with it."
+    )
+    path.write_text(run(plan) + ONE + TWO + run(plan))
+    with pytest.raises(
+        tn.FileFormatError, match=r"got no touches.*not used: 2 touches from line 1"
+    ):
+        tn.read_probe_log(path, plan)
 
 
 @pytest.mark.parametrize(

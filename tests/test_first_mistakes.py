@@ -179,9 +179,9 @@ def test_the_example_of_a_chain_is_in_the_help() -> None:
     ("left_out", "said"),
     [
         ((), "4 of 4 planned touches wrote"),
-        ((4,), "3 of 4 planned touches; not in the log: 4; the program goes on with #<_from> = 4"),
-        ((2, 3), "2 of 4 planned touches; not in the log: 2 to 3 wrote"),
-        ((1, 3), "2 of 4 planned touches; not in the log: 1, 3 wrote"),
+        ((4,), "3 of 4 planned touches; not among them: 4; the program goes on with #<_from> = 4"),
+        ((2, 3), "2 of 4 planned touches; not among them: 2 to 3 wrote"),
+        ((1, 3), "2 of 4 planned touches; not among them: 1, 3 wrote"),
     ],
 )
 def test_which_touches_are_not_in_a_log(tmp_path: Path, left_out: Sequence[int], said: str) -> None:
@@ -223,7 +223,7 @@ def test_a_last_line_that_was_cut_is_said(tmp_path: Path) -> None:
     plan, setup = tmp_path / "plan.csv", tmp_path / "setup.toml"
     measured = tmp_path / "m.csv"
     said = said_by("touches", plan, log, "-o", measured, code=0)
-    assert said.startswith(f"{cut} 5 of 72 planned touches; not in the log: 6 to 72; ")
+    assert said.startswith(f"{cut} 5 of 72 planned touches; not among them: 6 to 72; ")
     printed = CliRunner().invoke(app, ["touches", str(plan), str(log)]).output
     assert printed.splitlines()[0] == f"# {cut}"
     (tmp_path / "printed.csv").write_text(printed)
@@ -236,6 +236,23 @@ def test_a_last_line_that_was_cut_is_said(tmp_path: Path) -> None:
     whole = said_by("touches", plan, log, "-o", measured, "--force", code=0)
     assert whole.startswith("72 of 72 planned touches wrote")
     assert "cut off" not in said_by("diagnose", plan, setup, "--probe-log", log, code=0)
+
+
+def test_a_whole_run_before_one_that_was_stopped_is_said(tmp_path: Path) -> None:
+    """Its touches are in the log: they are not used, and the command says how they can be."""
+    _, lines = logged(tmp_path)
+    log = tmp_path / "run.log"
+    log.write_text("\n".join([*lines, *lines[:31]]) + "\n")
+    plan, setup = tmp_path / "plan.csv", tmp_path / "setup.toml"
+    said = said_by("touches", plan, log, "-o", tmp_path / "m.csv", code=0)
+    note, _, rest = said.partition(" that ends with it. ")
+    assert note.endswith(
+        "the last is used, 30 touches from line 74 on; not used: 72 touches from line 1 on. To use "
+        "one of those, read a copy of the log"
+    )
+    assert rest.startswith("30 of 72 planned touches; not among them: 31 to 72; the program goes")
+    for command in ("estimate", "diagnose"):
+        assert note in said_by(command, plan, setup, "--probe-log", log, code=0)
 
 
 def test_outliers_of_a_log_are_named_by_its_lines_and_touches(tmp_path: Path) -> None:

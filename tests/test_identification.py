@@ -1,5 +1,8 @@
 """Identification: any plan and artefact; uncertainty holds; what is not identifiable is named."""
 
+from dataclasses import replace
+from typing import Literal, get_args
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -329,3 +332,71 @@ def test_a_users_own_effect_takes_the_same_way_as_the_catalogue() -> None:
     both = tn.identify(data, CROSS, ("drift_z", Drift()))
     assert both.converged
     assert {"drift_z.rate_um_h", "my_drift.rate_um_h"} == set().union(*both.combinations)
+
+
+Method = Literal["least squares", "huber", "printed", "separating"]
+
+
+def pasted(data: tn.Touches, *, cycle: bool = False) -> tn.Touches:
+    """The rows twice, in the same order; with `cycle`, the second time as another cycle."""
+    twice = {name: np.concatenate([v, v]) for name, v in data.columns.items()}
+    if cycle:
+        twice["cycle"] = np.repeat([1, 2], len(data))
+        twice["time_s"] = np.arange(2.0 * len(data))
+    return tn.Touches(twice)
+
+
+@pytest.mark.parametrize("sigma_um", [0.0, 0.02])
+@pytest.mark.parametrize("cycle", [False, True])
+@pytest.mark.parametrize("method", get_args(Method))
+def test_rows_pasted_twice_count_once(method: Method, cycle: bool, sigma_um: float) -> None:
+    """Standard errors, scatter and doubts are those of the rows alone; arrays are of all rows."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    setup = replace(setup, probe=replace(setup.probe, repeatability_um=sigma_um))
+    data = tn.read_touches(tn.sample_path("cross/touches.csv"))
+
+    def estimated(touches: tn.Touches) -> tn.IdentificationResult:
+        if method == "printed" or method == "separating":
+            return tn.closed_form(touches, setup, method)
+        return tn.identify(touches, setup, loss="huber" if method == "huber" else "squares")
+
+    once, twice = estimated(data), estimated(pasted(data, cycle=cycle))
+    count = len(data)
+    note, *rest = twice.notes
+    assert note.startswith(f"{count} of {2 * count} rows repeat others")
+    assert tuple(rest) == once.notes
+    assert twice.errors == once.errors
+    assert twice.std_errors == once.std_errors
+    assert twice.degrees_of_freedom == once.degrees_of_freedom
+    assert (twice.rms_um, twice.lack_of_fit) == (once.rms_um, once.lack_of_fit)
+    assert np.array_equal(twice.residuals_um, np.tile(once.residuals_um, 2))
+    assert twice.weights is not None
+    assert np.all(twice.weights[:count] > 0)
+    assert not np.any(twice.weights[count:])
+    assert twice.sentences()[0] == once.sentences()[0]
+    assert twice.derived()["doubts"] == once.derived()["doubts"]
+
+
+def test_rows_pasted_between_others_have_their_residuals() -> None:
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    data = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    order = [5, *range(len(data)), 7]
+    once, more = tn.identify(data, setup), tn.identify(data[order], setup)
+    assert more["EX0C"] == pytest.approx(once["EX0C"], abs=1e-9)
+    assert more.residuals_um == pytest.approx(once.residuals_um[order], abs=1e-9)
+    assert more.weights is not None
+    assert np.flatnonzero(more.weights == 0).tolist() == [6, len(order) - 1]
+
+
+def test_an_error_about_a_row_names_that_of_the_data_given() -> None:
+    """Row 40 behind two rows that repeat row 3 is row 42."""
+    setup = tn.read_setup(tn.sample_path("cross/setup.toml"))
+    data = tn.read_touches(tn.sample_path("cross/touches.csv"))
+    z = data.z_mm.copy()
+    z[40] += 500.0
+    data = tn.Touches(dict(data.columns)).with_columns(z_mm=z)
+    with pytest.raises(tn.DataError, match="row 40"):
+        tn.identify(data, setup)
+    order = [3, 3, *range(len(data))]
+    with pytest.raises(tn.DataError, match="row 42"):
+        tn.identify(data[order], setup)

@@ -84,6 +84,58 @@ def test_every_writer_goes_through_a_draft(
     assert target.read_text() != "kept"
 
 
+NO_PATHS: list[Any] = ["a\0b", "x" * 5000, "x" * 300, Path("a\0b"), 5, b"x", 1.5]
+"""What no file can be called, and what is no name."""
+
+READERS: dict[str, Callable[[Any], object]] = {
+    **{
+        name: getattr(tn, name)
+        for name in vars(tn)["__all__"]
+        if name.startswith("read_") and not name.endswith("_log")
+    },
+    "read_axis_log": tn.read_axis_log,
+    "read_probe_log": lambda path: tn.read_probe_log(path, cross()[0]),
+    "read_table_log": lambda path: tn.read_table_log(path, *cross()),
+    "read_shape": tn.turning.read_shape,
+    "Touches.from_json": tn.Touches.from_json,
+    "Diagnosis.from_json": tn.Diagnosis.from_json,
+    "open_sweep": tn.open_sweep,
+    "load": lambda path: tn.datasets.load(tn.datasets.names()[0], path),
+}
+
+
+@pytest.mark.parametrize("path", NO_PATHS, ids=lambda path: repr(path)[:12])
+@pytest.mark.parametrize("name", [*READERS, *WRITERS, "Table.save", "Result.save"])
+def test_what_is_no_path_is_an_error_of_the_package(
+    name: str, path: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python's own would be "embedded null byte", a TypeError, or an OSError without a place."""
+    monkeypatch.chdir(tmp_path)
+    more: dict[str, Callable[[Any], object]] = {
+        "Table.save": lambda path: cross()[0].save(path),
+        "Result.save": lambda path: diagnosis_of("sweep").save(path),
+    }
+    of_json = name.endswith(("from_json", "read_estimate"))  # which may take text for JSON
+    kind = tn.TrunnionError if of_json else tn.InputError
+    with pytest.raises(kind, match=r"got .*, expected"):
+        {**READERS, **WRITERS, **more}[name](path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_estimate_whose_path_is_its_text() -> None:
+    """The likely cause is named, and the message stays short."""
+    with pytest.raises(tn.InputError) as caught:
+        tn.read_touches("a_deg,c_deg,x_mm\n" + "0,90,1.5\n" * 100)
+    assert str(caught.value).endswith("(file name too long: is it what the file holds?)")
+    assert len(str(caught.value)) < 200
+
+
+def test_a_file_that_is_not_there_stays_so() -> None:
+    """Python's own error, as for `open`: it says what is not there."""
+    with pytest.raises(FileNotFoundError, match=r"none\.csv"):
+        tn.read_touches("none.csv")
+
+
 WRITE = ("output", "html", "picture")
 """Options that name a file or a folder to write, whichever command has them."""
 

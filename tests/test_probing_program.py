@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import trunnion as tn
 from rs274 import interpret, needs_rs274
+from trunnion.cli import app
 from trunnion.nc import follow
 
 CROSS = tn.Setup(artefact=tn.Artefact("cross"))
@@ -205,3 +207,35 @@ def test_time_grows_with_accelerations_and_slow_feeds() -> None:
     # 72 second passes over 0.3 mm at 30 mm/min.
     extra = 72 * (0.3 / 0.5 + 0.3 / (10_000 / 60))
     assert seconds(slow_feed_mm_min=30.0) == pytest.approx(plain + extra)
+
+
+def test_fast_approaches_are_said(tmp_path: Path) -> None:
+    """In the notes of a plan, by the command and in the head of the program; none is refused."""
+    plan = tn.plan(CROSS)
+    assert not any("goes on" in note for note in tn.plan_notes(plan, CROSS))
+    assert "goes on" not in tn.probing_program(plan, CROSS).text()
+    feeds = np.full(len(plan), 600.0)
+    feeds[4] = 60000.0
+    fast = plan.with_columns(feed_mm_min=feeds)
+    (note,) = (n for n in tn.plan_notes(fast, CROSS) if "goes on" in n)
+    assert note.startswith("Touch 5 approaches at 60000 mm/min: the ball goes on by feed^2")
+    assert "500 mm if acceleration_mm_s2 of [control], not stated, is 1000 mm/s^2" in note
+    head = tn.probing_program(fast, CROSS).text()
+    assert f"({note})" in head
+    assert len(note) < 240  # LinuxCNC reads lines of up to 255 characters
+    assert note.isascii()
+    fast.to_csv(tmp_path / "plan.csv")
+    (tmp_path / "setup.toml").write_text(CROSS.to_toml())
+    words = ["program", str(tmp_path / "plan.csv"), str(tmp_path / "setup.toml")]
+    ran = CliRunner().invoke(app, [*words, "-o", str(tmp_path / "bench.ngc")])
+    assert ran.exit_code == 0
+    assert f"note: {note}" in ran.output
+
+
+def test_a_slow_machine_goes_on_further_than_an_approach_ends() -> None:
+    slow = tn.Setup(artefact=tn.Artefact("cross"), control=tn.ControlSetup(acceleration_mm_s2=20.0))
+    plan = tn.plan(slow)
+    assert not any("goes on" in note for note in tn.plan_notes(plan, slow))
+    faster = plan.with_columns(feed_mm_min=np.full(len(plan), 1200.0))
+    (note,) = (n for n in tn.plan_notes(faster, slow) if "goes on" in n)
+    assert "10 mm at 20 mm/s^2" in note

@@ -32,7 +32,7 @@ from trunnion.base.checks import choose, entry, finite, floats, mapping, shown, 
 from trunnion.base.errors import DataError, InputError, TrunnionError, UnknownNameError
 from trunnion.base.report import Result
 
-__all__ = ["Take", "check_fields", "checked", "holds_nan", "name_place", "taker"]
+__all__ = ["Take", "check_fields", "checked", "holds_nan", "name_place", "renumber", "taker"]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -86,6 +86,15 @@ def name_place(error: TrunnionError, arguments: Iterable[Any]) -> None:
     if data := _from_files(given):
         message = _ROW.sub(lambda found: str(data[0].place(int(found[1]))), message)
     error.args = (_in_file(message, given) if isinstance(error, DataError) else message,)
+
+
+def renumber(error: TrunnionError, rows: Sequence[int]) -> None:
+    """Let an error about some rows speak of the data that they were taken from.
+
+    rows: Of these data, in order; an error that has been given its place is left as it is.
+    """
+    message = _ROW.sub(lambda found: f"row {rows[int(found[1])]}", str(error))
+    error.args = (message,)
 
 
 def _in_file(message: str, arguments: Iterable[Any]) -> str:

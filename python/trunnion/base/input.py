@@ -1,19 +1,48 @@
-"""Files that are read."""
+"""Files that are read, and the paths of those that are read or written."""
 
 from __future__ import annotations
 
+import errno
+import os
 from os import PathLike
 from pathlib import Path
 
 from trunnion.base.errors import InputError
 
+_NO_NAME = (errno.ENAMETOOLONG, errno.EINVAL, errno.ELOOP)
+"""What the system says of a name that no file can have."""
+
+
+def path_of(path: object, what: str = "path", expected: str = "the path of a file") -> Path:
+    """Return a path that a file may have; whether there is one is another matter.
+
+    Raises InputError: no path, or one that the system takes for no name of a file.
+    """
+    why = ""
+    if isinstance(path, str | PathLike):
+        try:
+            found = Path(path)
+            os.lstat(found)
+        except (TypeError, ValueError) as error:  # no text, or a character that no name may hold
+            why = f" ({error})"
+        except OSError as error:
+            if error.errno not in _NO_NAME:
+                return found
+            why = f" ({os.strerror(error.errno or 0).lower()}: is it what the file holds?)"
+        else:
+            return found
+    from trunnion.base.checks import shown  # imports numpy, which --help does without
+
+    got = shown(str(path) if isinstance(path, Path) else path)
+    raise InputError(f"{what}: got {got}, expected {expected}{why}") from None
+
 
 def file_bytes(path: str | PathLike[str]) -> bytes:
     """Return what a file holds.
 
-    Raises InputError: a folder. OSError: no such file, or one that may not be read.
+    Raises InputError: a folder, or no path. OSError: no such file, or one that may not be read.
     """
     try:
-        return Path(path).read_bytes()
+        return path_of(path).read_bytes()
     except IsADirectoryError:
         raise InputError(f"{path}: got a folder, expected a file") from None

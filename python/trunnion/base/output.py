@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from trunnion.base.errors import InputError, TrunnionError
+from trunnion.base.input import path_of
 
 LOG = logging.getLogger("trunnion.files")
 
@@ -43,7 +44,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     A writer that fails leaves `path` as it was. A link keeps pointing to the file that is written;
     a device or a pipe is written to as it is.
     """
-    target = Path(path)
+    target = path_of(path)
     target = target.resolve() if target.is_symlink() else target
     if target.exists() and not target.is_file():
         yield target

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.checks import optional_module
 from trunnion.base.errors import InputError
+from trunnion.base.input import path_of
 from trunnion.base.output import whole_file
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class Saved:
         ImportError
             What writes the format is not installed: extras ``xlsx``, ``parquet``, ``sweep``.
         """
-        target = Path(path)
+        target = path_of(path)
         made: Mapping[str, Callable[[Path], object]] = {
             ".csv": lambda draft: _write_csv(self, draft),
             ".xlsx": lambda draft: _write_workbook(self.sheets(), draft),

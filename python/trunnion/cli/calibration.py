@@ -272,7 +272,8 @@ def estimate(
     if probe_log is not None:
         data = read_log(probe_log, data, setup)
     results = _estimates(data, setup, method, names(effects))
-    shown: list[object] = [f"{result.summary()}\n" for result in results.values()]
+    notes = data.recognised.notes if probe_log is not None and data.recognised else ()
+    shown: list[object] = [*notes, *(f"{result.summary()}\n" for result in results.values())]
     if per_position:
         shown += tn.closed_form(data, setup).per_position.tables()
     if html is not None:

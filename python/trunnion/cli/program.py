@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypedDict
 
@@ -86,6 +87,10 @@ def program(
         corrected=corrected,
         tcp=tcp,
     )
+    from trunnion.probing.notes import fast_approaches
+
+    for note in fast_approaches([step.feed for step in made.cycle.steps], made.cycle.setup):
+        warnings.warn(note, UserWarning, stacklevel=1)
     if output is None:
         return Answer(_values(made), (made.text().rstrip("\n"),))
     return Answer(_values(made), (_said(made), save_program(output, made)))
@@ -157,7 +162,7 @@ def touches(
 
 
 def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
-    """Say which touches of a plan are not in its log, and how its program goes on with them."""
+    """Say which touches of a plan were not read from its log, and how its program goes on."""
     touches = None if measured.origin is None else measured.origin.touch
     there = set() if touches is None else set(touches.tolist())
     numbers = [number for number in range(1, len(planned) + 1) if number not in there]
@@ -172,4 +177,4 @@ def _missing(planned: tn.Touches, measured: tn.Touches) -> str:
     spans = ", ".join(" to ".join(map(str, run)) for run in runs)
     rest = len(runs) == 1 and numbers[-1] == len(planned)
     how = f"; the program goes on with #<_from> = {numbers[0]}" if rest and numbers[0] > 1 else ""
-    return f"; not in the log: {spans}{how}"
+    return f"; not among them: {spans}{how}"

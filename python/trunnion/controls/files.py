@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from trunnion.base.arguments import checked
+from trunnion.base.input import path_of
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import SHOWN, Cell, Result, Shown, Table
 from trunnion.compensation.forecast import Left, before_and_after
@@ -139,7 +140,7 @@ class ControlFiles(Result):
         InputError
             A file of such a name is there.
         """
-        place = Path(folder)
+        place = path_of(folder, "folder", "the path of a folder")
         paths = tuple(place / name for name in self.files)
         for path in paths:
             check_new(path, overwrite=overwrite)

@@ -92,7 +92,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         without one whose line in a numbered log is cut off, with fewer fields and no end of line,
         which `recognised` says. Their places are the lines of the log, with the touch's number.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
-        with it; a touch that was made again counts as it was made last.
+        with it; a touch that was made again counts as it was made last. `recognised` says which
+        measurements stand before it.
 
     Raises
     ------
@@ -118,7 +119,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     notes: tuple[str, ...] = ()
     if data and lines[data[0]].lstrip().startswith(RUN):
         notes = log.cut(data[-1])
-        entries = _numbered(log, data[:-1] if notes else data, plan)
+        entries, before = _numbered(log, data[:-1] if notes else data, plan)
+        notes = (*before, *notes)
     else:
         entries = _in_order(log, data, plan)
     log.check(entries, plan)
@@ -208,6 +210,22 @@ class _Log:
             "fields, no end of line): its touch is left out.",
         )
 
+    def before(self, earlier: Sequence[tuple[int, int]], begin: int, count: int) -> tuple[str, ...]:
+        """Say which measurements stand before the one that is used, and how to use them.
+
+        earlier: Of each the line it begins with and how many touches it has.
+        begin, count: The same of the one that is used.
+        """
+        if not earlier:
+            return ()
+        others = ", ".join(f"{n} {_touches(n)} from line {line + 1} on" for line, n in earlier)
+        return (
+            f"{Path(self.name).name} has {len(earlier) + 1} measurements (a run from touch 1 "
+            f"begins a new one): the last is used, {count} {_touches(count)} from line {begin + 1} "
+            f"on; not used: {others}. To use one of those, read a copy of the log that ends with "
+            "it.",
+        )
+
     def check(self, entries: Sequence[_Entry], plan: Touches) -> None:
         """Check where the touches are."""
         planned = _planned_joints(plan)
@@ -259,14 +277,23 @@ def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
     return entries
 
 
-def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
-    """Return the touches of the last measurement in a log with numbers."""
+def _touches(count: int) -> str:
+    return "touch" if count == 1 else "touches"
+
+
+def _numbered(
+    log: _Log, data: Sequence[int], plan: Touches
+) -> tuple[list[_Entry], tuple[str, ...]]:
+    """Return the touches of the last measurement in a log with numbers, and a note on others."""
     found: dict[int, _Entry] = {}
+    earlier: list[tuple[int, int]] = []
+    begin = data[0]
     for i in data:
         text = log.lines[i].strip()
         if text.startswith(RUN):
             if _first_touch(log, i, text, plan) == 1:
-                found = {}
+                earlier += [(begin, len(found))] if found else []
+                found, begin = {}, i
             continue
         number, feed, *values = log.numbers(i, NUMBERED)
         if number != int(number) or not 1 <= number <= len(plan):
@@ -279,8 +306,10 @@ def _numbered(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
         found.pop(row, None)
         found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)
     if not found:
-        raise log.error(len(log.lines) - 1, 0, "got no touches, expected those of the plan")
-    return list(found.values())
+        none = "got no touches, expected those of the plan"
+        said = "; ".join((none, *log.before(earlier, begin, 0)))
+        raise log.error(len(log.lines) - 1, 0, said)
+    return list(found.values()), log.before(earlier, begin, len(found))
 
 
 def _first_touch(log: _Log, line: int, text: str, plan: Touches) -> int:

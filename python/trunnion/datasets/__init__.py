@@ -17,6 +17,7 @@ from typing import Any
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose, optional_module
 from trunnion.base.errors import InputError
+from trunnion.base.input import path_of
 from trunnion.datasets.catalogue import DATASETS, GITHUB, READERS
 from trunnion.datasets.catalogue import Dataset as Dataset
 
@@ -67,6 +68,8 @@ def load(name: str, folder: str | PathLike[str] | None = None, *, download: bool
 def _path(found: Dataset, file: str, folder: str | PathLike[str] | None, download: bool) -> Path:
     """Return where a file of a set is."""
     given = folder if folder is not None else os.environ.get("TRUNNION_DATA")
+    if given is not None:
+        path_of(given, "folder", "the path of a folder")
     shipped = Path(str(files(__name__))) / "files" / Path(file).name
     for path in ([] if given is None else [Path(given) / file]) + [shipped]:
         if path.is_file():

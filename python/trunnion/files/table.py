@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trunnion.base.checks import did_you_mean, shown, with_article
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError, UnknownNameError
+from trunnion.base.input import path_of
 from trunnion.base.output import whole_file, write_text
 from trunnion.base.saved import Columns, Gridded, Saved, dataframe
 from trunnion.base.stored import fitting, plain, read_json
@@ -361,6 +362,8 @@ class Table(Saved):
             buffer = io.StringIO()
             write_columns(self._columns, buffer)
             return buffer.getvalue()
+        if not hasattr(path, "write"):
+            path = path_of(path)
         if isinstance(path, str | PathLike):
             with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
                 write_columns(self._columns, file)

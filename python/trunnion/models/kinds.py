@@ -17,6 +17,7 @@ import numpy as np
 from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import InputError, TrunnionError
+from trunnion.data.distinct import distinct_rows
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
@@ -26,7 +27,6 @@ from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
-from trunnion.models.distinct import distinct_rows
 from trunnion.models.joint import JointModel
 from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
@@ -317,7 +317,7 @@ def diagnose(
 
 def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
     """Diagnose one measurement, of which rows that repeat others count once."""
-    used, first, repeated = distinct_rows(data)
+    used, first, _, repeated = distinct_rows(data)
     model = model_of(used, setup, effects)
     found = diagnose_model(model)
     if model is data:
@@ -343,7 +343,7 @@ def measured_of(found: Diagnosis) -> Measured:
         As `Diagnosis.rebuilt_model`.
     """
     model = found.rebuilt_model()
-    used, first, _ = distinct_rows(found.data)
+    used, first, *_ = distinct_rows(found.data)
     if first is not None:
         model = model_of(used, found.setup, found.candidates)
     return Measured(kind_name(found.data), found.data, first, Left.of(found) or leave(model), model)
@@ -381,7 +381,7 @@ def _measured(
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
     """Explain one measurement, of which rows that repeat others count once."""
-    used, first, _ = distinct_rows(data)
+    used, first, *_ = distinct_rows(data)
     model = model_of(used, setup, effects)
     left = leave(model)
     if first is not None:

@@ -32,7 +32,7 @@ class Measured:
     kind, data
         Its kind, as the command line calls it, and the data.
     distinct
-        Rows that are readings of their own (:mod:`trunnion.models.distinct`); None: all.
+        Rows that are readings of their own (:mod:`trunnion.data.distinct`); None: all.
     alone
         What its own diagnosis leaves.
     model

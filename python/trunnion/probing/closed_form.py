@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -25,6 +26,7 @@ from trunnion.probing.model import (
     steps_um,
     with_recognised_step,
 )
+from trunnion.probing.once import of_each_once
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup
@@ -55,7 +57,8 @@ def closed_form(
     """Estimate the location errors of a `trt-ca` table from the paper's touches of the cross.
 
     Touches are chosen by a_deg, c_deg and `point` (the paper's labels 1 to 20); `cycle` is
-    ignored, repeated touches are averaged, others left aside.
+    ignored, repeated touches are averaged, others left aside. Rows that repeat others (pasted
+    twice, or copied to another cycle) count once; a note says so.
 
     Parameters
     ----------
@@ -91,7 +94,13 @@ def closed_form(
     >>> round(tn.closed_form(touches, setup, method="separating")["EX0C"], 2)
     14.95
     """
-    is_printed = choose("method", method, ("printed", "separating")) == "printed"
+    choose("method", method, ("printed", "separating"))
+    return of_each_once(data, partial(_with_notes, setup=setup, method=method))
+
+
+def _with_notes(data: Touches, setup: Setup, method: str) -> ClosedFormResult:
+    """Solve, with the step of the readings where it is recognised, and name likely mistakes."""
+    is_printed = method == "printed"
     with mistakes_named(data, setup):
         result = _solved(data, setup, method, is_printed=is_printed)
         left = result.residuals_um, result.degrees_of_freedom

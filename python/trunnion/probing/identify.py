@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -33,6 +34,7 @@ from trunnion.probing.model import (
     steps_um,
     with_recognised_step,
 )
+from trunnion.probing.once import of_each_once
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.probing.scatter import scatter_um
@@ -61,7 +63,8 @@ def identify(
     Parameters
     ----------
     data
-        Touches; with an effect, the columns that it needs.
+        Touches; with an effect, the columns that it needs. Rows that repeat others (pasted twice,
+        or copied to another cycle) count once; a note says so.
     setup
         Machine, artefact, probe. Known errors of the machine are where the search starts, and
         results are totals that include them. With `probe.repeatability_um` known, standard errors
@@ -104,12 +107,20 @@ def identify(
     if loss not in ("squares", "huber"):
         raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
+    fit = partial(_identified, effects=effects, loss=loss, priors=priors or {}, max_steps=max_steps)
+    return of_each_once(data, partial(_with_notes, setup=setup, fit=fit))
+
+
+def _with_notes(
+    data: Touches, setup: Setup, fit: Callable[[Touches, Setup], IdentificationResult]
+) -> IdentificationResult:
+    """Fit, with the step of the readings where it is recognised, and name likely mistakes."""
     with mistakes_named(data, setup):
-        result = _identified(data, setup, effects, loss, priors or {}, max_steps)
+        result = fit(data, setup)
         left = result.residuals_um, result.degrees_of_freedom
         if recognised := with_recognised_step(setup, data, *left):
             known, said = recognised
-            result = _identified(data, known, effects, loss, priors or {}, max_steps)
+            result = fit(data, known)
             result = replace(result, notes=(*result.notes, said))
     return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle, Step
-from trunnion.probing.notes import assumptions
+from trunnion.probing.notes import assumptions, fast_approaches
 from trunnion.setup.control import WORK_OFFSETS
 
 TOLERANCE_MM = 0.01
@@ -56,7 +56,8 @@ def _header(cycle: Cycle) -> Iterator[str]:
     yield "(no G92, no rotation of the work offset, spindle at rest)"
     ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"(ranges in {control.wcs}: {ranges})"
-    yield from (f"({said})" for said in assumptions(setup))
+    fast = fast_approaches([step.feed for step in cycle.steps], setup)
+    yield from (f"({said})" for said in (*assumptions(setup), *fast))
     yield f"(time: about {cycle.times()[1] / 60:.1f} min without pauses)"
     yield f"(log: {cycle.log})"
 

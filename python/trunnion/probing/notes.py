@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,6 +15,11 @@ from trunnion.probing.mistakes import offsets_along_z
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 from trunnion.setup.artefact import HOLDERS
+
+FAST_MM_MIN = 2000.0
+"""Feed of an approach above which it is said how far the ball goes on: 0.6 mm at `USUAL_MM_S2`."""
+USUAL_MM_S2 = 1000.0
+"""Acceleration of linear axes, for an example where the set-up states none."""
 
 
 def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
@@ -39,7 +44,26 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
     >>> print(tn.plan_notes(tn.plan(setup), setup)[0])
     Keeps clear as long as the artefact stands within 2 mm and 1 deg of its place.
     """
-    return (*assumptions(setup), *_not_identifiable(plan, setup))
+    feeds = () if plan.feed_mm_min is None else plan.feed_mm_min.tolist()
+    return (*assumptions(setup), *fast_approaches(feeds, setup), *_not_identifiable(plan, setup))
+
+
+def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
+    """Say how far the ball goes on behind the contact, where that may be more than a probe takes.
+
+    No set-up states what its probe takes: nothing is refused. ASCII, for the head of a program.
+    """
+    feed = max(feeds_mm_min, default=0.0)
+    stated = setup.control.acceleration_mm_s2
+    further_mm = (feed / 60) ** 2 / (2 * (stated or USUAL_MM_S2))
+    if feed <= FAST_MM_MIN and not (stated and further_mm > setup.plan.overtravel_mm):
+        return []
+    at = "" if stated else " if acceleration_mm_s2 of [control], not stated, is"
+    return [
+        f"Touch {feeds_mm_min.index(feed) + 1} approaches at {feed:g} mm/min: the ball goes on by "
+        f"feed^2 / 2 acceleration, {further_mm:.3g} mm{at or ' at'} {stated or USUAL_MM_S2:g} "
+        "mm/s^2. The probe must take that. Is its feed_mm_min right?"
+    ]
 
 
 def assumptions(setup: Setup) -> list[str]:

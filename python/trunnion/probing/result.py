@@ -100,7 +100,8 @@ class IdentificationResult(Estimate):
     at_bound
         Parameters that stand at a bound or at the end of their search.
     weights
-        Weight of each reading, below 1 where a robust loss lowered it, (n,).
+        Weight of each reading, (n,): below 1 where a robust loss lowered it, 0 of a row that
+        repeats another; None: 1 each.
     lack_of_fit
         Where touches repeat.
 
@@ -131,7 +132,15 @@ class IdentificationResult(Estimate):
     @property
     def rms_um(self) -> float:
         """Root mean square of the residuals."""
-        return float(np.sqrt(np.mean(self.residuals_um**2)))
+        return float(np.sqrt(np.mean(self._own_residuals_um**2)))
+
+    @property
+    def _own_residuals_um(self) -> Floats:
+        """Residuals of the rows that are readings of their own."""
+        if self.weights is None:
+            return self.residuals_um
+        own: Floats = self.residuals_um[self.weights > 0]
+        return own
 
     @property
     def correlations(self) -> Floats:
@@ -172,8 +181,9 @@ class IdentificationResult(Estimate):
 
     def sentences(self) -> list[str]:
         """What is worth saying beside the table."""
+        count = len(self._own_residuals_um)
         lines = [
-            f"{len(self.residuals_um)} touches, {self.degrees_of_freedom:g} degrees of freedom, "
+            f"{count} touches, {self.degrees_of_freedom:g} degrees of freedom, "
             f"residuals {self.rms_um:.4f} µm rms, one reading {self.sigma_um:.4f} µm (1 σ)."
         ]
         if not self.converged:
@@ -193,7 +203,7 @@ class IdentificationResult(Estimate):
     def _doubts(self) -> list[str]:
         """What the size of the residuals says about the model."""
         freedom = max(self.degrees_of_freedom, 1)
-        squares = float(np.sum(self.residuals_um**2))
+        squares = float(np.sum(self._own_residuals_um**2))
         if self.sigma_um > 0 and special.chdtrc(freedom, squares / self.sigma_um**2) < DOUBT:
             return [
                 f"Residuals are {np.sqrt(squares / freedom) / self.sigma_um:.1f} times what the "

@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from trunnion.base.input import path_of
 from trunnion.base.output import write_text
 from trunnion.base.report import Result
 from trunnion.reports.build import document
@@ -24,6 +25,6 @@ def write(
     made_by: str = "",
 ) -> Path:
     """Write the report of a result; see :meth:`trunnion.base.report.Result.to_html`."""
-    target = Path(path)
+    target = path_of(path)
     write_text(target, page(document(result, Source.of(result, data, setup, tolerance, made_by))))
     return target

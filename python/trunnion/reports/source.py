@@ -17,6 +17,7 @@ import tomli_w
 
 from trunnion._core import __version__
 from trunnion.base.call import COMMAND
+from trunnion.base.input import path_of
 from trunnion.base.report import Result, Table
 from trunnion.data.levels import Levels
 from trunnion.data.points import Points
@@ -207,7 +208,7 @@ class Source:
 def _checked(path: Path) -> tuple[int | None, str, str]:
     """Return size, date of change and checksum of a file."""
     try:
-        with path.open("rb") as opened:
+        with path_of(path).open("rb") as opened:
             digest = hashlib.file_digest(opened, "sha256").hexdigest()
         about = path.stat()
     except OSError:

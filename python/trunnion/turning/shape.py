@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import os
-from pathlib import Path
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import FileFormatError
+from trunnion.base.input import file_bytes
+from trunnion.files.text import decode
 from trunnion.turning.profile import Corner, Kind, Profile
 
 COLUMNS = ("z_mm", "x_mm", "type", "radius_mm")
@@ -44,11 +45,8 @@ def read_shape(path: str | os.PathLike[str]) -> Profile:
     InputError
         A contour that cannot be (see `Profile.from_points`).
     """
-    name = Path(path)
-    try:
-        lines = name.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{name}: {error}; expected UTF-8 text") from None
+    name = str(path)
+    lines = decode(name, file_bytes(path)).splitlines()
     kept = [(i, text) for i, text in enumerate(lines, 1) if text.strip() and text[0] != "#"]
     reader = csv.DictReader((text for _, text in kept), skipinitialspace=True)
     columns = [column.strip() for column in reader.fieldnames or ()]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from trunnion.base.errors import FileFormatError, InputError
+from trunnion.base.input import file_bytes, path_of
 from trunnion.files.columns import parse_number
 from trunnion.setup import Setup
 
@@ -52,14 +53,14 @@ def read_present(paths: Iterable[str | Path]) -> Present:
     keys: dict[tuple[str, str], float] = {}
     units = None
     for given in paths:
-        path = Path(given)
+        path = path_of(given)
         suffix = path.suffix.lower()
         if suffix not in (".hal", ".ini", ".inc"):
             raise InputError(
                 f"{path}: got a {suffix or 'file without ending'}, expected .hal or .ini"
             )
         section = ""
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = file_bytes(path).decode("utf-8", "replace").splitlines()
         for number, line in enumerate(lines, start=1):
             if suffix == ".hal":
                 if (found := _SETP.match(line)) and "kins." in found[1]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,36 +16,53 @@ MIN_COPIED = 6
 """Rows of a block: fewer may repeat others by chance where readings are in steps."""
 
 
-def distinct_rows(data: Any) -> tuple[Any, Integers | None, tuple[str, ...]]:
-    """Return the data without rows that are no readings of their own, which rows, and notes.
+class Distinct(NamedTuple):
+    """Rows that are readings of their own.
 
-    All rows: the data, None and no note.
+    data: These rows alone.
+    rows: Which rows of the given data they are; None: all.
+    stands_for: Of every row given, the row of `data` that it is or repeats; None: itself.
+    notes: What was left out; empty: nothing.
     """
+
+    data: Any
+    rows: Integers | None = None
+    stands_for: Integers | None = None
+    notes: tuple[str, ...] = ()
+
+
+def distinct_rows(data: Any) -> Distinct:
+    """Return the data without rows that are no readings of their own, which rows, and notes."""
     if not isinstance(data, Table) or len(data) < 2:
-        return data, None, ()
+        return Distinct(data)
     first, notes = np.arange(len(data)), []
+    stands_for = first
     for found, what in (
         (_once, "in every column (were they pasted twice?)"),
         (_without_copies, f"to the last digit under another {_label(data)} (were they copied?)"),
     ):
         some = first if len(first) < len(data) else slice(None)
-        own = found(data[some])
+        original = found(data[some])
+        own = np.unique(original)
         if len(own) < len(first):
             count = len(first) - len(own)
             notes.append(f"{count} of {len(first)} rows repeat others {what}: each counts once.")
+            stands_for = np.searchsorted(own, original)[stands_for]
             first = first[own]
-    return (data[first], first, tuple(notes)) if notes else (data, None, ())
+    return Distinct(data[first], first, stands_for, tuple(notes)) if notes else Distinct(data)
 
 
 def _once(data: Table) -> Integers:
-    """Rows that do not repeat others in every column."""
+    """Of each row the first that is as it is in every column."""
     # Equal rows have equal sums, so distinct sums are those of distinct rows: one column to sort.
     numbers = [v for v in data.columns.values() if v.dtype.kind in "fi"]
     total = sum(np.sqrt(2.0 + i) * v for i, v in enumerate(numbers))
     if len(np.unique(total)) == len(data):
         return np.arange(len(data))
     codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
-    return np.sort(np.unique(np.column_stack(codes), axis=0, return_index=True)[1])
+    table = np.column_stack(codes)
+    _, first, same = np.unique(table, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[same.reshape(-1)], dtype=np.intp)
 
 
 def _label(data: Table) -> str:
@@ -54,7 +71,7 @@ def _label(data: Table) -> str:
 
 
 def _without_copies(data: Table) -> Integers:
-    """Rows of blocks of one label that are not an earlier block in all but label and time."""
+    """Of each row that of the first block of one label that is its block but for label and time."""
     rows = np.arange(len(data))
     if not (name := _label(data)):
         return rows
@@ -68,8 +85,8 @@ def _without_copies(data: Table) -> Integers:
         signature = b"".join(_bytes(v[block]) for v in compared)
         if len(block) < MIN_COPIED:
             signature += bytes(str(block[0]), "ascii")
-        kept.setdefault(signature, block)
-    return np.sort(np.concatenate(list(kept.values())))
+        rows[block] = kept.setdefault(signature, block)
+    return rows
 
 
 def _bytes(values: NDArray[Any]) -> bytes:
