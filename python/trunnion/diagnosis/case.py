@@ -26,7 +26,7 @@ from trunnion.diagnosis.columns import MAX_DOUBLES, Pencil, Piece, batch_numbers
 from trunnion.diagnosis.dependence import growth as growth_by_dependence
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, Flags, Whiten, fit, grid_values, variant_columns
-from trunnion.diagnosis.model import Model, identity
+from trunnion.diagnosis.model import Model, Scaling, identity
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
@@ -354,8 +354,8 @@ def _pieces(
             slope = (last - first) / (at[-1] - at[0])
             yield j, Pencil(first - at[0] * slope, slope, at)
             continue
-        if effect.spread is not None and n >= MANY_ROWS and whiten is identity:
-            yield j, _in_classes(effect.spread, values[j])
+        if effect.spread is not None and n >= MANY_ROWS and _apart(whiten, effect.spread):
+            yield j, _in_classes(effect.spread, values[j], whiten)
             continue
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
@@ -363,11 +363,20 @@ def _pieces(
             yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
 
 
-def _in_classes(spread: Spread, values: list[Values]) -> InClasses:
-    """Columns of an effect that has sizes of its own in classes."""
-    return InClasses(
-        lambda i: spread.functions(values[i]), len(values), spread.label, slice(len(spread.label))
-    )
+def _apart(whiten: Whiten, spread: Spread) -> bool:
+    """Whether white columns of a class are zero in all others, as they are."""
+    if isinstance(whiten, Repeats):
+        return whiten.within(spread.label)
+    return whiten is identity or isinstance(whiten, Scaling)
+
+
+def _in_classes(spread: Spread, values: list[Values], whiten: Whiten) -> InClasses:
+    """White columns of an effect that has sizes of its own in classes."""
+
+    def functions(i: int) -> Floats:
+        return np.asarray(whiten(spread.functions(values[i]).T)).T
+
+    return InClasses(functions, len(values), spread.label, slice(len(spread.label)))
 
 
 def affine(effect: Effect) -> str | None:
