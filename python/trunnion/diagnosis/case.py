@@ -317,7 +317,7 @@ class Case:
 
 
 class Linearised:
-    """Columns of all candidates at one point, whitened: kept where few, made anew where many.
+    """Columns of all candidates at one point, whitened: kept of few rows, made anew of many.
 
     Attributes
     ----------
@@ -334,7 +334,8 @@ class Linearised:
             for effect, v in zip(model.effects, self.values, strict=True)
         )
         self._make = partial(_pieces, model, nuisance, whiten, self.values)
-        few = self.width * len(model.readings) <= MAX_DOUBLES
+        n = len(model.readings)
+        few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
 
     def pieces(self) -> Iterable[Piece]:
