@@ -262,7 +262,8 @@ class Case:
 
     def white(self, column: Floats) -> Floats:
         """Whiten a column of all readings and take those that are used."""
-        return np.asarray(self.whiten(column))[self.rows]
+        white = np.asarray(self.whiten(column))
+        return white if self.complete and len(white) >= MANY_ROWS else white[self.rows]
 
     def without(self, bad: Integers) -> "Case":
         """Return the case with these readings left out as well."""

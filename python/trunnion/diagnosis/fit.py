@@ -132,7 +132,7 @@ def confounded(plain: Fit, along: Array, columns: Array) -> Array:
     ``along``: jacobian of the plain fit along its directions, whitened, readings used, shape
     (n, r); ``columns``: of the effect, shape (n, q). Returns one combination a row, (k, p + q).
     """
-    joined = np.concatenate([along, columns], axis=1)
+    joined = beside([along, columns])
     found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
     nuisance, effect = np.split(found.combinations, [along.shape[1]], axis=1)
     return np.concatenate([nuisance @ plain.directions, effect], axis=1)
