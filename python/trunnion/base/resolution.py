@@ -21,6 +21,8 @@ import numpy as np
 
 from trunnion.base.recognition import on_grid
 from trunnion.base.rows import equal_rows
+from trunnion.base.rows import where as where_true
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
@@ -358,7 +360,8 @@ class Repeats:
 
     def __init__(self, variance: Floats, shared: Floats, label: Integers) -> None:
         self.variance, self.shared = variance, shared
-        self.rows = np.flatnonzero(label >= 0)
+        self._repeated = label >= 0
+        self.rows = np.flatnonzero(self._repeated)
         self.index, self.count = _groups(label)
         own = np.where(label >= 0, variance - shared, variance)
         self.scale = np.sqrt(own)
@@ -371,6 +374,12 @@ class Repeats:
         """Return the same for other repeats."""
         return Repeats(self.variance, self.shared, label)
 
+    def within(self, label: Integers) -> bool:
+        """Whether all repeats of a reading have its label, (n,): columns keep to their rows."""
+        own, first = label[self.rows], np.zeros(len(self.count), dtype=label.dtype)
+        first[self.index] = own
+        return bool(np.array_equal(first[self.index], own))
+
     def covariance(self, columns: Floats) -> Floats:
         """Return columns (n, k) times the covariance of the errors between them, shape (k, k)."""
         own = columns[self.rows] * np.sqrt(self.shared[self.rows])[:, None]
@@ -382,7 +391,13 @@ class Repeats:
     def __call__(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...)."""
         flat = columns.reshape(len(columns), -1) / self.scale[:, None]
-        if len(self.count):
+        if len(self.count) and len(columns) >= MANY_ROWS:
+            # Each column by itself: columns lie in a row in memory.
+            every, share = where_true(self._repeated), self.shrink / self.count
+            for column in flat.T:
+                own = column[every]
+                column[every] = own - (share * np.bincount(self.index, own))[self.index]
+        elif len(self.count):
             own = flat[self.rows]
             order = np.argsort(self.index, kind="stable")
             start = np.concatenate([[0], np.cumsum(self.count)[:-1]])

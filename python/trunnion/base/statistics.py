@@ -101,6 +101,41 @@ def linear_fit(
         return replace(fit, basis=basis_of(columns, fit, factor)) if basis else fit
 
 
+@dataclass(frozen=True, eq=False)
+class Spanned:
+    """Orthonormal basis of columns, (n, p) times weights (p, rank), that is not made.
+
+    Rows (k, n) times it are what they have of the basis, (k, rank).
+    """
+
+    columns: Floats
+    weights: Floats
+    __array_ufunc__ = None  # products with arrays are made here
+
+    def __rmatmul__(self, rows: Floats) -> Floats:
+        return np.asarray((rows @ self.columns) @ self.weights)
+
+    def left(self, values: Floats) -> Floats:
+        """Return what the basis leaves of values (n,)."""
+        return np.asarray(values - self.columns @ (self.weights @ (values @ self)))
+
+
+def spanned(columns: Floats, values: Floats, hold: Flags) -> Spanned:
+    """Orthonormal basis of many columns but those held, made only where they are nearly dependent.
+
+    columns, values, hold: As of :func:`linear_fit`.
+    """
+    with one_blas_thread():
+        factor = quick_factor(columns, values)
+        square, right = factor[:, :-1], factor[:, -1]
+        fit = LinearFit(*_core.linear_fit(square, right, hold.tolist(), RANK_TOLERANCE, False))
+        if fit.singular_values[: fit.rank].min(initial=np.inf) < WELL_CONDITIONED:
+            return Spanned(basis_of(columns, fit, factor), np.eye(fit.rank))
+        weights = np.zeros((len(hold), fit.rank))
+        weights[~fit.held] = _whitening(square[:, ~fit.held])
+        return Spanned(columns, weights)
+
+
 def triangular_factor(columns: Floats, values: Floats) -> Floats:
     """Triangular factor of columns with values as a last column, (p + 1, p + 1).
 
@@ -126,8 +161,10 @@ def quick_factor(columns: Floats, values: Floats) -> Floats:
     gram[-1, :-1] = gram[:-1, -1] = values @ columns
     gram[-1, -1] = values @ values
     size = np.sqrt(np.diag(gram))
-    if np.all(np.isfinite(gram)) and np.all(size > 0):
-        unit = gram / np.outer(size, size)
+    if np.all(np.isfinite(gram)):
+        # Columns of zeros are so in the factor, too: their length is multiplied in again.
+        scale = np.where(size > 0, size, 1.0)
+        unit = gram / np.outer(scale, scale) + np.diag(size == 0)
         if np.linalg.eigvalsh(unit)[0] > len(unit) / MAX_SQUARE:
             return np.asarray(np.linalg.cholesky(unit).T * size)
     return triangular_factor(columns, values)

@@ -12,6 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.report import Result
+from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.flatness import (
     Flatness,
@@ -83,8 +84,10 @@ class Levels(Table):
     @property
     def stations(self) -> tuple[Floats, Integers]:
         """Distinct places in ascending order, (m, d), and the number of each row's, (n,)."""
-        distinct, index = np.unique(self.places_mm, axis=0, return_inverse=True)
-        return distinct, index.reshape(-1).astype(np.intp)
+        places = self.places_mm
+        label, first = equal_rows([*places.T])
+        distinct, index = np.unique(places[first], axis=0, return_inverse=True)
+        return distinct, index.reshape(-1)[label].astype(np.intp)
 
     @property
     def reversed(self) -> bool:

@@ -31,7 +31,7 @@ from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
-from trunnion.diagnosis.whitening import Whiten, identity
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -271,7 +271,8 @@ class Case:
 
     def white(self, column: Floats) -> Floats:
         """Whiten a column of all readings and take those that are used."""
-        return np.asarray(self.whiten(column))[self.rows]
+        white = np.asarray(self.whiten(column))
+        return white if self.complete and len(white) >= MANY_ROWS else white[self.rows]
 
     def without(self, bad: Integers) -> "Case":
         """Return the case with these readings left out as well."""
@@ -326,7 +327,7 @@ class Case:
 
 
 class Linearised:
-    """Columns of all candidates at one point, whitened: kept where few, made anew where many.
+    """Columns of all candidates at one point, whitened: kept of few rows, made anew of many.
 
     Attributes
     ----------
@@ -343,7 +344,8 @@ class Linearised:
             for effect, v in zip(model.effects, self.values, strict=True)
         )
         self._make = partial(_pieces, model, nuisance, whiten, self.values)
-        few = self.width * len(model.readings) <= MAX_DOUBLES
+        n = len(model.readings)
+        few = n < MANY_ROWS and self.width * n <= MAX_DOUBLES
         self._kept = list(self._make()) if few else None
 
     def pieces(self) -> Iterable[Piece]:
@@ -363,8 +365,8 @@ def _pieces(
             slope = (last - first) / (at[-1] - at[0])
             yield j, Pencil(first - at[0] * slope, slope, at)
             continue
-        if effect.spread is not None and n >= MANY_ROWS and whiten is identity:
-            yield j, _in_classes(effect.spread, values[j])
+        if effect.spread is not None and n >= MANY_ROWS and _apart(whiten, effect.spread):
+            yield j, _in_classes(effect.spread, values[j], whiten)
             continue
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
@@ -372,11 +374,20 @@ def _pieces(
             yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
 
 
-def _in_classes(spread: Spread, values: list[Values]) -> InClasses:
-    """Columns of an effect that has sizes of its own in classes."""
-    return InClasses(
-        lambda i: spread.functions(values[i]), len(values), spread.label, slice(len(spread.label))
-    )
+def _apart(whiten: Whiten, spread: Spread) -> bool:
+    """Whether white columns of a class are zero in all others, as they are."""
+    if isinstance(whiten, Repeats):
+        return whiten.within(spread.label)
+    return whiten is identity or isinstance(whiten, Scaling)
+
+
+def _in_classes(spread: Spread, values: list[Values], whiten: Whiten) -> InClasses:
+    """White columns of an effect that has sizes of its own in classes."""
+
+    def functions(i: int) -> Floats:
+        return np.asarray(whiten(spread.functions(values[i]).T)).T
+
+    return InClasses(functions, len(values), spread.label, slice(len(spread.label)))
 
 
 def affine(effect: Effect) -> str | None:

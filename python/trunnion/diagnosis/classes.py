@@ -75,25 +75,30 @@ class InClasses:
         order = np.argsort(self.label, kind="stable")
         ends = np.searchsorted(self.label[order], np.arange(self.label.max() + 2))
         classes = [slice(a, b) for a, b in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True)]
-        beside = basis[order]
+        in_order = bool(np.all(np.diff(order) == 1))
+        beside = basis if in_order else basis[order]
         functions: list[Floats] = []
         grams, taken = [], []
-        for i in range(self.variants):
-            own = self.function(i)[:, self.used][:, order]
-            k = len(own)
-            if i % TOGETHER == 0:
-                left = min(TOGETHER, self.variants - i)
-                functions.append(np.empty((left * k, len(order)), dtype=kind))
-            at = i % TOGETHER * k
-            functions[-1][at : at + k] = own
-            gram = np.zeros((len(classes), k, len(classes), k))
+        room: Floats = np.empty((0, 0, len(order)))
+        for first in range(0, self.variants, TOGETHER):
+            for i in range(first, min(first + TOGETHER, self.variants)):
+                one = self.function(i)[:, self.used]
+                if i == 0:
+                    room = np.empty((min(TOGETHER, self.variants), *one.shape))
+                room[i - first] = one if in_order else one[:, order]
+            own = room[: min(TOGETHER, self.variants - first)]
+            b, k, n = own.shape
+            gram = np.zeros((b, len(classes), k, len(classes), k))
             for c, some in enumerate(classes):
-                gram[c, :, c] = own[:, some] @ own[:, some].T
-            grams.append(gram.reshape(k * len(classes), -1))
-            taken.append(np.concatenate([own[:, some] @ beside[some] for some in classes]))
-        gram = np.stack(grams)
+                gram[:, c, :, c] = own[:, :, some] @ own[:, :, some].transpose(0, 2, 1)
+            grams.append(gram.reshape(b, k * len(classes), -1))
+            flat = own.reshape(-1, n)
+            each = [(flat[:, some] @ beside[some]).reshape(b, k, -1) for some in classes]
+            taken.append(np.concatenate(each, axis=1))
+            functions.append(flat.astype(kind))
+        gram = np.concatenate(grams)
         least = ROUNDING**2 * float(gram.max(initial=0.0))
-        weights, of_basis, seen = orthonormal_weights(gram, np.stack(taken), least)
+        weights, of_basis, seen = orthonormal_weights(gram, np.concatenate(taken), least)
         rank = seen.sum(axis=1)
         start = np.concatenate([[0], np.cumsum(rank)[:-1]]).astype(np.intp)
         variant = np.repeat(np.arange(self.variants), rank)

@@ -272,9 +272,12 @@ def _orthonormal_blocks(
     before = shelf.filled
     for k in np.unique(width):
         same = [i for i, v in enumerate(variants) if v.shape[1] == k]
-        x, gram = (_joined([of[i] for i in same]) for of in (variants, grams))
+        x, gram = [variants[i] for i in same], _joined([grams[i] for i in same])
         filled = shelf.filled - before
-        some = _orthonormal(x, gram, least, basis, kind, shelf)
+        if len(basis) < MANY_ROWS:
+            some = _orthonormal(_joined(x), gram, least, basis, kind, shelf)
+        else:
+            some = _orthonormal_of_many(x, gram, least, basis, kind, shelf)
         rank[width == k] = some
         start[width == k] = filled + np.concatenate([[0], np.cumsum(some)[:-1]])
     return rank, start
@@ -308,6 +311,29 @@ def _orthonormal(
     for first in range(0, n, most):
         some = slice(first, first + most)
         of_x = (weights @ x[:, :, some])[seen]
+        np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
+    return np.asarray(seen.sum(axis=1))
+
+
+def _orthonormal_of_many(
+    parts: list[Floats],
+    gram: Floats,
+    least: float,
+    basis: Floats,
+    kind: type[np.float32 | np.float64],
+    shelf: Shelf,
+) -> Integers:
+    """Return the same of many rows: some of all parts together at a time, and never all."""
+    b, k, n = len(gram), gram.shape[1], len(basis)
+    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
+    steps = [slice(first, first + most) for first in range(0, n, most)]
+    taken = np.zeros((b * k, basis.shape[1]))
+    for some in steps:
+        taken += _joined([x[:, :, some] for x in parts]).reshape(b * k, -1) @ basis[some]
+    weights, of_basis, seen = orthonormal_weights(gram, taken.reshape(b, k, -1), least)
+    out = shelf.room(len(of_basis), kind)
+    for some in steps:
+        of_x = (weights @ _joined([x[:, :, some] for x in parts]))[seen]
         np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
     return np.asarray(seen.sum(axis=1))
 

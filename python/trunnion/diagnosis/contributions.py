@@ -13,16 +13,17 @@ causes that can take each other's place have little of the latter.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from trunnion.base.report import Cell, Result, Shown, Table, left_text, number, significant
+from trunnion.base.statistics import MANY_ROWS, triangular_factor
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
-from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.fit import Fit, beside
 from trunnion.diagnosis.records import labelled, units_of, with_unit
 from trunnion.diagnosis.whitening import identity
 
@@ -280,6 +281,26 @@ def _triangle(columns: Floats) -> Floats:
     return np.asarray(np.linalg.qr(columns, mode="r"))
 
 
+def _shortened(columns: Floats) -> Floats:
+    """Columns, or of many rows their triangular factor: it has the same combinations."""
+    if len(columns) < MANY_ROWS:
+        return columns
+    return triangular_factor(columns[:, :-1], columns[:, -1])
+
+
+def _left(
+    along: Floats, all_: Floats, taken: Floats, pieces: Sequence[Integers]
+) -> Iterator[Floats]:
+    """What columns leave once their share ``taken`` of others is off, of each piece of rows."""
+    if len(all_) < MANY_ROWS:
+        left = all_ - along @ taken
+        yield from (left[mine] for mine in pieces)
+        return
+    for mine in pieces:
+        short = _shortened(np.column_stack([along[mine], all_[mine]]))
+        yield short[:, along.shape[1] :] - short[:, : along.shape[1]] @ taken
+
+
 class _TakenOut:
     """Residuals of an extended fit with some of its causes taken out, the others fitted anew.
 
@@ -305,16 +326,16 @@ class _TakenOut:
         along = f.jacobian[:, :p] @ directions.T
         length = np.sqrt(np.einsum("ij,ij->j", along, along))
         along /= np.where(length > 0, length, 1.0)
-        white = kept.white(np.column_stack([along, all_]))
+        white = _shortened(kept.white(beside([along, all_])))
         base, rest = white[:, : along.shape[1]], white[:, along.shape[1] :]
-        taken = np.linalg.lstsq(base, rest, rcond=DEPENDENT)[0]
+        taken = np.asarray(np.linalg.lstsq(base, rest, rcond=DEPENDENT)[0], dtype=np.float64)
         self.shift = directions.T @ (taken / np.where(length > 0, length, 1.0)[:, None])
         self.white = _triangle(rest - base @ taken)
-        left = all_ - along @ taken
         if kept.whiten is identity and len(pieces) == 1:
             self.raw = [self.white / np.sqrt(len(pieces[0]))]
         else:
-            self.raw = [_triangle(left[mine]) / np.sqrt(len(mine)) for mine in pieces]
+            lefts = zip(_left(along, all_, taken, pieces), pieces, strict=True)
+            self.raw = [_triangle(left) / np.sqrt(len(mine)) for left, mine in lefts]
         self._known: dict[Named, Floats] = {}
 
     def squares(self, named: Named) -> Floats:

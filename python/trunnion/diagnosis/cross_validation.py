@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trunnion.base.statistics import linear_fit
+from trunnion.base.statistics import MANY_ROWS, linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.fit import Fit
@@ -67,12 +67,16 @@ class _Problem:
         """Of the directions that the fit identifies."""
         effects = [f.effects[i][name] for i, name in f.names]
         own = f.directions[:, len(f.nuisance) :] @ effects
-        raw = f.jacobian[rows] @ f.directions.T
-        white = np.asarray(whiten(f.jacobian))[rows] @ f.directions.T
+        some = slice(None) if MANY_ROWS <= len(rows) == len(f.jacobian) else rows
+        columns = np.asarray(whiten(f.jacobian))
+        same = columns is f.jacobian
+        white = columns[some] @ f.directions.T
+        raw = white if same else f.jacobian[some] @ f.directions.T
         y_raw = f.residuals[rows] + raw @ own
         y = np.asarray(whiten(f.residuals))[rows] + white @ own
         scale = np.linalg.norm(white, axis=0)
-        white, raw = white / scale, raw / scale
+        white = white / scale
+        raw = white if same else raw / scale
         part = f.basis.T @ y
         residual_raw = y_raw - raw @ np.linalg.solve(f.basis.T @ white, part)
         p = int(np.any(f.directions[:, : len(f.nuisance)], axis=1).sum())
@@ -83,9 +87,10 @@ class _Problem:
         ordered = labels[order]
         first = np.flatnonzero(np.concatenate([[True], ordered[1:] != ordered[:-1]]))
         start = np.append(first, len(labels)).astype(np.intp)
-        residual = (self.residual, self.residual_raw)
-        rows = (self.white, self.raw, self.y, self.y_raw, *residual, self.basis)
-        return _Problem(self.p, *(x[order] for x in rows)), start
+        white = self.white[order]
+        raw = white if self.raw is self.white else self.raw[order]
+        rest = (self.y, self.y_raw, self.residual, self.residual_raw, self.basis)
+        return _Problem(self.p, white, raw, *(x[order] for x in rest)), start
 
 
 def _chunks(start: Integers) -> list[Integers]:

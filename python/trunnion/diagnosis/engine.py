@@ -119,7 +119,9 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
         if again is None:
             break
         before = set(choice[1].fit.effects)
-        case, choice = again, _choose(again)
+        del choice  # columns of many rows: not those of both cases at a time
+        case = again
+        choice = _choose(case)
         if set(choice[1].fit.effects) == before:
             break
     case, choice = _with_scatter(case, choice)
@@ -155,6 +157,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             if score >= last - SAME_LIKELIHOOD:
                 break
             f, bad, last = found[1].fit, found[2], score
+            del found  # columns of many rows, unless it is the best
     return best
 
 

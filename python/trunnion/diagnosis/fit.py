@@ -20,9 +20,11 @@ from trunnion.base.statistics import (
     MANY_ROWS,
     RANK_TOLERANCE,
     LinearFit,
+    Spanned,
     basis_of,
     linear_fit,
     quick_factor,
+    spanned,
 )
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
@@ -114,13 +116,23 @@ def variant_columns(
     return model.linear_columns(nuisance, effect, values).transpose(0, 2, 1)
 
 
+def beside(parts: Sequence[Array], room: Array | None = None) -> Array:
+    """Columns of all parts beside each other; of many rows, each column in a row in memory.
+
+    ``room``: array for these.
+    """
+    if len(parts[0]) < MANY_ROWS:
+        return np.concatenate(parts, axis=1)
+    return np.concatenate([part.T for part in parts], out=None if room is None else room.T).T
+
+
 def confounded(plain: Fit, along: Array, columns: Array) -> Array:
     """Combinations of an effect's parameters and the nuisance that change no reading.
 
     ``along``: jacobian of the plain fit along its directions, whitened, readings used, shape
     (n, r); ``columns``: of the effect, shape (n, q). Returns one combination a row, (k, p + q).
     """
-    joined = np.concatenate([along, columns], axis=1)
+    joined = beside([along, columns])
     found = linear_fit(joined, np.zeros(len(joined)), tolerance=ABSORBED_SHARE)
     nuisance, effect = np.split(found.combinations, [along.shape[1]], axis=1)
     return np.concatenate([nuisance @ plain.directions, effect], axis=1)
@@ -222,6 +234,8 @@ class _Step:
 class _Problem:
     """What stays the same during a fit."""
 
+    jacobian: Array | None = None  # of many rows, place of the last one: the next replaces it
+
     def __init__(
         self,
         model: Model,
@@ -253,7 +267,9 @@ class _Problem:
         """Derivative of the prediction by all parameters, all readings."""
         parts = [self.model.jacobian(at.nuisance, at.values)]
         parts += [self.model.effect_jacobian(at.nuisance, e, at.values[e.id]) for e in self.effects]
-        return np.concatenate(parts, axis=1)
+        if self.jacobian is None and len(parts[0]) >= MANY_ROWS:
+            self.jacobian = np.empty((sum(part.shape[1] for part in parts), len(parts[0]))).T
+        return beside(parts, self.jacobian)
 
     def solve(self, jac: Array, w: Array) -> _Step:
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
@@ -333,19 +349,20 @@ def _zoom(problem: _Problem, at: _Point) -> None:
     """
     model, effects, values = problem.model, problem.effects, at.values
     y = problem.used(model.readings.values - model.predict(at.nuisance, {}))
-    linear = {e.id: [i for i, p in enumerate(e.parameters) if p.linear] for e in effects}
+    linear = {e.id: linear_of(e, len(y)) for e in effects}
 
     def columns(e: Effect) -> Array:
         trial = Values({p.name: 0.0 if p.linear else values[e.id][p.name] for p in e.parameters})
         return problem.used(model.effect_jacobian(at.nuisance, e, trial)[:, linear[e.id]])
 
-    base = problem.used(model.jacobian(at.nuisance, {})) @ problem.judged.directions.T
+    base = problem.used(model.jacobian(at.nuisance, {}))
+    if not (problem.every and len(base) >= MANY_ROWS):
+        base = base @ problem.judged.directions.T
+    others = _Others(base, effects, columns)
     for e in effects:
         if e.linear:
             continue
-        others = np.concatenate([base, *(columns(o) for o in effects if o is not e)], axis=1)
-        q = linear_fit(others, y, basis=True).basis
-        residual = y - q @ (q.T @ y)
+        q, residual = others.without(e, y)
         for p in e.parameters:
             if p.linear:
                 continue
@@ -356,14 +373,59 @@ def _zoom(problem: _Problem, at: _Point) -> None:
 
             gains = partial(gains_at, made, basis=q, residual=residual)
             _zoom_one(p.name, np.asarray(p.grid), values[e.id], gains)
+        others.set(e)
     for e in effects:
         for p in e.parameters:
             if p.linear:
                 values[e.id][p.name] = 0.0
 
 
+class _Others:
+    """Columns of the nuisance and of all effects at their values, of which one is left out.
+
+    ``columns``: of an effect. Of many rows all are kept beside each other.
+    """
+
+    def __init__(
+        self, base: Array, effects: Sequence[Effect], columns: Callable[[Effect], Array]
+    ) -> None:
+        self._base, self._effects, self._columns = base, effects, columns
+        self._every, self._own = base[:0], dict[str, slice]()
+        if len(base) >= MANY_ROWS:
+            parts = [base, *map(columns, effects)]
+            ends = np.cumsum([part.shape[1] for part in parts]).tolist()
+            self._every = beside(parts)
+            places = itertools.starmap(slice, itertools.pairwise(ends))
+            self._own = {e.id: place for e, place in zip(effects, places, strict=True)}
+
+    def without(self, e: Effect, y: Array) -> tuple[Array | Spanned, Array]:
+        """Orthonormal basis of all but an effect, and what it leaves of y."""
+        if not self._own:
+            rest = (self._columns(o) for o in self._effects if o is not e)
+            q = linear_fit(np.concatenate([self._base, *rest], axis=1), y, basis=True).basis
+            return q, y - q @ (q.T @ y)
+        hold = np.zeros(self._every.shape[1], dtype=bool)
+        hold[self._own[e.id]] = True
+        self._every[:, hold] = 0.0
+        found = spanned(self._every, y, hold)
+        return found, found.left(y)
+
+    def set(self, e: Effect) -> None:
+        """Take the columns of an effect at other values."""
+        if self._own:
+            self._every[:, self._own[e.id]] = self._columns(e)
+
+
+def linear_of(effect: Effect, rows: int) -> slice | list[int]:
+    """Which parameters of an effect are linear; for many rows a slice where it can be: no copy."""
+    found = [i for i, p in enumerate(effect.parameters) if p.linear]
+    if rows >= MANY_ROWS and found and found[-1] - found[0] == len(found) - 1:
+        return slice(found[0], found[-1] + 1)
+    return found
+
+
 def gains_at(
-    columns: Callable[[float], Array], trials: Array, basis: Array, residual: Array
+    columns: Callable[[float], Array], trials: Array, basis: Array | Spanned, residual: Array
 ) -> Array:
     """Return :func:`gains_beside` of columns (n, k) at several values, shape (v,).
 
@@ -378,7 +440,7 @@ def gains_at(
     return out
 
 
-def gains_beside(variants: Array, basis: Array, residual: Array) -> Array:
+def gains_beside(variants: Array, basis: Array | Spanned, residual: Array) -> Array:
     """Drop of the RSS of a residual by columns (v, n, k), beside an orthonormal basis (n, q).
 
     Each set of columns by itself, shape (v,). ``residual``: what the basis leaves, (n,).

@@ -11,11 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from trunnion.base.statistics import linear_fit
+from trunnion.base.statistics import MANY_ROWS, Spanned, linear_fit, spanned
 from trunnion.base.units import Floats
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.effect import Effect, Values
-from trunnion.diagnosis.fit import Fit, gains_at
+from trunnion.diagnosis.fit import Fit, gains_at, linear_of
 
 TRIALS = 128  # values that are tried near the one found
 NEGLIGIBLE = 24.0  # of -2 ln L above the best: a probability of 6e-6 of it
@@ -30,19 +30,17 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
     """
     own = case.columns_of(effect, f)
     moved = np.any(f.jacobian[:, own] != 0, axis=0)
-    names = [p.name for p in effect.parameters]
+    names = np.array([p.name for p in effect.parameters])
     still = [
         p for p, moves in zip(effect.parameters, moved, strict=True) if not (p.linear or moves)
     ]
     if not still:
         return {}
-    linear = [i for i, p in enumerate(effect.parameters) if p.linear]
+    linear = linear_of(effect, len(f.jacobian))
     fitted = f.effects[effect.id]
-    of_effect = f.jacobian[:, own][:, linear] @ [fitted[names[i]] for i in linear]
-    others = case.white(np.delete(f.jacobian, own, axis=1))
-    basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+    of_effect = f.jacobian[:, own][:, linear] @ [fitted[name] for name in names[linear].tolist()]
     y = case.white(f.residuals + of_effect)
-    y = y - basis @ (basis.T @ y)
+    basis, y = _beside(case, f, own, y)
 
     def gains(name: str, trials: Floats) -> Floats:
         """Drop of RSS / variance by the effect with each of these values, (t,)."""
@@ -57,6 +55,19 @@ def moment_errors(case: Case, effect: Effect, f: Fit, variance: float) -> dict[s
         p.name: _spread(fitted[p.name], np.asarray(p.grid), partial(gains, p.name)) for p in still
     }
     return {name: std for name, std in found.items() if np.isfinite(std)}
+
+
+def _beside(case: Case, f: Fit, own: list[int], y: Floats) -> tuple[Floats | Spanned, Floats]:
+    """Orthonormal basis of all columns of a fit but some, and what it leaves of y."""
+    if len(y) < MANY_ROWS:
+        others = case.white(np.delete(f.jacobian, own, axis=1))
+        basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+        return basis, y - basis @ (basis.T @ y)
+    every = case.white(f.jacobian)
+    hold = np.zeros(every.shape[1], dtype=bool)
+    hold[own] = True
+    found = spanned(every, y, hold)
+    return found, found.left(y)
 
 
 def _spread(fitted: float, grid: Floats, gains: Callable[[Floats], Floats]) -> float:

@@ -9,6 +9,7 @@ such noise gives.
 import numpy as np
 from scipy import special
 
+from trunnion.base.rows import at_hand
 from trunnion.base.units import Floats, Integers
 
 OUTLIER_LEVEL = 0.01
@@ -34,8 +35,12 @@ def robust_residuals(basis: Floats, values: Floats, floor: float = 0.0) -> Float
     n, p = basis.shape
 
     def fit(weights: Floats) -> Floats:
-        heavy = (basis * weights[:, None]).T
-        solution = np.linalg.lstsq(heavy @ basis, heavy @ values, rcond=None)[0]
+        gram, right = np.zeros((p, p)), np.zeros(p)
+        for some in at_hand(n):
+            heavy = (basis[some] * weights[some, None]).T
+            gram += heavy @ basis[some]
+            right += heavy @ values[some]
+        solution = np.linalg.lstsq(gram, right, rcond=None)[0]
         return np.asarray(values - basis @ solution)
 
     r = fit(np.ones(n))

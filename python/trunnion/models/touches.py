@@ -57,6 +57,7 @@ from trunnion.probing.model import (
 )
 from trunnion.setup import Setup
 
+ROWS_TURNED = 256  # of a derivative, that a processor holds while it puts columns in rows
 MAX_KEPT = 1_000_000
 """Numbers of derivatives that are kept beside the last."""
 MAX_FITS = 16
@@ -253,7 +254,11 @@ class TouchDiagnosisModel(Model):
             for n, kind in enumerate(self._full.kinds):
                 if kind == "moment":
                     values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
-            jac = np.ascontiguousarray(self._full.core.linearise(self._moves, values)[1].T)
+            rows = self._full.core.linearise(self._moves, values)[1]
+            jac = np.empty(rows.shape[::-1])
+            for first in range(0, len(rows), ROWS_TURNED):
+                some = slice(first, first + ROWS_TURNED)
+                jac[:, some] = rows[some].T
             while len(self._at) > MAX_KEPT // max(jac.size, 1):
                 del self._at[next(iter(self._at))]
             self._at[key] = jac

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.rotation import cosine_sine
+from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import ARCSEC, Floats
 from trunnion.data.sweep import Sweep
 from trunnion.diagnosis.effect import Parameter, wave
@@ -164,22 +165,31 @@ def _waves(motions: tuple[int, ...], n: int, conditions: Conditions, _: Floats) 
     cos, sin = cosine_sine(turn)
     if motions == (5,):
         cos = cos - 1.0
-    out = np.zeros((len(turn), len(motions), 2 * len(motions)))
+    out = _room(len(turn), len(motions), 2 * len(motions))
     for i in range(len(motions)):
         out[:, i, 2 * i], out[:, i, 2 * i + 1] = cos, sin
     return out
+
+
+def _room(rows: int, acts: int, parameters: int) -> Floats:
+    """Return zeros (rows, acts, parameters); each derivative of many rows in a row in memory."""
+    if rows < MANY_ROWS:
+        return np.zeros((rows, acts, parameters))
+    return np.zeros((acts, parameters, rows)).transpose(2, 0, 1)
 
 
 def _pivoted(motions: tuple[int, ...], n: int, conditions: Conditions, values: Floats) -> Floats:
     """EX, EY, EA, EB of a tilt about a point at height ``values[4]`` on the axis, and by it."""
     pivot = values[4]
     tilt = _waves(motions, n, conditions, values)
-    out = np.zeros((len(tilt), 4, 5))
+    out = _room(len(tilt), 4, 5)
     out[:, 2:, :4] = tilt
     # ω × (p − pivot z) = ω × p + pivot (−E_B, E_A, 0); arcsec and mm to µm
     lever = ARCSEC * 1e3
     out[:, 0, :4] = -lever * pivot * tilt[:, 1]
     out[:, 1, :4] = lever * pivot * tilt[:, 0]
+    if len(tilt) >= MANY_ROWS and not np.any(values[:4]):
+        return out
     total = tilt @ values[:4]
     out[:, 0, 4] = -lever * total[:, 1]
     out[:, 1, 4] = lever * total[:, 0]
