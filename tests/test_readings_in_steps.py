@@ -440,3 +440,18 @@ def test_touches_at_two_feeds_have_two_steps() -> None:
         for s in range(runs)
     ]
     assert kept(sum(d.verdict == "consistent" for d in seen), runs, 0.95)
+
+
+@pytest.mark.parametrize("noise_um", [0.0, 0.1])
+def test_a_ball_bar_in_whole_micrometres_is_consistent_on_a_sound_machine(noise_um: float) -> None:
+    """Circles both ways about a centre that is tens of micrometres off, and nothing else."""
+    rng, seen, runs = np.random.default_rng(31), [], needed_runs(0.95)
+    turn = np.linspace(0, 2 * np.pi, 180, endpoint=False)
+    at = np.concatenate([turn, turn[::-1]])
+    x, y, no = 100 * np.cos(at), 100 * np.sin(at), np.zeros(len(at), dtype=int)
+    for _ in range(runs):
+        u, v = rng.uniform(-0.03, 0.03, 2)
+        length = np.hypot(x - u, y - v) + 1e-3 * noise_um * rng.standard_normal(len(x))
+        data = tn.Ballbar(setup=no, x_mm=x, y_mm=y, length_mm=rounded(length, 1e-3))
+        seen.append(tn.diagnose(data))
+    assert kept(sum(d.verdict == "consistent" for d in seen), runs, 0.95)

@@ -15,6 +15,7 @@ from trunnion.base.resolution import (
     Floor,
     Grid,
     Repeats,
+    grown,
     growth,
     inflation,
 )
@@ -182,9 +183,9 @@ class Case:
 
     def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
-        drawn = self.rounding(f)
-        if drawn is None:
+        if self._drawn_about is None:
             return np.ones(self.dictionary.count)
+        drawn = self._left_of(self._drawn_about, f)
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))
@@ -199,10 +200,13 @@ class Case:
         if drawn is None:
             return None
         if id(f) not in self._residuals:
-            white = drawn - f.basis @ (f.basis.T @ drawn)
-            noise = self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof)
-            self._residuals[id(f)] = (f, white / np.sqrt(noise))
+            self._residuals[id(f)] = (f, self._left_of(drawn, f))
         return self._residuals[id(f)][1]
+
+    def _left_of(self, drawn: Floats, f: Fit) -> Floats:
+        """What a fit leaves of white errors in draws, in units of the noise of each (m, s)."""
+        white = drawn - f.basis @ (f.basis.T @ drawn)
+        return white / np.sqrt(self.floor.noise(np.einsum("ij,ij->j", white, white), f.dof))
 
     @property
     def dependent(self) -> list[Integers]:
@@ -243,19 +247,31 @@ class Case:
     def _drawn_anywhere(self) -> Floats | None:
         return self._errors_of_rounding(ANY_PLACE)
 
-    def _errors_of_rounding(self, spread: float = 0.0) -> Floats | None:
-        """Errors of rounding and noise of machines like the likely one, white, shape (m, s)."""
+    @cached_property
+    def _drawn_about(self) -> Floats | None:
+        return self._errors_of_rounding(about=True)
+
+    def _errors_of_rounding(self, spread: float = 0.0, *, about: bool = False) -> Floats | None:
+        """Errors of rounding and noise of machines like the likely one, white, shape (m, s).
+
+        ``about``: whether the place of these is as uncertain as rounding makes it. A smooth curve
+        of few steps rounds to arches whose places hang on that; a cause is judged at the place that
+        a fit with it has.
+        """
         if self.grid is None:
             return None
         of = self.plain if self.likely is None else self.likely
         used = np.zeros(len(of.residuals))
         used[self.rows] = of.residuals[self.rows]
-        variance = float(self.floor.noise(of.rss, of.dof))
+        covariance = of.covariance * float(self.floor.noise(of.rss, of.dof))
+        if about and (drawn := self._drawn_anywhere) is not None:
+            white = np.asarray(self.whiten(of.jacobian))[self.rows]
+            covariance = grown(covariance, of.covariance @ (white.T @ drawn))
         drawn = self.grid.draws(
             self.model.readings.values,
             of.residuals,
             of.jacobian,
-            of.covariance * variance,
+            covariance,
             self.grid.noise(used, of.dof, of.jacobian, weights_of(self.whiten)),
             spread,
         )
