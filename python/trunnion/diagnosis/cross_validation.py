@@ -14,6 +14,7 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import DEPENDENT
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Whiten
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
@@ -43,6 +44,16 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     errors = np.empty(len(rows))
     errors[order] = ordered
     return errors
+
+
+def better(model: Model, rows: Integers, whiten: Whiten, plain: Fit, f: Fit) -> bool:
+    """Whether a fit tells readings from others better than the plain one, all units together."""
+    index = units_of(model.readings)[1][rows]
+    before, after = (
+        np.bincount(index, cross_validated(model, rows, one, whiten) ** 2) for one in (plain, f)
+    )
+    known = before > 0
+    return bool(np.all(after == before) or np.mean(after[known] / before[known]) < 1)
 
 
 @dataclass

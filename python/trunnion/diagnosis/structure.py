@@ -12,6 +12,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.report import Result, Table, measured
 from trunnion.base.units import Floats, unit_of
 from trunnion.diagnosis.case import Case, Explanation
+from trunnion.diagnosis.cross_validation import better
 from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.formula import FormulaEffect
@@ -145,7 +146,8 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
 
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
     and so is structure that the data do not distinguish from the causes: it would take their place
-    (a drift by order of measurement, a backlash where the direction turns once).
+    (a drift by order of measurement, a backlash where the direction turns once), and with which
+    readings are told worse from others.
     """
     if not e.terms or kept.dependent:
         return kept, f, None
@@ -161,6 +163,8 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
     except DataError:
         return kept, f, None
     if found.rss >= f.rss or found.dof < 1 or not _distinguished(f, found):
+        return kept, f, None
+    if not better(model, kept.rows, kept.whiten, f, found):
         return kept, f, None
     return replace(kept, model=model), found, source
 
