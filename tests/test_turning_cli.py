@@ -52,6 +52,10 @@ def test_path(files: Path) -> None:
     assert "an arc: not measured" in said
     probe = Program.parse((files / "probe.ngc").read_text(), "linuxcnc-lathe")
     assert len(follow(probe)) > 4
+    words = {
+        word for line in (files / "probe.ngc").read_text().splitlines() for word in line.split()
+    }
+    assert {"M5", "G40", "G61"} <= words  # spindle, nose, exact path
     assert picture.stat().st_size > 10_000
     assert len(json.loads(run(*PATH, files / "part.ngc", "--json"))["intervals"]) == 2
 

@@ -180,9 +180,11 @@ def path(
     )
     linuxcnc = dialect == "linuxcnc-lathe"
     per_minute = ("G", 94) if linuxcnc else ("G", 98)
-    modes = [[("G", 7), ("G", 18), ("G", 21), ("G", 90)]] if linuxcnc else []
+    # No radius of a nose, and no corner that is rounded off: the ball would leave its path.
+    modes = [("G", 7), ("G", 18), ("G", 21), ("G", 40), ("G", 61), ("G", 90)]
+    safe: Blocks = [[("M", 5)], modes if linuxcnc else [("G", 40)]]
     plain = dialect == "paper-um"
-    head = [] if plain else [*modes, [per_minute]]
+    head = [] if plain else [*safe, [per_minute]]
     tail = [] if plain else [[("M", 2 if linuxcnc else 30)]]
     written = found.program(dialect, feed=probe_feed, head=head, tail=tail)
     shown: list[Any] = [found]
