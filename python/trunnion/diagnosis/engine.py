@@ -5,7 +5,8 @@ Algorithm
 1. The model is fitted without effects (:mod:`.fit`). What the readings do not identify is decided
    at the model's start and held there. The noise is taken from the residuals and made white; where
    readings are recorded in steps it has a floor (:mod:`trunnion.base.resolution`).
-2. Readings far out for the noise of the others are set aside (:mod:`.outliers`).
+2. Readings far out for the noise of the others are set aside (:mod:`.outliers`). Where a cause or
+   structure is found, those that are nearly so compete with it.
 3. Every candidate is linearised at the plain fit and judged after what the nuisance parameters can
    absorb; sets of causes are searched (:mod:`.selection`). The best set is demanded if the plain
    model is not about as good, or a test of all candidates together says so (:mod:`.alarms`).
@@ -18,9 +19,9 @@ Algorithm
 7. The named causes, every other set of causes that explains the readings about as well, and the
    cross-validated gain are reported (:mod:`.report`, :mod:`.cross_validation`).
 
-The levels add up to less than 5 %: causes 2 %, structure without a name 1 %, repeats 0.5 %,
-scatter against the stated noise 0.5 %. Outliers take no share for any noise with finite variance
-that the readings themselves show.
+The levels add up to 5 %: causes 2 %, structure without a name 1 %, repeats 0.5 %, scatter against
+the stated noise 0.5 %, outliers 1 % (on average over the tails of the noise; none to speak of for
+normal noise).
 
 Time and memory are linear in readings. Numbers do not depend on the count of threads.
 """

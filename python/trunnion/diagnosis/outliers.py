@@ -2,8 +2,8 @@
 
 Heavy tails are no outliers. A reading is one only if it is too far out for the tail that the other
 readings show: their noise is taken as Student's t, its degrees of freedom weighed by the
-likelihood of the other readings, and the count of readings that far out is compared with what
-such noise gives.
+likelihood of the other readings, and the gap between it and them is compared with the gaps that
+such noise leaves.
 """
 
 import numpy as np
