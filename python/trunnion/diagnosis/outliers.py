@@ -2,53 +2,49 @@
 
 Heavy tails are no outliers. A reading is one only if it is too far out for the tail that the other
 readings show: their noise is taken as Student's t, its degrees of freedom weighed by the
-likelihood of the other readings, and the count of readings that far out is compared with what
-such noise gives.
+likelihood of the other readings, and the gap between it and them is compared with the gaps that
+such noise leaves.
 """
 
 import numpy as np
 from scipy import special
 
 from trunnion.base.rows import at_hand
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 
 OUTLIER_LEVEL = 0.01
-GAP_LEVEL = 0.02
+SUSPECT_LEVEL = 0.05  # of readings that compete with a cause that is there already
 ALONE = 0.1  # readings as far out as this one that the others' noise may make, of all n
 FAR = 4.0  # times the noise that the others show
+MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
+SAME_SCALE = 0.02  # relative difference of scales of the noise that are taken for one
 CHECKED = 1e-6  # share of a reading that the others can check
 MAX_SHARE = 0.2  # more than a fifth of the readings are no outliers
 MAX_ASIDE = 200  # readings that are set aside one by one: each is a pass through all
 
-# Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails as heavy as ν = 2.5.
+# Degrees of freedom of the noise, evenly spread in 1/ν from normal to tails of ν = 2.5. The
+# heavier, the less likely beforehand, down to impossible where the variance is infinite.
 _NU = 1.0 / np.linspace(1e-3, 0.4, 12)
+_BEFORE = np.log(1.0 - 2.0 / _NU)
 _MAD = special.stdtrit(_NU, 0.75)  # median absolute deviation of each, per unit scale
 _NORM = special.gammaln((_NU + 1) / 2) - special.gammaln(_NU / 2) - 0.5 * np.log(_NU * np.pi)
 
 
-def robust_residuals(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
-    """Residuals, per leverage, of a fit that a few readings cannot bend, shape (n,).
+def robust_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
+    """Residuals of a fit that a few readings cannot bend, each per its own spread, shape (n,).
 
     Least absolute deviations by reweighting, then Tukey's bisquare (c = 4.685) from there with the
-    scale held at the median absolute deviation. ``basis``: orthonormal; ``floor``: least scale.
+    scale held at the median absolute deviation, then least squares of the readings that it uses.
+    Each residual is divided by the spread that noise of 1 gives it there: less than 1 where the
+    reading was used, more where it was not. ``basis``: orthonormal; ``floor``: least scale.
     """
     n, p = basis.shape
-
-    def fit(weights: Floats) -> Floats:
-        gram, right = np.zeros((p, p)), np.zeros(p)
-        for some in at_hand(n):
-            heavy = (basis[some] * weights[some, None]).T
-            gram += heavy @ basis[some]
-            right += heavy @ values[some]
-        solution = np.linalg.lstsq(gram, right, rcond=None)[0]
-        return np.asarray(values - basis @ solution)
-
-    r = fit(np.ones(n))
+    r = _moments(basis, values, np.ones(n))[2]
     for _ in range(25):
         scale = max(np.median(np.abs(r)) / 0.6745, floor)
         if scale <= 0:
             break
-        r_new = fit(1.0 / np.maximum(np.abs(r), 0.05 * scale))
+        r_new = _moments(basis, values, 1.0 / np.maximum(np.abs(r), 0.05 * scale))[2]
         done = np.max(np.abs(r_new - r)) < 0.02 * scale
         r = r_new
         if done:
@@ -57,59 +53,110 @@ def robust_residuals(basis: Floats, values: Floats, floor: float = 0.0) -> Float
     scale = max(np.median(np.sort(np.abs(r))[p:]) / 0.6745, floor)
     for _ in range(10):
         if scale <= 0:
-            return r
+            return np.abs(r)
         u = r / (4.685 * scale)
-        r_new = fit(np.where(np.abs(u) < 1, (1 - u * u) ** 2, 1e-9))
+        r_new = _moments(basis, values, np.where(np.abs(u) < 1, (1 - u * u) ** 2, 1e-9))[2]
         done = np.max(np.abs(r_new - r)) < 0.02 * scale
         r = r_new
         if done:
             break
-    return r
+    return _per_spread(basis, values, np.abs(r) < 4.685 * scale)
 
 
-def far_out(
-    r: Floats, leverage: Floats, floor: float = 0.0, level: float = OUTLIER_LEVEL
-) -> Integers:
+def snooped_sizes(basis: Floats, values: Floats, floor: float = 0.0) -> Floats:
+    """Residuals as `robust_sizes`, of the fit to what `one_by_one` leaves, shape (n,)."""
+    used = np.ones(len(values), dtype=bool)
+    used[one_by_one(basis, values, floor)] = False
+    return _per_spread(basis, values, used)
+
+
+def _moments(basis: Floats, values: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
+    """Normal equations of a weighted fit (p, p), (p,), and its residuals (n,)."""
+    n, p = basis.shape
+    gram, right = np.zeros((p, p)), np.zeros(p)
+    for some in at_hand(n):
+        heavy = (basis[some] * weights[some, None]).T
+        gram += heavy @ basis[some]
+        right += heavy @ values[some]
+    solution = np.linalg.lstsq(gram, right, rcond=None)[0]
+    return gram, right, np.asarray(values - basis @ solution)
+
+
+def _per_spread(basis: Floats, values: Floats, used: Flags) -> Floats:
+    """Residuals of the fit to some readings, of all, each over the spread that noise of 1 gives it.
+
+    A reading of which the others say nothing has none.
+    """
+    gram, right, _ = _moments(basis, values, used.astype(np.float64))
+    share, along = np.linalg.eigh(gram)
+    known = share > CHECKED
+    seen = along[:, known] / np.sqrt(share[known])
+    unseen = along[:, ~known]
+    size = np.zeros(len(values))
+    for some in at_hand(len(values)):
+        white = basis[some] @ seen
+        leverage = np.einsum("ij,ij->i", white, white)
+        checked = np.linalg.norm(basis[some] @ unseen, axis=1) ** 2 <= CHECKED
+        r = np.abs(values[some] - white @ (seen.T @ right))
+        free = np.where(used[some], np.maximum(1.0 - leverage, MIN_FREE), 1.0 + leverage)
+        size[some] = np.where(checked, r / np.sqrt(free), 0.0)
+    return size
+
+
+def far_out(size: Floats, dof: float, floor: float = 0.0, level: float = OUTLIER_LEVEL) -> Integers:
     """Find readings that are too far out for the noise of the others (indices).
 
-    ``r``: residuals of a robust fit, shape (n,); ``leverage``: diagonal of the hat matrix of the
-    fit, by which residuals of ordinary readings are shrunk; ``floor``: least noise of a reading.
+    ``size``: absolute residuals of a robust fit per their spread, shape (n,); ``dof``: degrees of
+    freedom of the fit; ``floor``: least noise of a reading.
+
+    The k largest are a group that stands off if noise of the others gives k readings beyond the
+    largest of the others, but hardly k beyond the least of the group. Tails themselves leave gaps
+    (Rényi): for a known noise this chance is evenly spread from 0 to 1 for each k. Groups of k are
+    tested at a share of 1/k² - 1/(k + 1)² of the level, which add up to it.
     """
-    n = len(r)
-    dof = n - float(leverage.sum())
-    size = np.abs(r) / np.sqrt(np.maximum(1.0 - leverage, 0.05))
+    n = len(size)
     order = np.argsort(-size)
     ordered = size[order]
-    most = min(int(MAX_SHARE * n), n - 5)
-    tried = max(most, 1)
-    for k in range(most, 0, -1):
-        x = ordered[k - 1]
-        # The tail itself leaves gaps: those of a tail of index 3 are exponential on a log scale
-        # (Rényi), and readings of one kind end without one.
-        if x <= 0 or (ordered[k] / x) ** (3.0 * k) > GAP_LEVEL:
-            continue
-        others = ordered[k:]
+    noise = _Noise(ordered, dof / n)
+    for k in range(min(int(MAX_SHARE * n), n - 5), 0, -1):
+        x, others = ordered[k - 1], ordered[k:]
         mad = 0.5 * (others[(len(others) - 1) // 2] + others[len(others) // 2])  # they are in order
         mad = max(mad, 0.6745 * floor)
         if mad <= 0 or x < 3.5 * mad / 0.6745:
             continue
         scale = mad / _MAD
-        t = others[:, None] / scale
-        bulk = (
-            len(others) * (_NORM - np.log(scale))
-            - ((_NU + 1) / 2 * np.log1p(t * t / _NU)).sum(axis=0)
-        ) * (dof / n)
-        # For the group: without outliers k readings of the same noise lie beyond the others, which
-        # speaks for heavy tails. For each alone: the noise that the others show.
-        beyond = (
-            k * np.log(np.maximum(2 * special.stdtr(_NU, -others[0] / scale), 1e-300)) * (dof / n)
-        )
-        tail = 2 * special.stdtr(_NU, -x / scale)
-        chance = _weights(bulk + beyond) @ special.bdtrc(k - 1, n, tail)
-        if chance < level / tried:
+        bulk = noise.likelihood(k, mad)
+        beyond, tail = _log_tail(others[0] / scale), _log_tail(x / scale)
+        chance = _weights(bulk + k * beyond * (dof / n)) @ np.exp(k * (tail - beyond))
+        if chance < level * (1.0 / k**2 - 1.0 / (k + 1) ** 2):
+            # each alone, for the noise that the others show
             alone = 2 * special.stdtr(_NU, -ordered[:k, None] / scale) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
+
+
+class _Noise:
+    """How likely each kind of noise makes all but the k largest of some readings."""
+
+    def __init__(self, ordered: Floats, share: float) -> None:
+        self.ordered = ordered
+        self.share = share  # of them, that are independent
+        self.mad = np.inf
+
+    def likelihood(self, k: int, mad: float) -> Floats:
+        """Logarithm of it with what was supposed beforehand; many sizes share a scale."""
+        if not abs(mad / self.mad - 1.0) < SAME_SCALE:
+            self.mad = mad
+            self.beyond = np.zeros((len(self.ordered) + 1, len(_NU)))
+            t = self.ordered[:, None] / (mad / _MAD)
+            np.cumsum((_NU + 1) / 2 * np.log1p(t * t / _NU), axis=0, out=self.beyond[1:])
+        density = (len(self.ordered) - k) * (_NORM - np.log(mad / _MAD))
+        return np.asarray(_BEFORE + self.share * (density - self.beyond[-1] + self.beyond[k]))
+
+
+def _log_tail(t: Floats) -> Floats:
+    """Logarithm of the chance of a reading at least so far out, of each noise."""
+    return np.asarray(np.log(np.maximum(2 * special.stdtr(_NU, -t), 1e-300)))
 
 
 def one_by_one(design: Floats, values: Floats, floor: float = 0.0) -> Integers:

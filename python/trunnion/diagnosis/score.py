@@ -31,10 +31,10 @@ def score(
     before = _anew(model, nuisance_before, {})
     after = _anew(model, nuisance_after, effects)
     p = sum(x.owner.of_setup for x in model.nuisance)
-    leverage = np.full(len(after), min(p / max(len(after), 1), 0.9))
+    free = max(1.0 - p / max(len(after), 1), 0.1)
     keep = np.ones(len(after), dtype=bool)
     if len(after) - p > 5:
-        keep[outliers.far_out(after, leverage)] = False
+        keep[outliers.far_out(np.abs(after) / np.sqrt(free), free * len(after))] = False
     units, index = units_of(model.readings)
     one, two = before[keep], after[keep]
     return Gain.of(one, two, one, two, units, index[keep])
