@@ -33,6 +33,7 @@ from trunnion.setup import Setup
 
 LEAST_NOISE = 1e-3  # µm, arcsec: no scale of an axis shows less
 SENSES = ((1.0, "forward"), (0.0, "at rest"), (-1.0, "backward"))
+MORE_DIGITS = "positions logged with more digits show smaller causes"
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
@@ -248,7 +249,7 @@ class AxisLogModel(Model):
             units += ["µm"] * len(TIP_COLUMNS)
         rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
         each = tuple(np.repeat(units, len(blocks)).tolist())
-        return Readings(np.concatenate(values), rows, each, least=LEAST_NOISE)
+        return Readings(np.concatenate(values), rows, each, hint=MORE_DIGITS, least=LEAST_NOISE)
 
     def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
         """Position and speed of each axis at the start of each run, and their columns, (n, p)."""

@@ -33,9 +33,10 @@ MIN_DISTINCT = 5  # positions in which a step is recognised
 MIN_TURNS = 0.2  # changes of the pace of rounded positions, a jump; places of a plan are even
 FINE = 1.0  # noise of samples, in steps of the actual positions, of which rounding is noise
 FINE_COMMAND = 3.0  # the same, of the commanded ones
-MIN_SHARE = 0.05  # of the variance of readings, that rounded commands make before they count
+MIN_SHARE = 0.01  # of the variance of readings, that rounded commands make before they count
 NOISES = (MIN_NOISE_STEPS, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 MAX_PACE = 2.5  # steps a sample, of an axis that goes up stairs
+MAX_ROUGH = 0.25  # noise, in steps, below which the size of errors changes with the position
 FEW_DRAWS = 8
 EXPECTED_DRAWS = 32
 GROWTH_DRAWS = 128
@@ -89,7 +90,8 @@ class Rounded:
         y = signal.deviation()
         q = basis_beside(y, channel)
         left = y - q @ (q.T @ y)
-        found = float(left @ left) / max(len(y) - q.shape[1], 1)
+        dof: int = max(len(y) - q.shape[1], 1)
+        found = float(left @ left) / dof
         free = cls(signal, actual, commanded, 0.0, np.zeros(len(y)))
         rng = np.random.default_rng(SEED)
         of_command = free.of_command(rng, FEW_DRAWS)
@@ -97,7 +99,7 @@ class Rounded:
 
         def variance(errors: Floats) -> float:
             white = errors - q @ (q.T @ errors)
-            return float(np.mean(np.sum(white**2, axis=0))) / max(len(y) - q.shape[1], 1)
+            return float(np.mean(np.sum(white**2, axis=0))) / dof
 
         sizes = top * np.array(NOISES)
         made = [
@@ -107,7 +109,7 @@ class Rounded:
         by_command = variance(of_command) > MIN_SHARE * found
         if noise >= MAX_SIMULATED_STEPS * actual and not by_command:
             return None
-        own = replace(free, commanded=commanded * by_command, noise=noise)
+        own = replace(free, commanded=commanded if by_command else 0.0, noise=noise)
         expected = own.of_actual(fitted, noise, rng, EXPECTED_DRAWS).mean(axis=1)
         return replace(own, expected=expected, growth=own._growth(fitted, q))
 
@@ -121,9 +123,9 @@ class Rounded:
         anywhere = fitted + shift * rng.uniform(-0.5, 0.5, GROWTH_DRAWS)
         errors = self.of_actual(anywhere, self.noise, rng, GROWTH_DRAWS)
         errors += self.of_command(rng, GROWTH_DRAWS)
-        white = rng.standard_normal(errors.shape) * np.sqrt(np.mean(errors**2))
-        along = (float(np.linalg.norm(basis.T @ some, ord=2)) for some in (errors, white))
-        return max((next(along) / max(next(along), TINY)) ** 2, 1.0)
+        white = float(np.sqrt(np.mean(errors**2))) * rng.standard_normal(errors.shape)
+        found, usual = (float(np.linalg.norm(basis.T @ some, ord=2)) for some in (errors, white))
+        return max((found / max(usual, TINY)) ** 2, 1.0)
 
     def of_actual(
         self, fitted: Floats, noise: float, rng: np.random.Generator, count: int
@@ -138,10 +140,9 @@ class Rounded:
             own = fitted[:, min(i, fitted.shape[1] - 1)]
             where = signal.predicted + signal.between(own) / signal.units.scale
             noisy = where + noise * rng.standard_normal(len(where))
-            read = noisy if step <= 0 else signal.actual + step * np.round(
-                (noisy - signal.actual) / step
-            )
-            out[:, i] = signal.mean(signal.units.scale * (read - where))
+            if step > 0:
+                noisy = signal.actual + step * np.round((noisy - signal.actual) / step)
+            out[:, i] = signal.mean(signal.units.scale * (noisy - where))
         return out
 
     def of_command(self, rng: np.random.Generator, count: int) -> Floats:
@@ -198,10 +199,8 @@ class LogSteps(Grid):
         """Return a channel with what is known of its rounding."""
         for axis in self.axes:
             if axis.signal.channel == number:
-                white = axis.commanded > 0
-                return replace(
-                    channel, rounding=axis.expected, growth=axis.growth, white=white
-                )
+                white = axis.commanded > 0 or axis.noise < MAX_ROUGH * axis.actual
+                return replace(channel, rounding=axis.expected, growth=axis.growth, white=white)
         return channel
 
     def noise(self, *_: object) -> float:
