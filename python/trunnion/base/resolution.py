@@ -16,6 +16,7 @@ t²/12 (GUM, F.2.2.1). Three things follow.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -139,8 +140,12 @@ class Grid:
         reading is rounded.
     known:
         Of several measurements, what each of them says of its own readings.
+    follows:
+        Whether the noise beside the rounding is known and rounding is to be simulated on what was
+        found, however the readings are made white.
     """
 
+    follows: ClassVar[bool] = False
     step: Floats
     label: Integers
     parts: Floats | None = None
@@ -328,12 +333,7 @@ class Grid:
             return None
         count = int(np.clip(MAX_DRAWN // len(values), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
-        free = np.flatnonzero(np.diag(covariance) > 0)
-        size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
-        root = axes * np.sqrt(np.maximum(size, 0.0))
-        off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
-        steps = off[scale > 0] / scale[scale > 0, None]
-        off *= max(1.0, spread / max(float(np.sqrt(np.mean(steps**2))), TINY))
+        off = machines(jacobian, covariance, scale, spread, count, rng)
         where = (values - residuals)[:, None] + off
         each = np.maximum(each, MIN_NOISE_STEPS * scale)
         noisy = where + each[:, None] * rng.standard_normal(where.shape)
@@ -343,6 +343,27 @@ class Grid:
             rounded += part[:, None] * np.round(part[:, None] * steps)
         off = np.where(self.step[:, None] > 0, values[:, None] + step * rounded, noisy) - where
         return np.asarray(off)
+
+
+def machines(
+    jacobian: Floats,
+    covariance: Floats,
+    scale: Floats,
+    spread: float,
+    count: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """How readings of machines like a fitted one differ from its own, shape (n, count).
+
+    ``scale``: step of each reading, 0: none, (n,); ``spread``: see :meth:`Grid.draws`.
+    """
+    free = np.flatnonzero(np.diag(covariance) > 0)
+    size, axes = np.linalg.eigh(covariance[np.ix_(free, free)])
+    root = axes * np.sqrt(np.maximum(size, 0.0))
+    off = jacobian[:, free] @ (root @ rng.standard_normal((len(free), count)))
+    steps = off[scale > 0] / scale[scale > 0, None]
+    off *= max(1.0, spread / max(float(np.sqrt(np.mean(steps**2))), TINY))
+    return np.asarray(off)
 
 
 class Repeats:

@@ -324,9 +324,12 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     Rounding is simulated on the machine without the weakest of its causes: is it one?
     """
     grid = case.grid
+    found = choice[1].fit
+    if grid is not None and grid.follows:
+        likely = _without_the_weakest(case, found, choice[2])
+        return replace(case, likely=likely, linearised=case.linearised, minor=set(), _residuals={})
     if grid is None or case.model.whitener(case.plain.residuals) is not identity:
         return None
-    found = choice[1].fit
     used = kept_rows(len(case.rows), choice[2])
     left = np.where(used, found.residuals, 0.0)
     weights = np.where(used, weights_of(case.whiten), 0.0)

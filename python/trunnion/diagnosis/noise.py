@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
+from trunnion.base.resolution import SEED
 from trunnion.base.units import Floats as Array
 from trunnion.base.units import Integers as IntArray
 from trunnion.diagnosis.autoregression import (
@@ -56,12 +57,29 @@ class Channel:
         Sets of columns, shape (places, n, k), of each of which one place may be.
     component:
         Its name among the model's components.
+    rounding:
+        What rounding makes of each reading for certain, shape (n,); None: nothing.
+    growth:
+        How many readings that depend on each other count as one.
+    white:
+        Whether its noise is taken as white, for nothing is known of its memory: ``growth`` counts.
     """
 
     rows: IntArray
     fixed: Array
     sought: tuple[Array, ...] = ()
     component: str = ""
+    rounding: Array | None = None
+    growth: float = 1.0
+    white: bool = False
+
+    def noisy(self, residuals: Array) -> Array:
+        """Residuals (n,) with white noise of the same size in place of what rounding makes."""
+        if self.rounding is None:
+            return residuals
+        size = float(np.sqrt(np.mean(self.rounding**2)))
+        white = np.random.default_rng(SEED).standard_normal(len(residuals))
+        return residuals - self.rounding + size * white
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +146,7 @@ def whitener(
 
     for channel in channels:
         least = float(np.max(every_least[channel.rows], initial=MIN_NOISE))
-        y, own_groups = residuals[channel.rows], groups[channel.rows]
+        y, own_groups = channel.noisy(residuals[channel.rows]), groups[channel.rows]
         segments = [np.flatnonzero(own_groups == g) for g in np.unique(groups)]
         segments = [s for s in segments if len(s)]
         q = _absorbed(y, channel, Autoregression(), segments)
@@ -136,12 +154,18 @@ def whitener(
         mark = ""
         if sum(float(x @ x) for x in series) < len(y) * least**2:
             noise = Autoregression(sizes=(least,))  # what is left is no evidence of a memory
+        elif channel.white:
+            size = sum(float(x @ x) for x in series) / max(len(y) - q.shape[1], 1)
+            noise = Autoregression(sizes=(size**0.5,))
         elif all_dependent:
             noise, mark = _long_run_noise(series, q.shape[1]), DEPENDENT
         else:
             noise, mark = _noise(y, q, channel, segments, unnamed)
         if mark:
             marked[mark] += range(len(filters), len(filters) + len(segments))
+        if channel.growth > 1.0:
+            sizes = tuple(channel.growth**0.5 * size for size in noise.sizes)
+            noise = Autoregression(noise.predictors, sizes)
         filters += [(channel.rows[s], noise) for s in segments]
     return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))
 
@@ -351,6 +375,11 @@ def _longer(cost: Callable[[Array], float], z: Array) -> Array:
     covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
     slope = 1.0 + np.tanh(z)
     return np.asarray(covariance @ slope / np.sqrt(slope @ covariance @ slope))
+
+
+def basis_beside(y: Array, channel: Channel) -> Array:
+    """Orthonormal basis of what need not be noise in readings y (n,) of a channel."""
+    return _absorbed(y, channel, Autoregression(), [np.arange(len(y))])
 
 
 def _absorbed(

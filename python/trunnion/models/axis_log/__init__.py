@@ -27,7 +27,8 @@ Where two effects look alike:
 
 :mod:`.inputs` has further columns of the log, :mod:`.signals` the readings and the servo model's
 responses, :mod:`.effects` the table of effects, :mod:`.columns` what its entries are made of,
-:mod:`.checks` what a log must be, :mod:`.model` what the engine asks.
+:mod:`.checks` what a log must be, :mod:`.steps` what rounded positions do, :mod:`.model` what the
+engine asks.
 """
 
 from trunnion.models.axis_log.model import AxisLogModel as AxisLogModel

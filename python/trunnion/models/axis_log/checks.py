@@ -5,18 +5,16 @@ from collections.abc import Iterable
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.recognition import recognised
-from trunnion.base.units import Floats
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
+from trunnion.models.axis_log.steps import step_of
 
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
 MAX_UNCOMMANDED = 0.2  # of the motion, that goes otherwise than commanded
 MIN_ERROR = 1.0  # following error from which on the reference is checked, µm or arcsec
 MAX_AGREEMENT = 1e-3  # of the following error that the servo model says
-MIN_DISTINCT = 5  # positions in which a step is recognised
 MAX_LEAD = 0.25  # time by which an axis may be ahead of its command, times the loop gain
 
 
@@ -76,7 +74,7 @@ def check_resolution(signal: AxisSignal) -> None:
     unit, name = signal.units.large, signal.letter.lower()
     error = float(np.std(signal.commanded - signal.actual))
     for what, values in (("act", signal.actual), ("cmd", signal.commanded)):
-        step = _step(values)
+        step = step_of(values)
         if step > error > 0.0 and len(np.unique(signal.commanded)) > 1:
             raise DataError(
                 f"axis log, {name}_{what}_{unit}: got positions in steps of {step:.3g} {unit}, "
@@ -87,7 +85,7 @@ def check_resolution(signal: AxisSignal) -> None:
 
 def _steps_said(signal: AxisSignal) -> str:
     """Return the other reason why a log says nothing of the servo: its positions are rounded."""
-    step, unit = _step(signal.actual), signal.units.large
+    step, unit = step_of(signal.actual), signal.units.large
     lag = float(np.std(signal.commanded - signal.actual))
     if step <= lag:
         return ""
@@ -96,16 +94,6 @@ def _steps_said(signal: AxisSignal) -> str:
         f"axis is away from its command ({lag:.2g} {unit}): gain, friction and backlash cannot be "
         "distinguished from it"
     )
-
-
-def _step(values: Floats) -> float:
-    """Step of positions; of a fixed count of digits, that of the largest ones."""
-    distinct = np.unique(values)
-    size = float(np.abs(distinct).max(initial=0.0))
-    if size <= 0.0:
-        return 0.0
-    largest = distinct[np.abs(distinct) >= 10.0 ** np.floor(np.log10(size))]
-    return max(recognised(distinct), recognised(largest) if len(largest) > MIN_DISTINCT else 0.0)
 
 
 def check_motion(signal: AxisSignal) -> None:

@@ -28,10 +28,12 @@ from trunnion.models.axis_log.effects import Located, catalogue, changed_servo, 
 from trunnion.models.axis_log.inputs import Inputs
 from trunnion.models.axis_log.near import Point, near
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
+from trunnion.models.axis_log.steps import LogSteps, Rounded, may_matter, without_steps
 from trunnion.setup import Setup
 
 LEAST_NOISE = 1e-3  # µm, arcsec: no scale of an axis shows less
 SENSES = ((1.0, "forward"), (0.0, "at rest"), (-1.0, "backward"))
+MORE_DIGITS = "positions logged with more digits show smaller causes"
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
 
 
@@ -175,6 +177,7 @@ class AxisLogModel(Model):
         check_loops(axes, self.servo)
         for axis in axes:
             check_axis(axis)
+        axes = tuple(map(without_steps, axes))
         if self._point is not None:
             axes = tuple(self._at(axis, self._point) for axis in axes)
         tip = ToolTip.of(log, self.setup) if self.has_tip else None
@@ -246,7 +249,7 @@ class AxisLogModel(Model):
             units += ["µm"] * len(TIP_COLUMNS)
         rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
         each = tuple(np.repeat(units, len(blocks)).tolist())
-        return Readings(np.concatenate(values), rows, each, least=LEAST_NOISE)
+        return Readings(np.concatenate(values), rows, each, hint=MORE_DIGITS, least=LEAST_NOISE)
 
     def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
         """Position and speed of each axis at the start of each run, and their columns, (n, p)."""
@@ -336,32 +339,44 @@ class AxisLogModel(Model):
         channels = self._noise_channels()
         return whitener(self, residuals, channels, self.groups, all_dependent=True)
 
+    @cached_property
+    def grid(self) -> LogSteps | None:
+        """Steps of the positions, where they matter."""
+        axes = [axis for axis in self._signals.axes if may_matter(axis)]
+        found = (Rounded.of(axis, self._noise_channel(axis.channel)) for axis in axes)
+        return LogSteps.of_axes(found, self._off.values)
+
     def _noise_channels(self) -> Iterator[Channel]:
-        """Each channel with the columns that in it are not noise: initial states and effects.
+        """Each channel; what rounding makes of one for certain is no noise with a memory."""
+        for i in range(len(self._channels)):
+            channel = self._noise_channel(i)
+            yield channel if self.grid is None else self.grid.on(channel, i)
+
+    def _noise_channel(self, i: int) -> Channel:
+        """Return a channel with the columns that in it are no noise: initial states and effects.
 
         Of an effect with a grid the middle, of a cyclic error every pitch.
         """
-        for i, name in enumerate(self._channels):
-            rows = self._blocks.rows(i)
-            fixed, sought = [self._design[rows]], []
-            for located in self._located:
-                if i not in located.channels:
-                    continue
-                effect = located.effect
-                linear = [j for j, p in enumerate(effect.parameters) if p.linear]
-                grids = [p.grid or (0.0,) for p in effect.parameters]
-                if not located.whole_grid:
-                    grids = [(g[len(g) // 2],) for g in grids]
-                places = [
-                    effect.columns(effect.values(map(float, place)))[rows][:, linear]
-                    for place in product(*grids)
-                ]
-                if len(places) == 1:
-                    fixed += places
-                else:
-                    sought.append(np.stack(places))
-            own = np.arange(rows.start, rows.stop)
-            yield Channel(own, np.concatenate(fixed, axis=1), tuple(sought), name)
+        rows = self._blocks.rows(i)
+        fixed, sought = [self._design[rows]], []
+        for located in self._located:
+            if i not in located.channels:
+                continue
+            effect = located.effect
+            linear = [j for j, p in enumerate(effect.parameters) if p.linear]
+            grids = [p.grid or (0.0,) for p in effect.parameters]
+            if not located.whole_grid:
+                grids = [(g[len(g) // 2],) for g in grids]
+            places = [
+                effect.columns(effect.values(map(float, place)))[rows][:, linear]
+                for place in product(*grids)
+            ]
+            if len(places) == 1:
+                fixed += places
+            else:
+                sought.append(np.stack(places))
+        own = np.arange(rows.start, rows.stop)
+        return Channel(own, np.concatenate(fixed, axis=1), tuple(sought), self._channels[i])
 
     def bind(self, data: AxisLog) -> "AxisLogModel":
         """Return the same model, with the same columns, on another log."""

@@ -78,6 +78,7 @@ class Blocks:
     size: Samples in a block; by default so many that the axes have `MAX_READINGS` at most.
 
     starts: First row of each block, shape (blocks,).
+    total: Count of rows.
     channel_of, run_of: Channel and run of each reading, shape (n,).
     groups: Runs; of a single run five blocks of time, shape (n,).
     """
@@ -92,6 +93,8 @@ class Blocks:
             slice(run.rows.start, run.rows.start + self.size * count)
             for run, count in zip(runs, counts, strict=True)
         ]
+        self._whole = [run.rows for run in runs]
+        self.total = sum(run.count for run in runs)
         self.starts: Integers = np.concatenate(
             [np.arange(rows.start, rows.stop, self.size) for rows in self._used]
         )
@@ -123,6 +126,16 @@ class Blocks:
         sums = np.concatenate([part @ ones for part in parts], axis=-1)
         return np.moveaxis(sums / self.size, -1, axis)
 
+    def between(self, values: Floats) -> Floats:
+        """By row of the log, what blocks of one channel are: linear between their middles."""
+        middles = self.starts + (self.size - 1) / 2
+        out, done = np.empty(self.total), 0
+        for rows, whole in zip(self._used, self._whole, strict=True):
+            some = slice(done, done + (rows.stop - rows.start) // self.size)
+            out[whole] = np.interp(np.arange(whole.start, whole.stop), middles[some], values[some])
+            done = some.stop
+        return out
+
     def mean_everywhere(self, values: Floats) -> Floats:
         """Means by row, the same for every channel, shape (n,)."""
         return np.tile(self.mean(values), self.channels)
@@ -147,6 +160,7 @@ class AxisSignal:
     runs, blocks: Of the log.
     starts: How far each run begins ahead of its first command, and its speed then, µm (arcsec) and
         µm/ms, shape (runs, 2); None: at rest.
+    command_step: Step that was taken off the commanded positions, mm or deg; 0: none.
     """
 
     letter: str
@@ -159,6 +173,7 @@ class AxisSignal:
     runs: tuple[Run, ...]
     blocks: Blocks
     starts: Floats | None = None
+    command_step: float = 0.0
 
     @property
     def units(self) -> Units:
@@ -316,6 +331,10 @@ class AxisSignal:
     def mean(self, values: Floats) -> Floats:
         """Means over blocks of values by row."""
         return self.blocks.mean(values)
+
+    def between(self, values: Floats) -> Floats:
+        """By row, what its readings are between the middles of their blocks, shape (rows,)."""
+        return self.blocks.between(values)
 
     def place(self, values: Floats) -> Floats:
         """Means of values by row in the place of its readings, (n, ...); zero for the others."""

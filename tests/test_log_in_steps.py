@@ -1,0 +1,98 @@
+"""Axis logs whose positions are rounded: rounding is no cause, and hides none of a usual size."""
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+import axis_log_twin as twin
+import trunnion as tn
+from promise import kept, needed_runs
+from trunnion import contouring as ct
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.models.axis_log import AxisLogModel
+from trunnion.models.kinds import diagnose
+from trunnion.setup import Artefact, Setup
+
+Floats = NDArray[np.float64]
+
+SETUP = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
+STEP = 0.005  # mm, deg
+AXES = {"z": (2, "mm"), "c": (4, "deg")}  # the slow ones: their errors of rounding are the slowest
+NOISES = (0.0, 0.03, 0.1, 0.3)  # in steps
+PROMISE = 0.95
+FEEDS = (9000 / 60, 18000 / 60)
+HIDDEN = ("none", "gain", "backlash", "loop_delay")
+
+
+@cache
+def commands() -> tuple[Floats, ...]:
+    return tuple(twin.commanded(feed) for feed in FEEDS)
+
+
+def moved(cases: twin.Cases) -> tuple[Floats, ...]:
+    return tuple(twin.actual(c, cases)[0] for c in commands())
+
+
+@cache
+def hidden(kind: str, letter: str) -> tuple[str | None, tuple[Floats, ...]]:
+    """Effect on an axis of several times the scatter of rounding, and the motion with it."""
+    cases, column = twin.Cases(1), AXES[letter][0]
+    match kind:
+        case "none":
+            return None, moved(cases)
+        case "backlash":
+            cases.backlash[0, column] = 2.0 * STEP
+        case "gain":
+            cases.gain[0, column] *= 1.3
+        case "loop_delay":
+            cases.delay[0, column] = 1.5e-3
+    return f"{kind}_{letter}", moved(cases)
+
+
+def log(
+    actual: tuple[Floats, ...], letters: str, noise: float, seed: int, *, of_command: bool
+) -> tn.AxisLog:
+    """Positions of some axes in steps, which lie anywhere; ``noise`` in steps."""
+    rng = np.random.default_rng(seed)
+    columns: dict[str, Floats] = {
+        "time_s": np.concatenate([np.arange(len(c)) * twin.PERIOD for c in commands()]),
+        "run": np.concatenate([np.full(len(c), i) for i, c in enumerate(commands())]),
+    }
+    for letter in letters:
+        (column, unit), step = AXES[letter], STEP
+        place = step * rng.uniform()
+        commanded = np.concatenate(commands())[:, column] + place
+        own = np.concatenate(actual)[:, column] + place
+        own = own + noise * step * rng.standard_normal(len(own))
+        columns[f"{letter}_act_{unit}"] = step * np.round(own / step)
+        if of_command:
+            commanded = step * np.round(commanded / step)
+        columns[f"{letter}_cmd_{unit}"] = commanded
+    return tn.AxisLog(**columns)
+
+
+def right(d: Diagnosis, truth: str | None) -> bool:
+    if truth is None:
+        return d.verdict == "consistent"
+    return any(truth == c.id or truth in c.aliases for c in d.causes) or any(
+        truth in names for names in d.alternatives
+    )
+
+
+def test_rounding_is_no_cause_and_hides_none() -> None:
+    runs, good = needed_runs(PROMISE), 0
+    for i in range(runs):
+        letter = "zc"[i // 4 % 2]
+        truth, actual = hidden(HIDDEN[i % 4], letter)
+        noise, of_command = NOISES[i // 8 % 4], i // 32 % 2 == 1
+        d = diagnose(log(actual, letter, noise, i, of_command=of_command), SETUP)
+        good += right(d, truth)
+    assert kept(good, runs, PROMISE)
+
+
+def test_steps_are_said_where_they_matter_and_change_nothing_where_not() -> None:
+    _, sound = hidden("none", "z")
+    coarse = diagnose(log(sound, "zc", 0.1, 1, of_command=False), SETUP)
+    assert any("recorded in steps of 5 µm, 18 arcsec" in note for note in coarse.notes)
+    assert AxisLogModel(log(sound, "zc", 0.7, 1, of_command=False), SETUP).grid is None
