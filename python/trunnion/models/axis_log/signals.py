@@ -219,8 +219,12 @@ class AxisSignal:
 
     def through_loop(self, disturbance: Floats) -> Floats:
         """What the closed loop makes of a disturbance of the command: linear, in its unit."""
-        plain = type(self.servo)(self.servo.gain_per_s, self.servo.time_constant_ms)
-        return np.asarray(self._follow([plain], "motor", self._fine(disturbance))[0])
+        return np.asarray(self._follow([self._linear], "motor", self._fine(disturbance))[0])
+
+    @cached_property
+    def _linear(self) -> Axis:
+        """The loop without friction, backlash and the like."""
+        return type(self.servo)(self.servo.gain_per_s, self.servo.time_constant_ms)
 
     @cached_property
     def _fine_commands(self) -> list[Floats]:

@@ -135,22 +135,22 @@ class Rounded:
         ``fitted``: what the readings would be without, (blocks, 1 or count).
         """
         signal, step = self.signal, self.actual
-        out = np.empty((len(fitted), count))
+        out = np.empty((len(signal.actual), count))
         for i in range(count):
             own = fitted[:, min(i, fitted.shape[1] - 1)]
             where = signal.predicted + signal.between(own) / signal.units.scale
             noisy = where + noise * rng.standard_normal(len(where))
             if step > 0:
                 noisy = signal.actual + step * np.round((noisy - signal.actual) / step)
-            out[:, i] = signal.mean(signal.units.scale * (noisy - where))
-        return out
+            out[:, i] = noisy - where
+        return signal.mean(signal.units.scale * out)
 
     def of_command(self, rng: np.random.Generator, count: int) -> Floats:
         """Errors of readings by rounded commands, wherever the steps lie: (blocks, count)."""
         signal, step = self.signal, self.commanded
-        out = np.zeros((len(signal.blocks), count))
         if step <= 0:
-            return out
+            return np.zeros((len(signal.blocks), count))
+        out = np.empty((len(signal.commanded), count))
         smooth = _smooth(signal.commanded, np.inf, signal.runs)
         # Of an axis that goes a step a sample or more these lie on steps: it is anywhere between.
         quick = np.abs(np.gradient(smooth)) >= step
@@ -158,8 +158,8 @@ class Rounded:
             true = smooth + step / 2 * quick * rng.uniform(-1.0, 1.0, len(smooth))
             read = place + step * np.round((true - place) / step)
             off = _smooth(read, step, signal.runs) - true
-            out[:, i] = -signal.mean(signal.units.scale * signal.through_loop(off))
-        return out
+            out[:, i] = -signal.through_loop(off)
+        return signal.mean(signal.units.scale * out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ class LogSteps(Grid):
         step, noise, scale = np.zeros(n), np.zeros(n), np.zeros(n)
         for axis in rounded:
             rows, units = axis.signal.rows, axis.signal.units
-            step[rows] = units.scale * max(axis.actual, axis.commanded)
+            step[rows] = float(f"{units.scale * max(axis.actual, axis.commanded):.6g}")
             noise[rows] = units.scale * axis.noise
             scale[rows] = step[rows]
         # White readings have a variance of 1, rounding included, and no cause takes any of it.
