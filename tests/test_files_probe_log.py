@@ -108,6 +108,42 @@ def test_a_last_line_that_was_cut_is_no_touch(plan: tn.Touches, tmp_path: Path) 
         tn.read_probe_log(path, plan)
 
 
+def test_a_last_line_that_was_cut_inside_its_last_number_is_no_touch(
+    plan: tn.Touches, tmp_path: Path
+) -> None:
+    path = tmp_path / "touches.log"
+    for left in (1, 4, 6):
+        path.write_text(run(plan) + ONE + TWO.rstrip()[:-left])
+        assert len(tn.read_probe_log(path, plan)) == 1
+    path.write_text(run(plan) + ONE + TWO.rstrip())
+    assert len(tn.read_probe_log(path, plan)) == 2
+
+
+@pytest.mark.parametrize(
+    ("now", "what"),
+    [
+        ("; G54 0 0 0 tool length 100.02", "tool length: got 100.02, expected 100"),
+        ("; G54 0 0.05 0 tool length 100", "work offset y: got 0.05, expected 0"),
+        ("; G55 0 0 0 tool length 100", "work offset wcs: got G55, expected G54"),
+    ],
+)
+def test_runs_of_one_measurement_have_one_frame(
+    now: str, what: str, plan: tn.Touches, tmp_path: Path
+) -> None:
+    """The tool was measured again, or the part set again, while the program was stopped."""
+    path = tmp_path / "touches.log"
+    state = "; G54 0 0 0 tool length 100"
+    changed = run(plan, 2).replace(state, now)
+    path.write_text(run(plan) + ONE + changed + TWO)
+    with pytest.raises(tn.FileFormatError, match=what) as error:
+        tn.read_probe_log(path, plan)
+    assert f"{path}:5:1: " in str(error.value)
+    path.write_text(run(plan) + ONE + run(plan, 2) + TWO)
+    assert len(tn.read_probe_log(path, plan)) == 2
+    path.write_text(run(plan) + ONE + run(plan).replace(state, now) + ONE + TWO)
+    assert len(tn.read_probe_log(path, plan)) == 2  # a measurement of its own
+
+
 def test_a_numbered_log_gives_the_touches_that_it_names(plan: tn.Touches, tmp_path: Path) -> None:
     path = tmp_path / "touches.log"
     path.write_text(run(plan) + TWO)

@@ -455,3 +455,24 @@ def test_a_ball_bar_in_whole_micrometres_is_consistent_on_a_sound_machine(noise_
         data = tn.Ballbar(setup=no, x_mm=x, y_mm=y, length_mm=rounded(length, 1e-3))
         seen.append(tn.diagnose(data))
     assert kept(sum(d.verdict == "consistent" for d in seen), runs, 0.95)
+
+
+@pytest.mark.parametrize("noise_um", [0.05, 0.1])
+def test_repeats_of_a_positioning_run_on_one_grid_leave_nothing_unexplained(
+    noise_um: float,
+) -> None:
+    """Five cycles in whole micrometres, with a reversal and a scale error: rounding repeats."""
+    once = np.linspace(0, 500, 11)
+    at, way = np.tile(np.r_[once, once[::-1]], 5), np.tile(np.repeat([1, -1], 11), 5)
+    rng, seen, runs = np.random.default_rng(37), [], needed_runs(0.95)
+    for _ in range(runs):
+        off = rng.uniform(2, 9) * (way > 0) + rng.uniform(-1e-2, 1e-2) * at
+        read = rounded(off + noise_um * rng.standard_normal(len(at)), 1.0)
+        data = tn.Positioning(
+            target_mm=at,
+            measured_mm=at + 1e-3 * read,
+            direction=way,
+            cycle=np.repeat(range(1, 6), 22),
+        )
+        seen.append(tn.diagnose(data))
+    assert kept(sum(d.unexplained is None for d in seen), runs, 0.95)

@@ -42,6 +42,12 @@ RUN_LINE = (
     r"from=(?P<first>\d{1,9})"
 )
 
+STATE_LINE = (
+    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)\s*"
+)
+"""What a run says of the control behind its first line."""
+SAME_FRAME_MM = 1e-4
+
 HASHED = frozenset(
     f"{prefix}{axis}{unit}"
     for prefix, axes, unit in (
@@ -98,7 +104,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     Raises
     ------
     FileFormatError
-        If a line is not as it should be, the log is of another plan, has no touch or more than
+        If a line is not as it should be, runs of one measurement had not the same work offset and
+        tool length, the log is of another plan, has no touch or more than
         were planned, a rotary position differs from the plan's by more than 0.001 deg, an axis
         that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one. The
         message names line and column.
@@ -202,13 +209,47 @@ class _Log:
 
         It has no end: the control was stopped while it wrote the line.
         """
-        fields = len(self.lines[last].split())
-        if last < len(self.lines) - 1 or fields >= len(NUMBERED):
+        fields = self.lines[last].split()
+        if last < len(self.lines) - 1 or len(fields) > len(NUMBERED):
             return ()
+        short = f"{len(fields)} of {len(NUMBERED)} fields"
+        if len(fields) == len(NUMBERED):
+            digits = [len(field.partition(".")[2]) for field in fields[-2:]]
+            if digits[0] <= digits[1]:
+                return ()
+            short = f"{digits[1]} of {digits[0]} decimals in its last field"
         return (
-            f"Line {last + 1} of {Path(self.name).name} is cut off ({fields} of {len(NUMBERED)} "
-            "fields, no end of line): its touch is left out.",
+            f"Line {last + 1} of {Path(self.name).name} is cut off ({short}, no end of line): its "
+            "touch is left out.",
         )
+
+    def check_frame(self, runs: Sequence[int], entries: Sequence[_Entry]) -> None:
+        """Check that runs of which touches are used had one work offset and tool length.
+
+        ``runs``: their first lines.
+        """
+        first: tuple[int, dict[str, str]] | None = None
+        for run in sorted({max(r for r in runs if r < entry.line) for entry in entries}):
+            line = min(run + 1, len(self.lines) - 1)
+            found = re.fullmatch(STATE_LINE, self.lines[line])
+            if found is None:
+                continue
+            state = found.groupdict()
+            if first is None:
+                first = line, state
+                continue
+            for name, value in state.items():
+                if not _alike(value, first[1][name]):
+                    what = "tool length" if name == "length" else f"work offset {name}"
+                    raise self.error(
+                        line,
+                        0,
+                        f"{what}: got {value}, expected {first[1][name]} as in line "
+                        f"{first[0] + 1}: the control was changed between two runs of one "
+                        "measurement, whose touches lie in two frames. Measure again from touch 1 "
+                        "with one work offset and tool length, or read a copy of the log without "
+                        "one of the runs",
+                    )
 
     def before(self, earlier: Sequence[tuple[int, int]], begin: int, count: int) -> tuple[str, ...]:
         """Say which measurements stand before the one that is used, and how to use them.
@@ -256,6 +297,12 @@ class _Log:
                 )
 
 
+def _alike(one: str, other: str) -> bool:
+    """Whether two words of a state, or two lengths, are the same."""
+    a, b = parse_number(one), parse_number(other)
+    return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
+
+
 def _in_another_unit(entries: Sequence[_Entry], planned: Floats) -> str:
     """Say that all touches are where they were planned if they are in inches; else nothing."""
     logged = np.array([entry.values[:3] for entry in entries])
@@ -287,10 +334,11 @@ def _numbered(
     """Return the touches of the last measurement in a log with numbers, and a note on others."""
     found: dict[int, _Entry] = {}
     earlier: list[tuple[int, int]] = []
-    begin = data[0]
+    begin, runs = data[0], list[int]()
     for i in data:
         text = log.lines[i].strip()
         if text.startswith(RUN):
+            runs.append(i)
             if _first_touch(log, i, text, plan) == 1:
                 earlier += [(begin, len(found))] if found else []
                 found, begin = {}, i
@@ -309,6 +357,7 @@ def _numbered(
         none = "got no touches, expected those of the plan"
         said = "; ".join((none, *log.before(earlier, begin, 0)))
         raise log.error(len(log.lines) - 1, 0, said)
+    log.check_frame(runs, list(found.values()))
     return list(found.values()), log.before(earlier, begin, len(found))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.resolution import Floor
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
 
@@ -18,6 +18,7 @@ BEYOND_DOUBT = 1e-7
 PERMUTATIONS = 299
 PERMUTATION_SEED = 1
 MAX_PERMUTED = 1 << 22  # numbers that are permuted at once
+TINY = 1e-300
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
 MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 
@@ -129,24 +130,42 @@ def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
         return None, np.inf
     labels = np.asarray(repeats)[case.rows]
     _, group = np.unique(labels[labels >= 0], return_inverse=True)
-    w = f.white[labels >= 0]
-    if not len(w):
+    if not len(group):
         return None, np.inf
     count = np.bincount(group)
-    mean = np.bincount(group, w) / count
-    dof_pure = int(len(w) - len(count))
-    pure = float(np.sum((w - mean[group]) ** 2))
-    pure = max(pure, dof_pure * case.floor.variance)
+    dof_pure = len(group) - len(count)
     dof_model = f.dof - dof_pure
-    if dof_pure <= 2 or dof_model <= 0 or pure <= 0:
+    if dof_pure <= 2 or dof_model <= 0:
         return None, np.inf
-    ratio = (f.rss - pure) / dof_model / (pure / dof_pure)
+    white = f.white[:, None]
+    pure = _pure(white, labels >= 0, group, case.floor.variance)
+    if pure[0] <= 0:
+        return None, np.inf
+    ratio = float((f.rss - pure[0]) / dof_model / (pure[0] / dof_pure))
+    drawn = case.rounding_about(f)
+    if drawn is not None:
+        # Errors of rounding are not those of noise: repeats share them, and means keep them.
+        alike = _pure(drawn, labels >= 0, group, 0.0)
+        made = (np.sum(drawn**2, axis=0) - alike) / dof_model / (alike / dof_pure)
+        ratio /= max(float(np.max(made)), 1.0)
     p = float(special.fdtrc(dof_model, dof_pure, max(ratio, 0.0)))
     if p >= REPEAT_LEVEL:
         return None, p / REPEAT_LEVEL
     note = (
-        f"repeats agree to {np.sqrt(pure / dof_pure):.3g}, but the model misses "
+        f"repeats agree to {np.sqrt(pure[0] / dof_pure):.3g}, but the model misses "
         f"their means by {np.sqrt(max(ratio, 0)):.2g} times that; no recorded "
         "quantity explains it"
     )
     return note, p / REPEAT_LEVEL
+
+
+def _pure(white: Floats, some: Flags, group: Integers, least: float) -> Floats:
+    """Sum of squares of repeats about their means, at least so much each: of columns, shape (s,).
+
+    ``white``: residuals (m, s); ``some``: which repeat others; ``group``: of each of these.
+    """
+    w = white[some]
+    count = np.bincount(group)
+    mean = np.array([np.bincount(group, column) for column in w.T]) / count
+    squares = np.sum((w - mean.T[group]) ** 2, axis=0)
+    return np.asarray(np.maximum(squares, (len(group) - len(count)) * max(least, TINY)))

@@ -183,9 +183,9 @@ class Case:
 
     def term_inflation(self, f: Fit) -> Floats:
         """How many times more each term of unexplained structure gains than by noise (t,)."""
-        if self._drawn_about is None:
+        drawn = self.rounding_about(f)
+        if drawn is None:
             return np.ones(self.dictionary.count)
-        drawn = self._left_of(self._drawn_about, f)
         d = self.dictionary
         rank = np.maximum(d.of_fit(f)[1], 1)
         return inflation(lambda r: d.gains(r, f.basis)[0], drawn, rank, d.chance(f))
@@ -202,6 +202,16 @@ class Case:
         if id(f) not in self._residuals:
             self._residuals[id(f)] = (f, self._left_of(drawn, f))
         return self._residuals[id(f)][1]
+
+    def rounding_about(self, f: Fit) -> Floats | None:
+        """As `rounding`, of machines like this fit, as uncertain in place as rounding makes it.
+
+        A smooth curve of few steps rounds to arches whose places hang on that.
+        """
+        if id(f) not in self._about:
+            drawn = self._errors_of_rounding(about=f)
+            self._about[id(f)] = f, None if drawn is None else self._left_of(drawn, f)
+        return self._about[id(f)][1]
 
     def _left_of(self, drawn: Floats, f: Fit) -> Floats:
         """What a fit leaves of white errors in draws, in units of the noise of each (m, s)."""
@@ -248,23 +258,23 @@ class Case:
         return self._errors_of_rounding(ANY_PLACE)
 
     @cached_property
-    def _drawn_about(self) -> Floats | None:
-        return self._errors_of_rounding(about=True)
+    def _about(self) -> dict[int, tuple[Fit, Floats | None]]:
+        return {}
 
-    def _errors_of_rounding(self, spread: float = 0.0, *, about: bool = False) -> Floats | None:
+    def _errors_of_rounding(
+        self, spread: float = 0.0, *, about: Fit | None = None
+    ) -> Floats | None:
         """Errors of rounding and noise of machines like the likely one, white, shape (m, s).
 
-        ``about``: whether the place of these is as uncertain as rounding makes it. A smooth curve
-        of few steps rounds to arches whose places hang on that; a cause is judged at the place that
-        a fit with it has.
+        ``about``: a fit that they are like instead, where rounding makes their place uncertain.
         """
         if self.grid is None:
             return None
-        of = self.plain if self.likely is None else self.likely
+        of = about or self.likely or self.plain
         used = np.zeros(len(of.residuals))
         used[self.rows] = of.residuals[self.rows]
         covariance = of.covariance * float(self.floor.noise(of.rss, of.dof))
-        if about and (drawn := self._drawn_anywhere) is not None:
+        if about is not None and (drawn := self._drawn_anywhere) is not None:
             white = np.asarray(self.whiten(of.jacobian))[self.rows]
             covariance = grown(covariance, of.covariance @ (white.T @ drawn))
         drawn = self.grid.draws(

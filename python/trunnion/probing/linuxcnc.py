@@ -54,6 +54,7 @@ def _header(cycle: Cycle) -> Iterator[str]:
         kinematics = f"TCP on for the approaches alone: {on}, {cycle.mode}"
     yield f"(state of the control: homed, {kinematics},)"
     yield "(no G92, no rotation of the work offset, spindle at rest)"
+    yield "(rotary axes count on behind a turn: no WRAPPED_ROTARY)"
     ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"(ranges in {control.wcs}: {ranges})"
     fast = fast_approaches([step.feed for step in cycle.steps], setup)
