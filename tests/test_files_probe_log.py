@@ -117,6 +117,10 @@ def test_a_last_line_that_was_cut_inside_its_last_number_is_no_touch(
         assert len(tn.read_probe_log(path, plan)) == 1
     path.write_text(run(plan) + ONE + TWO.rstrip())
     assert len(tn.read_probe_log(path, plan)) == 2
+    for head in ("trunnion-touches", "trunnion-touches 1 2.00 3 4 5 6.00 7"):
+        path.write_text(head)
+        with pytest.raises(tn.FileFormatError, match="first line of a run"):
+            tn.read_probe_log(path, plan)
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     log = _Log(name, lines)
     notes: tuple[str, ...] = ()
     if data and lines[data[0]].lstrip().startswith(RUN):
-        notes = log.cut(data[-1])
+        notes = log.cut(data[-1]) if len(data) > 1 else ()
         entries, before = _numbered(log, data[:-1] if notes else data, plan)
         notes = (*before, *notes)
     else:
