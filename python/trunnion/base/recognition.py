@@ -1,6 +1,7 @@
 """Steps that are recognised in recorded numbers: in which a control, a scale, a display counts."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -61,6 +62,7 @@ def unstated(
     gives (``off``), or where places of the plan lie on a coarser one (``planned``, 0: not known).
     """
     # Numbers are whole steps from 0, too: seen where all differ by what a plan has between places.
+    off = cache(off)
     found = ((recognised(v), one) for one in recorded for v in (one, np.append(one, 0.0)))
     for step, values in sorted(found, key=_first, reverse=True):
         if step <= COARSER * stated:

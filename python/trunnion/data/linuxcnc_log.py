@@ -46,7 +46,7 @@ STATE_LINE = (
     r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)\s*"
 )
 """What a run says of the control behind its first line."""
-SAME_FRAME_MM = 1e-4
+SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
 
 HASHED = frozenset(
     f"{prefix}{axis}{unit}"
@@ -95,8 +95,9 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     -------
     Touches
         The touches that are in the log, in their order: of a run that was stopped those before,
-        without one whose line in a numbered log is cut off, with fewer fields and no end of line,
-        which `recognised` says. Their places are the lines of the log, with the touch's number.
+        without one whose line in a numbered log is cut off, with fewer fields or decimals and no
+        end of line, which `recognised` says. Their places are the lines of the log, with the
+        touch's number.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last. `recognised` says which
         measurements stand before it.
@@ -105,10 +106,9 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     ------
     FileFormatError
         If a line is not as it should be, runs of one measurement had not the same work offset and
-        tool length, the log is of another plan, has no touch or more than
-        were planned, a rotary position differs from the plan's by more than 0.001 deg, an axis
-        that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one. The
-        message names line and column.
+        tool length, the log is of another plan, has no touch or more than were planned, a rotary
+        position differs from the plan's by more than 0.001 deg, an axis that the plan lacks is not
+        at 0, or a touch is more than 5 mm from the planned one. The message names line and column.
 
     Examples
     --------

@@ -10,6 +10,7 @@ from trunnion.base.resolution import Floor
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit
+from trunnion.diagnosis.outliers import MIN_FREE
 
 CAUSE_LEVEL = 0.02
 REPEAT_LEVEL = 0.005
@@ -20,7 +21,6 @@ PERMUTATION_SEED = 1
 MAX_PERMUTED = 1 << 22  # numbers that are permuted at once
 TINY = 1e-300
 MIN_LEFT = 1e-14  # of a sum of squares: rounding
-MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 
 
 @dataclass
@@ -141,13 +141,17 @@ def _against_repeats(case: Case, f: Fit) -> tuple[str | None, float]:
     pure = _pure(white, labels >= 0, group, case.floor.variance)
     if pure[0] <= 0:
         return None, np.inf
-    ratio = float((f.rss - pure[0]) / dof_model / (pure[0] / dof_pure))
+
+    def missed(rss: Floats | float, pure: Floats) -> Floats:
+        """Mean square of what the model misses of the means of repeats, over that of repeats."""
+        return np.asarray((rss - pure) / dof_model / (pure / dof_pure))
+
+    ratio = float(missed(f.rss, pure)[0])
     drawn = case.rounding_about(f)
     if drawn is not None:
         # Errors of rounding are not those of noise: repeats share them, and means keep them.
         alike = _pure(drawn, labels >= 0, group, 0.0)
-        made = (np.sum(drawn**2, axis=0) - alike) / dof_model / (alike / dof_pure)
-        ratio /= max(float(np.max(made)), 1.0)
+        ratio /= max(float(np.max(missed(np.sum(drawn**2, axis=0), alike))), 1.0)
     p = float(special.fdtrc(dof_model, dof_pure, max(ratio, 0.0)))
     if p >= REPEAT_LEVEL:
         return None, p / REPEAT_LEVEL

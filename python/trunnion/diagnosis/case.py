@@ -241,12 +241,13 @@ class Case:
         (p + k,).
         """
         if self.dependent:
-            jacobian = np.asarray(self.whiten(f.jacobian))[self.rows]
-            return growth_by_dependence(jacobian, f.white, f.covariance, variance, self.segments)
+            return growth_by_dependence(
+                self.white(f.jacobian), f.white, f.covariance, variance, self.segments
+            )
         drawn = self._drawn_anywhere
         if drawn is None:
             return np.ones(len(f.covariance))
-        off = f.covariance @ (np.asarray(self.whiten(f.jacobian))[self.rows].T @ drawn)
+        off = f.covariance @ (self.white(f.jacobian).T @ drawn)
         return growth(off, np.diag(f.covariance) * variance)
 
     @cached_property
@@ -275,8 +276,8 @@ class Case:
         used[self.rows] = of.residuals[self.rows]
         covariance = of.covariance * float(self.floor.noise(of.rss, of.dof))
         if about is not None and (drawn := self._drawn_anywhere) is not None:
-            white = np.asarray(self.whiten(of.jacobian))[self.rows]
-            covariance = grown(covariance, of.covariance @ (white.T @ drawn))
+            off = of.covariance @ (self.white(of.jacobian).T @ drawn)
+            covariance = grown(covariance, off)
         drawn = self.grid.draws(
             self.model.readings.values,
             of.residuals,
@@ -295,9 +296,9 @@ class Case:
         """Structure without a name, whitened."""
         return Dictionary(self.model, self.rows, self.whiten)
 
-    def white(self, column: Floats) -> Floats:
-        """Whiten a column of all readings and take those that are used."""
-        white = np.asarray(self.whiten(column))
+    def white(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...) of all readings and take those that are used."""
+        white = np.asarray(self.whiten(columns))
         return white if self.complete and len(white) >= MANY_ROWS else white[self.rows]
 
     def without(self, bad: Integers) -> "Case":

@@ -288,6 +288,12 @@ def _joined(parts: list[Floats]) -> Floats:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
+def _at_hand(width: int, rows: int) -> list[slice]:
+    """Some readings of so many columns at a time."""
+    most = max(MIN_ROWS, AT_HAND // max(width, 1))
+    return [slice(first, first + most) for first in range(0, rows, most)]
+
+
 def _orthonormal(
     x: Floats,
     gram: Floats,
@@ -307,9 +313,7 @@ def _orthonormal(
     taken = (x.reshape(-1, n) @ basis).reshape(b, k, -1)
     weights, of_basis, seen = orthonormal_weights(gram, taken, least)
     out = shelf.room(len(of_basis), kind)
-    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
-    for first in range(0, n, most):
-        some = slice(first, first + most)
+    for some in _at_hand(b * k, n):
         of_x = (weights @ x[:, :, some])[seen]
         np.subtract(of_x, of_basis @ basis[some].T, out=out[:, some])
     return np.asarray(seen.sum(axis=1))
@@ -325,8 +329,7 @@ def _orthonormal_of_many(
 ) -> Integers:
     """Return the same of many rows: some of all parts together at a time, and never all."""
     b, k, n = len(gram), gram.shape[1], len(basis)
-    most = max(MIN_ROWS, AT_HAND // max(b * k, 1))
-    steps = [slice(first, first + most) for first in range(0, n, most)]
+    steps = _at_hand(b * k, n)
     taken = np.zeros((b * k, basis.shape[1]))
     for some in steps:
         taken += _joined([x[:, :, some] for x in parts]).reshape(b * k, -1) @ basis[some]

@@ -47,7 +47,7 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
 
 
 def better(model: Model, rows: Integers, whiten: Whiten, plain: Fit, f: Fit) -> bool:
-    """Whether a fit tells readings from others better than the plain one, all units together."""
+    """Whether a fit predicts readings from others better than the plain one, all units together."""
     index = units_of(model.readings)[1][rows]
     before, after = (
         np.bincount(index, cross_validated(model, rows, one, whiten) ** 2) for one in (plain, f)

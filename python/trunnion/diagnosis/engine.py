@@ -68,7 +68,6 @@ SAME_DIRECTION_COSINE = 0.999
 MIN_DOF = 5  # degrees of freedom from which outliers can be found
 FAR_SIGMAS = 4.0
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
-MIN_FREE = 0.05  # of a reading that the fit leaves free, for residuals per leverage
 TINY = 1e-300
 WORSE = "sets of causes that fit better by the noise leave a larger rms than the plain model"
 
@@ -327,7 +326,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     found = choice[1].fit
     if grid is not None and grid.follows:
         likely = _without_the_weakest(case, found, choice[2])
-        return replace(case, likely=likely, linearised=case.linearised, minor=set(), _residuals={})
+        return replace(case, likely=likely, minor=set(), _residuals={})
     if grid is None or case.model.whitener(case.plain.residuals) is not identity:
         return None
     used = kept_rows(len(case.rows), choice[2])
@@ -478,7 +477,7 @@ def _still_out(case: Case, e: Explanation, bad: Integers) -> Integers:
 def _far_out(case: Case, f: Fit, level: float = out.OUTLIER_LEVEL) -> Integers:
     """Find readings far out under a fit (indices into the readings it used)."""
     leverage = np.einsum("ij,ij->i", f.basis, f.basis)
-    size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, MIN_FREE))
+    size = np.abs(f.white) / np.sqrt(np.maximum(1 - leverage, out.MIN_FREE))
     least = _least(case)
     typical = max(np.median(size) / 0.6745, least)
     if f.dof < MIN_DOF or typical <= 0 or size.max() < FAR_SIGMAS * typical:

@@ -147,7 +147,7 @@ def with_structure(kept: Case, e: Explanation, f: Fit) -> tuple[Case, Fit, Formu
     ``kept``: without the outliers. Beside a model that is not complete structure is stated only,
     and so is structure that the data do not distinguish from the causes: it would take their place
     (a drift by order of measurement, a backlash where the direction turns once), and with which
-    readings are told worse from others.
+    readings are predicted worse from others.
     """
     if not e.terms or kept.dependent:
         return kept, f, None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import Literal
 
@@ -16,7 +15,7 @@ from trunnion.base.resolution import ANY_PLACE, grown
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import PLACEMENT
-from trunnion.probing.mistakes import likely_mistakes, mistakes_named
+from trunnion.probing.estimated import estimated
 from trunnion.probing.model import (
     TouchModel,
     grid_of,
@@ -24,9 +23,7 @@ from trunnion.probing.model import (
     readings_um,
     rounding_um,
     steps_um,
-    with_recognised_step,
 )
-from trunnion.probing.once import of_each_once
 from trunnion.probing.result import ClosedFormResult, PerPosition
 from trunnion.probing.scatter import scatter_um
 from trunnion.setup import Setup
@@ -94,21 +91,8 @@ def closed_form(
     >>> round(tn.closed_form(touches, setup, method="separating")["EX0C"], 2)
     14.95
     """
-    choose("method", method, ("printed", "separating"))
-    return of_each_once(data, partial(_with_notes, setup=setup, method=method))
-
-
-def _with_notes(data: Touches, setup: Setup, method: str) -> ClosedFormResult:
-    """Solve, with the step of the readings where it is recognised, and name likely mistakes."""
-    is_printed = method == "printed"
-    with mistakes_named(data, setup):
-        result = _solved(data, setup, method, is_printed=is_printed)
-        left = result.residuals_um, result.degrees_of_freedom
-        if recognised := with_recognised_step(setup, data, *left):
-            known, said = recognised
-            result = _solved(data, known, method, is_printed=is_printed)
-            result = replace(result, notes=(*result.notes, said))
-    return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
+    is_printed = choose("method", method, ("printed", "separating")) == "printed"
+    return estimated(data, setup, partial(_solved, method=method, is_printed=is_printed))
 
 
 def _solved(data: Touches, setup: Setup, method: str, *, is_printed: bool) -> ClosedFormResult:

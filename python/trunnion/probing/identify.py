@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal
@@ -23,8 +23,9 @@ from trunnion.machine.budget import Source, of_readings
 from trunnion.machine.effects import PLACEMENT, Effect, Moving, UserEffect, split_effects
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.machine.stated import Stated, contradiction
+from trunnion.probing.estimated import estimated
 from trunnion.probing.inputs import certificate, inputs_of
-from trunnion.probing.mistakes import likely_mistakes, mistakes_named
+from trunnion.probing.mistakes import likely_mistakes
 from trunnion.probing.model import (
     TouchModel,
     grid_of,
@@ -32,9 +33,7 @@ from trunnion.probing.model import (
     readings_um,
     rounding_um,
     steps_um,
-    with_recognised_step,
 )
-from trunnion.probing.once import of_each_once
 from trunnion.probing.own_effects import Found, Loss, TouchProblem, own_names
 from trunnion.probing.result import IdentificationResult, lack_of_fit
 from trunnion.probing.scatter import scatter_um
@@ -108,21 +107,7 @@ def identify(
         raise UnknownNameError(f"loss: got {loss!r}, expected 'squares' or 'huber'")
     effects = tuple(effects.effects) if isinstance(effects, Estimate) else effects
     fit = partial(_identified, effects=effects, loss=loss, priors=priors or {}, max_steps=max_steps)
-    return of_each_once(data, partial(_with_notes, setup=setup, fit=fit))
-
-
-def _with_notes(
-    data: Touches, setup: Setup, fit: Callable[[Touches, Setup], IdentificationResult]
-) -> IdentificationResult:
-    """Fit, with the step of the readings where it is recognised, and name likely mistakes."""
-    with mistakes_named(data, setup):
-        result = fit(data, setup)
-        left = result.residuals_um, result.degrees_of_freedom
-        if recognised := with_recognised_step(setup, data, *left):
-            known, said = recognised
-            result = fit(data, known)
-            result = replace(result, notes=(*result.notes, said))
-    return replace(result, notes=(*likely_mistakes(result, data, setup), *result.notes))
+    return estimated(data, setup, fit)
 
 
 def mistakes_in(model: TouchModel, data: Touches, moves: Moves) -> tuple[str, ...]:

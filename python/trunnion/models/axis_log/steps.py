@@ -8,7 +8,7 @@ commanded ones through the loop that the servo model puts them through.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -176,7 +176,7 @@ class LogSteps(Grid):
 
     follows: ClassVar[bool] = True
     axes: tuple[Rounded, ...] = ()
-    off: Floats | None = None
+    off: Floats = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of_axes(cls, axes: Iterable[Rounded | None], off: Floats) -> "LogSteps | None":
@@ -216,8 +216,10 @@ class LogSteps(Grid):
         noise: float,  # noqa: ARG002
         spread: float = 0.0,
     ) -> Floats | None:
-        """Errors of noise and rounding of machines like a fitted one: see the base class."""
-        assert self.off is not None
+        """Errors of noise and rounding of machines like a fitted one: see the base class.
+
+        ``noise``: what the base class is given; that of each axis is known.
+        """
         samples = sum(len(axis.signal.actual) for axis in self.axes)
         count = int(np.clip(MAX_DRAWN // max(samples, len(values)), MIN_DRAWS, MAX_DRAWS))
         rng = np.random.default_rng(SEED)
