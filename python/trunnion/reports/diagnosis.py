@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
@@ -11,6 +12,7 @@ from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.contributions import bias_table
 from trunnion.diagnosis.records import percent
 from trunnion.diagnosis.result import Diagnosis
+from trunnion.diagnosis.selection import WITHIN
 from trunnion.files.table import Table as DataTable
 from trunnion.plot.diagnosis import (
     alternatives_picture,
@@ -26,7 +28,7 @@ from trunnion.plot.ranking import contributions_picture
 from trunnion.plot.style import capital
 from trunnion.reports.advice import known_of, outliers_of, to_do
 from trunnion.reports.budget import budget_section, held_by_u
-from trunnion.reports.causes import Found
+from trunnion.reports.causes import SURE, Found
 from trunnion.reports.document import Document, Group, Item, Mark, Points, Section
 from trunnion.reports.hover import hovered
 from trunnion.reports.results import figures_table, location_errors
@@ -246,7 +248,10 @@ def _alternatives(found: Found) -> list[Item]:
     note = (
         "Of sets that fit as well the one with fewer causes is the more probable: beforehand, a "
         "further cause is taken for unlikely. The probability of a cause, above, is the sum over "
-        "all sets that hold it, those that are not listed, too."
+        "all sets that hold it, those that are not listed, too. A cause is certain if its "
+        f"probability is above {percent(SURE)} and every set holds it that fits, after the "
+        f"penalty for its causes, at least one {math.exp(WITHIN / 2):.0f}th as well as the best "
+        "(ratio of likelihoods); otherwise it is in doubt."
     )
     return [picture, Table.of("Sets of causes", heads, rows), note]
 
