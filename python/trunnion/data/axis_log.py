@@ -37,22 +37,24 @@ class AxisLog(Table):
     choice = "x_cmd_mm, x_act_mm or those of another axis"
 
     time_s = Time("time of the sample, rising within a run")
-    x_cmd_mm = OptionalNumber("commanded X")
-    x_act_mm = OptionalNumber("actual X")
-    y_cmd_mm = OptionalNumber("commanded Y")
-    y_act_mm = OptionalNumber("actual Y")
-    z_cmd_mm = OptionalNumber("commanded Z")
-    z_act_mm = OptionalNumber("actual Z")
-    a_cmd_deg = OptionalNumber("commanded A")
-    a_act_deg = OptionalNumber("actual A")
-    b_cmd_deg = OptionalNumber("commanded B")
-    b_act_deg = OptionalNumber("actual B")
-    c_cmd_deg = OptionalNumber("commanded C")
-    c_act_deg = OptionalNumber("actual C")
+    x_cmd_mm = OptionalNumber("commanded X", commanded=True)
+    x_act_mm = OptionalNumber("actual X", observed=True)
+    y_cmd_mm = OptionalNumber("commanded Y", commanded=True)
+    y_act_mm = OptionalNumber("actual Y", observed=True)
+    z_cmd_mm = OptionalNumber("commanded Z", commanded=True)
+    z_act_mm = OptionalNumber("actual Z", observed=True)
+    a_cmd_deg = OptionalNumber("commanded A", commanded=True)
+    a_act_deg = OptionalNumber("actual A", observed=True)
+    b_cmd_deg = OptionalNumber("commanded B", commanded=True)
+    b_act_deg = OptionalNumber("actual B", observed=True)
+    c_cmd_deg = OptionalNumber("commanded C", commanded=True)
+    c_act_deg = OptionalNumber("actual C", observed=True)
     run = OptionalLabel("which run of the program; rows of one run follow each other")
-    tip_x_mm = OptionalNumber("actual X of the tool point, measured in the frame of the table")
-    tip_y_mm = OptionalNumber("actual Y of the tool point")
-    tip_z_mm = OptionalNumber("actual Z of the tool point")
+    tip_x_mm = OptionalNumber(
+        "actual X of the tool point, measured in the frame of the table", observed=True
+    )
+    tip_y_mm = OptionalNumber("actual Y of the tool point", observed=True)
+    tip_z_mm = OptionalNumber("actual Z of the tool point", observed=True)
 
     @property
     def axes(self) -> tuple[str, ...]:

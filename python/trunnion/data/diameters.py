@@ -34,8 +34,8 @@ class Diameters(Table):
     in_order = False
     clock = "pass"
 
-    z_mm = Number("position along the part, from the chuck face outward")
-    error_um = Number("measured minus nominal diameter")
+    z_mm = Number("position along the part, from the chuck face outward", commanded=True)
+    error_um = Number("measured minus nominal diameter", observed=True)
     pass_ = OptionalLabel("which pass of the tool")
     time_s = OptionalNumber("cutting time within the pass")
     feed_sign = OptionalInteger("direction of feed, -1 towards the chuck", among=(-1, 1))

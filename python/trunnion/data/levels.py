@@ -51,11 +51,11 @@ class Levels(Table):
 
     choice = "position_mm or x_mm, y_mm; along_um_m, across_um_m or both"
 
-    position_mm = OptionalNumber("place along a line")
-    x_mm = OptionalNumber("place on a grid")
-    y_mm = OptionalNumber("place on a grid")
-    along_um_m = OptionalNumber("slope along the line, or in x")
-    across_um_m = OptionalNumber("slope across the line, or in y")
+    position_mm = OptionalNumber("place along a line", commanded=True)
+    x_mm = OptionalNumber("place on a grid", commanded=True)
+    y_mm = OptionalNumber("place on a grid", commanded=True)
+    along_um_m = OptionalNumber("slope along the line, or in x", observed=True)
+    across_um_m = OptionalNumber("slope across the line, or in y", observed=True)
     turn_deg = OptionalNumber("0, or 180: the instrument turned about the vertical", among=(0, 180))
     time_s = OptionalTime("time since the start")
 

@@ -24,12 +24,12 @@ class Points(Table):
     Points(2 rows: nominal_x_mm, nominal_y_mm, x_mm, y_mm)
     """
 
-    nominal_x_mm = Number("programmed X")
-    nominal_y_mm = Number("programmed Y")
-    nominal_z_mm = OptionalNumber("programmed Z")
-    x_mm = Number("measured X")
-    y_mm = Number("measured Y")
-    z_mm = OptionalNumber("measured Z")
+    nominal_x_mm = Number("programmed X", commanded=True)
+    nominal_y_mm = Number("programmed Y", commanded=True)
+    nominal_z_mm = OptionalNumber("programmed Z", commanded=True)
+    x_mm = Number("measured X", observed=True)
+    y_mm = Number("measured Y", observed=True)
+    z_mm = OptionalNumber("measured Z", observed=True)
     time_s = OptionalTime("time since the start, of making or approaching the point")
     group = OptionalLabel("set-up of the part on the instrument, one rigid placement each")
 

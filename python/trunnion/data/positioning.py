@@ -1,10 +1,12 @@
 """Positioning of an axis by ISO 230-2: ``positioning.csv``, one row a stop."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
@@ -48,10 +50,10 @@ class Positioning(Table):
 
     choice = "target_mm, measured_mm, or target_deg, measured_deg"
 
-    target_mm = OptionalNumber("target position of a linear axis")
-    measured_mm = OptionalNumber("measured position of a linear axis")
-    target_deg = OptionalNumber("target position of a rotary axis")
-    measured_deg = OptionalNumber("measured position of a rotary axis")
+    target_mm = OptionalNumber("target position of a linear axis", commanded=True)
+    measured_mm = OptionalNumber("measured position of a linear axis", observed=True)
+    target_deg = OptionalNumber("target position of a rotary axis", commanded=True)
+    measured_deg = OptionalNumber("measured position of a rotary axis", observed=True)
     direction = Integer("sense of approach", among=(-1, 1))
     cycle = Integer("number of the cycle, from 1", minimum=1)
     axis = OptionalLabel("letter of the axis; one axis a table")
@@ -99,6 +101,13 @@ class Positioning(Table):
         """Distinct targets in ascending order, (m,), and the number of each row's, (n,)."""
         distinct, index = np.unique(self.target, return_inverse=True)
         return distinct, index.reshape(-1).astype(np.intp)
+
+    @property
+    def readings(self) -> Mapping[str, NDArray[Any]]:
+        """Measured positions, those of further instruments too, by column name."""
+        others = (f"{name}_{self._suffix}" for name in self.instruments)
+        more = {name: self.columns[name] for name in others}
+        return MappingProxyType({**super().readings, **more})
 
     def instrument(self, name: str) -> "Positioning":
         """Return the same stops as another instrument measured them."""

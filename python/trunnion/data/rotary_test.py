@@ -36,17 +36,21 @@ class RotaryTest(Table):
 
     choice = "those of a_deg, b_deg, c_deg whose axes the machine has"
 
-    a_deg = OptionalNumber("commanded position of the A axis, deg")
-    b_deg = OptionalNumber("commanded position of the B axis, deg")
-    c_deg = OptionalNumber("commanded position of the C axis, deg")
-    x_mm = Number("commanded position of the X axis")
-    y_mm = Number("commanded position of the Y axis")
-    z_mm = Number("commanded position of the Z axis")
+    a_deg = OptionalNumber("commanded position of the A axis, deg", commanded=True)
+    b_deg = OptionalNumber("commanded position of the B axis, deg", commanded=True)
+    c_deg = OptionalNumber("commanded position of the C axis, deg", commanded=True)
+    x_mm = Number("commanded position of the X axis", commanded=True)
+    y_mm = Number("commanded position of the Y axis", commanded=True)
+    z_mm = Number("commanded position of the Z axis", commanded=True)
     ball = OptionalLabel("which place of the ball on the table; one place without it")
-    dx_um = OptionalNumber("R-test: centre of the ball minus that of the sensors, machine's X")
-    dy_um = OptionalNumber("R-test: the same along the machine's Y")
-    dz_um = OptionalNumber("R-test: the same along the machine's Z")
-    length_mm = OptionalNumber("ball-bar: distance of ball and tool's point", positive=True)
+    dx_um = OptionalNumber(
+        "R-test: centre of the ball minus that of the sensors, machine's X", observed=True
+    )
+    dy_um = OptionalNumber("R-test: the same along the machine's Y", observed=True)
+    dz_um = OptionalNumber("R-test: the same along the machine's Z", observed=True)
+    length_mm = OptionalNumber(
+        "ball-bar: distance of ball and tool's point", positive=True, observed=True
+    )
     time_s = OptionalTime("time since the start")
 
     @property

@@ -26,11 +26,11 @@ class Sweep(Table):
     Sweep(12 rows: angle_deg, target, x_mm, y_mm, z_mm)
     """
 
-    angle_deg = Number("commanded position of the axis")
+    angle_deg = Number("commanded position of the axis", commanded=True)
     target = Label("which target, fixed to the axis")
-    x_mm = Number("measured X, instrument frame")
-    y_mm = Number("measured Y, instrument frame")
-    z_mm = Number("measured Z, instrument frame")
+    x_mm = Number("measured X, instrument frame", observed=True)
+    y_mm = Number("measured Y, instrument frame", observed=True)
+    z_mm = Number("measured Z, instrument frame", observed=True)
     time_s = OptionalTime("time since the start")
 
     @property

@@ -43,12 +43,12 @@ class Touches(Table):
 
     choice = "those of a_deg, b_deg, c_deg whose axes the machine has"
 
-    a_deg = OptionalNumber("commanded position of the A axis, deg")
-    b_deg = OptionalNumber("commanded position of the B axis, deg")
-    c_deg = OptionalNumber("commanded position of the C axis, deg")
-    x_mm = Number("recorded X of the ball centre at the trigger, machine frame")
-    y_mm = Number("recorded Y of the ball centre at the trigger, machine frame")
-    z_mm = Number("recorded Z of the ball centre at the trigger, machine frame")
+    a_deg = OptionalNumber("commanded position of the A axis, deg", commanded=True)
+    b_deg = OptionalNumber("commanded position of the B axis, deg", commanded=True)
+    c_deg = OptionalNumber("commanded position of the C axis, deg", commanded=True)
+    x_mm = Number("recorded X of the ball centre at the trigger, machine frame", observed=True)
+    y_mm = Number("recorded Y of the ball centre at the trigger, machine frame", observed=True)
+    z_mm = Number("recorded Z of the ball centre at the trigger, machine frame", observed=True)
     dir_x = Number("X component of the unit approach direction, machine frame")
     dir_y = Number("Y component of the unit approach direction, machine frame")
     dir_z = Number("Z component of the unit approach direction, machine frame")
@@ -59,9 +59,9 @@ class Touches(Table):
     a_dir = OptionalInteger("sense of A's last turn before the touch, 0 = none", among=(-1, 0, 1))
     b_dir = OptionalInteger("sense of B's last turn before the touch, 0 = none", among=(-1, 0, 1))
     c_dir = OptionalInteger("sense of C's last turn before the touch, 0 = none", among=(-1, 0, 1))
-    start_x_mm = OptionalNumber("X of the ball centre at the start of the approach")
-    start_y_mm = OptionalNumber("Y of the ball centre at the start of the approach")
-    start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach")
+    start_x_mm = OptionalNumber("X of the ball centre at the start of the approach", commanded=True)
+    start_y_mm = OptionalNumber("Y of the ball centre at the start of the approach", commanded=True)
+    start_z_mm = OptionalNumber("Z of the ball centre at the start of the approach", commanded=True)
 
     @property
     def position_mm(self) -> Floats:

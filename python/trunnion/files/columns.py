@@ -73,6 +73,8 @@ class Column(Generic[T]):
 
     required: ClassVar[bool] = True
     name: str
+    observed: bool = False  # a reading, what the measurement was made for
+    commanded: bool = False  # a position that readings were to be taken at
 
     def __init__(self, meaning: str) -> None:
         self.meaning = meaning
@@ -103,7 +105,10 @@ class Column(Generic[T]):
 
 
 class _Numeric(Column[T]):
-    """Finite numbers, optionally restricted: above 0, from a minimum on, or to some values."""
+    """Finite numbers, optionally restricted: above 0, from a minimum on, or to some values.
+
+    A column is ``observed``, ``commanded``, or neither: a time, a feed, a temperature.
+    """
 
     expected_type: ClassVar[str] = "a finite number"
 
@@ -114,8 +119,12 @@ class _Numeric(Column[T]):
         positive: bool = False,
         minimum: float | None = None,
         among: Sequence[float] | None = None,
+        observed: bool = False,
+        commanded: bool = False,
     ) -> None:
         super().__init__(meaning)
+        self.observed = observed
+        self.commanded = commanded
         self.positive = positive
         self.minimum = minimum
         self.among = among

@@ -4,10 +4,12 @@ A kind of data is a subclass of `Table` whose class attributes are its columns; 
 that says what the column holds and checks it, and gives the array back as an attribute::
 
     class Diameters(Table):
-        z_mm = Number("from the chuck face outward")
+        z_mm = Number("from the chuck face outward", commanded=True)
+        error_um = Number("measured minus nominal diameter", observed=True)
         time_s = OptionalNumber("cutting time within the pass")
 
-The same checks, with the same words, serve the constructor and the file reader.
+`Table.readings` and `Table.set_positions` follow from these declarations. The same checks, with the
+same words, serve the constructor and the file reader.
 """
 
 import html
@@ -266,6 +268,20 @@ class Table(Saved):
         return MappingProxyType(
             {name: values for name, values in self._columns.items() if name not in self.kinds}
         )
+
+    @property
+    def readings(self) -> Mapping[str, NDArray[Any]]:
+        """The columns that were observed, by name; in a plan of touches what is expected there."""
+        return self._declared("observed")
+
+    @property
+    def set_positions(self) -> Mapping[str, NDArray[Any]]:
+        """The columns with commanded, nominal or target positions, by name."""
+        return self._declared("commanded")
+
+    def _declared(self, role: str) -> Mapping[str, NDArray[Any]]:
+        names = (name for name, kind in self.kinds.items() if getattr(kind, role))
+        return MappingProxyType({n: self._columns[n] for n in names if n in self._columns})
 
     def __len__(self) -> int:
         return len(next(iter(self._columns.values()), ()))
