@@ -225,3 +225,86 @@ def test_the_log_of_another_plan_is_refused(plan: tn.Touches, tmp_path: Path) ->
         tn.read_probe_log(path, other)
     plan.to_csv(tmp_path / "plan.csv")
     assert len(tn.read_probe_log(path, tn.read_touches(tmp_path / "plan.csv"))) == 1
+
+
+def other(plan: tn.Touches) -> tuple[tn.Touches, str]:
+    """Another plan, and a run of it with one touch more than `plan` has."""
+    longer = tn.Touches(
+        **{name: np.r_[column, column[:1]] for name, column in plan.columns.items()}
+    )
+    lines = "".join(f"{n} 600.000000 1 2 3 0.000000 0.000000 9.000000\n" for n in (1, 2, 3))
+    return longer, run(longer).replace("plan=plan", "plan=other") + lines
+
+
+def test_several_plans_in_one_log(plan: tn.Touches, tmp_path: Path) -> None:
+    """Runs of the plan are read, also those that went on behind another plan's; others are named."""
+    path = tmp_path / "touches.log"
+    longer, theirs = other(plan)
+    path.write_text(theirs + run(plan) + ONE + theirs + run(plan, 2) + TWO + theirs[:-20])
+    touches = tn.read_probe_log(path, plan)
+    assert touches.x_mm.tolist() == [37.500012, 50.9987]
+    assert touches.origin is not None
+    assert [touches.origin.line[i] for i in range(2)] == [8, 16]
+    assert touches.recognised is not None
+    (note,) = touches.recognised.notes
+    named = tn.probing_program(longer, tn.Setup(tn.Artefact("cross"))).plan_hash
+    assert note == (f"touches.log also has 3 runs of plan other, hash {named} (line 1): not read.")
+
+
+def test_a_log_without_the_plan_names_those_it_has(plan: tn.Touches, tmp_path: Path) -> None:
+    path = tmp_path / "touches.log"
+    _, theirs = other(plan)
+    path.write_text("a line of another program\n" + theirs + run(plan) + ONE)
+    another = plan.with_columns(x_mm=np.asarray(plan.x_mm) + 0.01)
+    with pytest.raises(tn.FileFormatError) as error:
+        tn.read_probe_log(path, another)
+    said = str(error.value)
+    assert said.startswith(f"{path}:2:2: got the log of plan other, hash ")
+    assert "(line 2); plan plan, hash " in said
+    assert "(line 7), expected that of this plan, hash " in said
+
+
+def test_lines_before_the_first_run(plan: tn.Touches, tmp_path: Path) -> None:
+    """Those of other programs are skipped and counted; touches without their run are refused."""
+    path = tmp_path / "touches.log"
+    path.write_text("probe 12.5 3\n\nwarm-up done, 20 min\n" + run(plan) + ONE + TWO)
+    read = tn.read_probe_log(path, plan)
+    assert len(read) == 2
+    assert read.recognised is not None
+    assert read.recognised.notes == (
+        "2 lines (1 to 3) of touches.log before its first run are of no probing program: skipped.",
+    )
+    with pytest.raises(tn.FileFormatError, match=r":4:1: got the log of a probing program"):
+        tn.read(path)
+    path.write_text("warm-up\n" + ONE + run(plan, 2) + TWO)
+    with pytest.raises(tn.FileFormatError, match=r":2:1: got a touch before the first line"):
+        tn.read_probe_log(path, plan)
+
+
+def test_a_line_that_was_cut_before_the_next_run(plan: tn.Touches, tmp_path: Path) -> None:
+    """The control lost its power while it wrote touch 2; the next run appends to that line."""
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan) + ONE + TWO[:30] + run(plan, 2) + TWO)
+    read = tn.read_probe_log(path, plan)
+    assert read.x_mm.tolist() == [37.500012, 50.9987]
+    assert read.recognised is not None
+    (note,) = read.recognised.notes
+    assert note.startswith("Line 4 of touches.log begins with one that was cut off")
+    path.write_text(run(plan) + ONE + TWO + run(plan).split("\n")[0][:-9])
+    assert len(tn.read_probe_log(path, plan)) == 2
+
+
+def test_one_plan_with_and_without_tool_centre_point_control(tmp_path: Path) -> None:
+    """The last run of the plan says what its touches are."""
+    from trunnion.data.linuxcnc_log import probe_log_of
+    from trunnion.probing.on_table import is_table_log, on_table
+
+    setup = tn.Setup(tn.Artefact("sphere", diameter_mm=25.0, centre_mm=(30.0, 0.0, 60.0)))
+    plan = tn.plan(setup)
+    table = on_table(plan, setup)
+    plain, held = probe_log_of(plan, plan, "p"), probe_log_of(table, table, "p")
+    path = tmp_path / "touches.log"
+    for text, expected in ((plain + held, True), (held + plain, False), (held, True)):
+        path.write_text(text)
+        assert is_table_log(path, plan, setup) is expected
+    assert len(tn.read_table_log(path, plan, setup)) == len(plan)

@@ -2,7 +2,8 @@
 
 Programs of :func:`trunnion.probing_program` append one line a touch: its number, the feed it was
 recorded at, and X Y Z A B C. A line in front of each run names the plan by a hash of its columns,
-so that a log of another plan is refused and a run that was stopped can be gone on with.
+so that one log may have runs of several plans, a log without any of the plan is refused, and a run
+that was stopped can be gone on with.
 
 Earlier programs wrote, between ``(PROBEOPEN file)`` and ``(PROBECLOSE)``, LinuxCNC's own lines:
 nine numbers ``X Y Z A B C U V W`` with six decimals, in the order of the program. LinuxCNC leaves a
@@ -18,36 +19,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 
 from trunnion.base.arguments import checked
-from trunnion.base.errors import FileFormatError
 from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
+from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import LARGEST, LEAST, parse_number
+from trunnion.files.columns import LARGEST, LEAST
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
-NUMBERED = ("touch", "feed", *"XYZABC")
-COUNTS = {8: "eight", 9: "nine"}
-
-RUN = "trunnion-touches"
-"""How the first line of a run begins."""
-RUN_LINE = (
-    rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ "
-    r"from=(?P<first>\d{1,9})"
-)
-
-STATE_LINE = (
-    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)\s*"
-)
-"""What a run says of the control behind its first line."""
-SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
-
 HASHED = frozenset(
     f"{prefix}{axis}{unit}"
     for prefix, axes, unit in (
@@ -67,9 +51,11 @@ DISTANCE_MM = 5.0
 
 def refuse_probe_log(source: Source) -> None:
     """Raise FileFormatError for a log of a probing program, which is no data without its plan."""
-    if source.lines[0].startswith(RUN):
+    lines = enumerate(source.lines)
+    first = next((i for i, line in lines if line.lstrip().startswith(RUN)), None)
+    if first is not None:
         raise source.error(
-            0,
+            first,
             0,
             "got the log of a probing program, expected the touches that are made of it and its "
             f"plan (tn.read_probe_log; trunnion touches PLAN {source.name} SETUP -o measured.csv)",
@@ -100,15 +86,17 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         touch's number.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
         with it; a touch that was made again counts as it was made last. `recognised` says which
-        measurements stand before it.
+        measurements stand before it, which other plans the log has runs of, and which lines before
+        the first run are of none.
 
     Raises
     ------
     FileFormatError
         If a line is not as it should be, runs of one measurement had not the same work offset and
-        tool length, the log is of another plan, has no touch or more than were planned, a rotary
-        position differs from the plan's by more than 0.001 deg, an axis that the plan lacks is not
-        at 0, or a touch is more than 5 mm from the planned one. The message names line and column.
+        tool length, a touch stands before the first run, the log has no run of the plan, no touch
+        or more than were planned, a rotary position differs from the plan's by more than 0.001 deg,
+        an axis that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one.
+        The message names line and column.
 
     Examples
     --------
@@ -120,17 +108,13 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     array([26.002])
     """
     name = str(path)
-    lines = decode(name, file_bytes(path)).split("\n")
-    data = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#;"]
-    log = _Log(name, lines)
+    log = Log(name, decode(name, file_bytes(path)).split("\n"))
     notes: tuple[str, ...] = ()
-    if data and lines[data[0]].lstrip().startswith(RUN):
-        notes = log.cut(data[-1]) if len(data) > 1 else ()
-        entries, before = _numbered(log, data[:-1] if notes else data, plan)
-        notes = (*before, *notes)
+    if log.heads:
+        entries, notes = _numbered(log, plan)
     else:
-        entries = _in_order(log, data, plan)
-    log.check(entries, plan)
+        entries = _in_order(log, plan)
+    _check(log, entries, plan)
     rows = np.array([entry.row for entry in entries], dtype=np.intp)
     logged = np.array([entry.values for entry in entries])
     x_mm, y_mm, z_mm = logged[:, :3].T
@@ -142,10 +126,10 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     return made.read_from(name, [entry.line + 1 for entry in entries], taken, rows + 1)
 
 
-def logged_hash(path: str | PathLike[str]) -> str | None:
-    """Hash of the plan that the first run of a log names; None without such a line."""
-    found = re.search(RUN_LINE, decode(str(path), file_bytes(path)))
-    return found["hash"] if found else None
+def logged_hashes(path: str | PathLike[str]) -> list[str]:
+    """Hash of the plan of each run in a log."""
+    text = decode(str(path), file_bytes(path))
+    return [found["hash"] for found in re.finditer(RUN_LINE, text)]
 
 
 def probe_log_of(plan: Touches, measured: Touches, name: str) -> str:
@@ -175,132 +159,34 @@ class _Entry:
     feed: float | None
 
 
-@dataclass(frozen=True)
-class _Log:
-    """The lines of a log, and its errors."""
-
-    name: str
-    lines: list[str]
-
-    def error(self, line: int, field: int, message: str) -> FileFormatError:
-        """Return the error at a field of a line, both counted from 0."""
-        at = _starts(self.lines[line]) or [0]
-        column = at[min(field, len(at) - 1)] + 1
-        return FileFormatError(f"{self.name}:{line + 1}:{column}: {message}")
-
-    def numbers(self, line: int, names: Sequence[str]) -> list[float]:
-        """Return the numbers of a line."""
-        fields = self.lines[line].split()
-        if len(fields) != len(names):
-            many = f"{COUNTS[len(names)]} numbers: {' '.join(names)}"
-            last = min(len(fields), len(names)) - 1
-            raise self.error(line, last, f"got {len(fields)} fields, expected {many}")
-        values = []
-        for column, field in enumerate(fields):
-            value = parse_number(field)
-            if value is None or not np.isfinite(value):
-                message = f"{names[column]}: got {field[:60]!r}, expected a finite number"
-                raise self.error(line, column, message)
-            values.append(value)
-        return values
-
-    def cut(self, last: int) -> tuple[str, ...]:
-        """Say that the last line, whose number is given, is cut off; nothing if it is whole.
-
-        It has no end: the control was stopped while it wrote the line.
-        """
-        fields = self.lines[last].split()
-        if last < len(self.lines) - 1 or len(fields) > len(NUMBERED):
-            return ()
-        short = f"{len(fields)} of {len(NUMBERED)} fields"
-        if len(fields) == len(NUMBERED):
-            digits = [len(field.partition(".")[2]) for field in fields[-2:]]
-            if digits[0] <= digits[1]:
-                return ()
-            short = f"{digits[1]} of {digits[0]} decimals in its last field"
-        return (
-            f"Line {last + 1} of {Path(self.name).name} is cut off ({short}, no end of line): its "
-            "touch is left out.",
-        )
-
-    def check_frame(self, runs: Sequence[int], entries: Sequence[_Entry]) -> None:
-        """Check that runs of which touches are used had one work offset and tool length.
-
-        ``runs``: their first lines.
-        """
-        first: tuple[int, dict[str, str]] | None = None
-        for run in sorted({max(r for r in runs if r < entry.line) for entry in entries}):
-            line = min(run + 1, len(self.lines) - 1)
-            found = re.fullmatch(STATE_LINE, self.lines[line])
-            if found is None:
-                continue
-            state = found.groupdict()
-            if first is None:
-                first = line, state
-                continue
-            for name, value in state.items():
-                if not _alike(value, first[1][name]):
-                    what = "tool length" if name == "length" else f"work offset {name}"
-                    raise self.error(
-                        line,
-                        0,
-                        f"{what}: got {value}, expected {first[1][name]} as in line "
-                        f"{first[0] + 1}: the control was changed between two runs of one "
-                        "measurement, whose touches lie in two frames. Measure again from touch 1 "
-                        "with one work offset and tool length, or read a copy of the log without "
-                        "one of the runs",
-                    )
-
-    def before(self, earlier: Sequence[tuple[int, int]], begin: int, count: int) -> tuple[str, ...]:
-        """Say which measurements stand before the one that is used, and how to use them.
-
-        earlier: Of each the line it begins with and how many touches it has.
-        begin, count: The same of the one that is used.
-        """
-        if not earlier:
-            return ()
-        others = ", ".join(f"{n} {_touches(n)} from line {line + 1} on" for line, n in earlier)
-        return (
-            f"{Path(self.name).name} has {len(earlier) + 1} measurements (a run from touch 1 "
-            f"begins a new one): the last is used, {count} {_touches(count)} from line {begin + 1} "
-            f"on; not used: {others}. To use one of those, read a copy of the log that ends with "
-            "it.",
-        )
-
-    def check(self, entries: Sequence[_Entry], plan: Touches) -> None:
-        """Check where the touches are."""
-        planned = _planned_joints(plan)
-        for entry in entries:
-            logged, expected = np.array(entry.values), planned[entry.row]
-            first = 2 if entry.feed is not None else 0
-            bad = np.abs(logged - expected) > ROTARY_TOLERANCE_DEG
-            bad[:3] = False
-            for column in np.flatnonzero(bad)[:1].tolist():
-                letter = NAMES[column]
-                there = letter.lower() in plan.rotary_deg
-                why = "as planned" if there else f"as the plan has no {letter} axis"
-                raise self.error(
-                    entry.line,
-                    first + column,
-                    f"{letter} (touch {entry.row + 1}): got {logged[column]:.6f}, expected "
-                    f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}",
-                )
-            distance = float(np.linalg.norm(logged[:3] - expected[:3]))
-            if distance > DISTANCE_MM:
-                x, y, z = expected[:3].tolist()
-                raise self.error(
-                    entry.line,
-                    first,
-                    f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
-                    f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
-                    f"{_in_another_unit(entries, planned)}",
-                )
-
-
-def _alike(one: str, other: str) -> bool:
-    """Whether two words of a state, or two lengths, are the same."""
-    a, b = parse_number(one), parse_number(other)
-    return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
+def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
+    """Check where the touches are."""
+    planned = _planned_joints(plan)
+    for entry in entries:
+        logged, expected = np.array(entry.values), planned[entry.row]
+        first = 2 if entry.feed is not None else 0
+        bad = np.abs(logged - expected) > ROTARY_TOLERANCE_DEG
+        bad[:3] = False
+        for column in np.flatnonzero(bad)[:1].tolist():
+            letter = NAMES[column]
+            there = letter.lower() in plan.rotary_deg
+            why = "as planned" if there else f"as the plan has no {letter} axis"
+            raise log.error(
+                entry.line,
+                first + column,
+                f"{letter} (touch {entry.row + 1}): got {logged[column]:.6f}, expected "
+                f"{expected[column]:.6f} (to {ROTARY_TOLERANCE_DEG:g}), {why}",
+            )
+        distance = float(np.linalg.norm(logged[:3] - expected[:3]))
+        if distance > DISTANCE_MM:
+            x, y, z = expected[:3].tolist()
+            raise log.error(
+                entry.line,
+                first,
+                f"X (touch {entry.row + 1}): got a touch {distance:.3f} mm from the planned "
+                f"one, expected at most {DISTANCE_MM:g} mm from ({x:.3f}, {y:.3f}, {z:.3f})"
+                f"{_in_another_unit(entries, planned)}",
+            )
 
 
 def _in_another_unit(entries: Sequence[_Entry], planned: Floats) -> str:
@@ -313,8 +199,9 @@ def _in_another_unit(entries: Sequence[_Entry], planned: Floats) -> str:
     return ""
 
 
-def _in_order(log: _Log, data: Sequence[int], plan: Touches) -> list[_Entry]:
+def _in_order(log: Log, plan: Touches) -> list[_Entry]:
     """Return the touches of a log of PROBEOPEN, the first of which are the plan's first."""
+    data = log.filled
     entries = [_Entry(i, row, log.numbers(i, NAMES), None) for row, i in enumerate(data)]
     if len(data) > len(plan):
         why = f"got {len(data)} touches, expected {len(plan)}, one for each touch of the plan"
@@ -328,58 +215,61 @@ def _touches(count: int) -> str:
     return "touch" if count == 1 else "touches"
 
 
-def _numbered(
-    log: _Log, data: Sequence[int], plan: Touches
-) -> tuple[list[_Entry], tuple[str, ...]]:
-    """Return the touches of the last measurement in a log with numbers, and a note on others."""
+def _numbered(log: Log, plan: Touches) -> tuple[list[_Entry], tuple[str, ...]]:
+    """Return the touches of the last measurement of a plan, and notes on what else there is."""
+    runs, skipped = log.runs()
+    ours, others = log.of_plan(runs, plan_hash(plan))
+    last = runs[-1].touches[-1:]
+    cut = log.cut(last[0]) if last and ours[-1] is runs[-1] else ()
     found: dict[int, _Entry] = {}
     earlier: list[tuple[int, int]] = []
-    begin, runs = data[0], list[int]()
-    for i in data:
-        text = log.lines[i].strip()
-        if text.startswith(RUN):
-            runs.append(i)
-            if _first_touch(log, i, text, plan) == 1:
-                earlier += [(begin, len(found))] if found else []
-                found, begin = {}, i
-            continue
-        number, feed, *values = log.numbers(i, NUMBERED)
-        if number != int(number) or not 1 <= number <= len(plan):
-            message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
-            raise log.error(i, 0, message)
-        if not LEAST <= feed <= LARGEST["mm/min"]:
-            allowed = f"a number from {LEAST:g} to {LARGEST['mm/min']:g}"
-            raise log.error(i, 1, f"feed: got {feed:g}, expected {allowed}")
-        row = int(number) - 1
-        found.pop(row, None)
-        found[row] = _Entry(i, row, [*values, 0.0, 0.0, 0.0], feed)
+    begin = ours[0].line
+    for run in ours:
+        if run.first == 1:
+            earlier += [(begin, len(found))] if found else []
+            found, begin = {}, run.line
+        for i in run.touches:
+            if not (cut and i == last[0]):
+                entry = _entry(log, i, plan)
+                found.pop(entry.row, None)
+                found[entry.row] = entry
+    before = _before(log, earlier, begin, len(found))
     if not found:
         none = "got no touches, expected those of the plan"
-        said = "; ".join((none, *log.before(earlier, begin, 0)))
-        raise log.error(len(log.lines) - 1, 0, said)
-    log.check_frame(runs, list(found.values()))
-    return list(found.values()), log.before(earlier, begin, len(found))
+        raise log.error(len(log.lines) - 1, 0, "; ".join((none, *before)))
+    lines = {entry.line for entry in found.values()}
+    log.check_frame(run for run in ours if not lines.isdisjoint(run.touches))
+    return list(found.values()), (*skipped, *others, *before, *cut)
 
 
-def _first_touch(log: _Log, line: int, text: str, plan: Touches) -> int:
-    """Return the touch that a run began with, once it is known to be of this plan."""
-    match = re.fullmatch(RUN_LINE, text)
-    if match is None:
-        raise log.error(
-            line, 0, f"got {text[:60]!r}, expected the first line of a run: {RUN} 1 ..."
-        )
-    if match["hash"] != plan_hash(plan):
-        message = (
-            f"got the log of plan {match['plan']}, hash {match['hash']}, expected that of this "
-            f"plan, hash {plan_hash(plan)}: is it another plan, or was it changed since its "
-            "program was written?"
-        )
+def _entry(log: Log, line: int, plan: Touches) -> _Entry:
+    """Return the touch of a line with a number."""
+    number, feed, *values = log.numbers(line, NUMBERED)
+    if number != int(number) or not 1 <= number <= len(plan):
+        message = f"touch: got {number:g}, expected a number from 1 to {len(plan)}"
         raise log.error(line, 0, message)
-    return int(match["first"])
+    if not LEAST <= feed <= LARGEST["mm/min"]:
+        allowed = f"a number from {LEAST:g} to {LARGEST['mm/min']:g}"
+        raise log.error(line, 1, f"feed: got {feed:g}, expected {allowed}")
+    return _Entry(line, int(number) - 1, [*values, 0.0, 0.0, 0.0], feed)
 
 
-def _starts(line: str) -> list[int]:
-    return [match.start() for match in re.finditer(r"\S+", line)]
+def _before(
+    log: Log, earlier: Sequence[tuple[int, int]], begin: int, count: int
+) -> tuple[str, ...]:
+    """Say which measurements stand before the one that is used, and how to use them.
+
+    earlier: Of each the line it begins with and how many touches it has.
+    begin, count: The same of the one that is used.
+    """
+    if not earlier:
+        return ()
+    others = ", ".join(f"{n} {_touches(n)} from line {line + 1} on" for line, n in earlier)
+    return (
+        f"{log.file} has {len(earlier) + 1} measurements (a run from touch 1 begins a new one): "
+        f"the last is used, {count} {_touches(count)} from line {begin + 1} on; not used: "
+        f"{others}. To use one of those, read a copy of the log that ends with it.",
+    )
 
 
 def _planned_joints(plan: Touches) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.units import Floats
-from trunnion.data.linuxcnc_log import logged_hash, plan_hash, read_probe_log
+from trunnion.data.linuxcnc_log import logged_hashes, plan_hash, read_probe_log
 from trunnion.data.touches import Touches
 from trunnion.probing.steps import table_pose
 from trunnion.setup import Setup
@@ -25,8 +25,10 @@ def on_table(touches: Touches, setup: Setup) -> Touches:
 
 
 def is_table_log(path: str | PathLike[str], plan: Touches, setup: Setup) -> bool:
-    """Whether a log is of the program that measures this plan with tool centre point control on."""
-    return logged_hash(path) == plan_hash(on_table(plan, setup))
+    """Whether the last run of this plan in a log is with tool centre point control on."""
+    with_tcp = plan_hash(on_table(plan, setup))
+    found = [one for one in logged_hashes(path) if one in {with_tcp, plan_hash(plan)}]
+    return found[-1:] == [with_tcp]
 
 
 @checked

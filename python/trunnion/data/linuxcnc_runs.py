@@ -1,0 +1,236 @@
+"""The lines of a probe log of LinuxCNC, and the runs of probing programs that are in it.
+
+A control appends to a log, whatever is in it: runs of this plan, of others, and lines of programs
+that are none of ours.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from trunnion.base.errors import FileFormatError
+from trunnion.files.columns import parse_number
+
+NUMBERED = ("touch", "feed", *"XYZABC")
+COUNTS = {8: "eight", 9: "nine"}
+
+RUN = "trunnion-touches"
+"""How the first line of a run begins."""
+RUN_LINE = (
+    rf"{RUN} 1 plan=(?P<plan>\S+) hash=(?P<hash>[0-9a-f]{{12}}) touches=\d+ "
+    r"from=(?P<first>\d{1,9})"
+)
+STATE_LINE = (
+    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)\s*"
+)
+"""What a run says of the control behind its first line."""
+SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
+MAX_OTHERS = 5
+"""Other plans that a message names; of more it says how many."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a program: its first line, what that says, and the lines of its touches.
+
+    line: From 0.
+    """
+
+    line: int
+    plan: str
+    plan_hash: str
+    first: int
+    touches: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Log:
+    """The lines of a log, and its errors."""
+
+    name: str
+    lines: list[str]
+
+    @property
+    def file(self) -> str:
+        """Name of the file without its folders."""
+        return Path(self.name).name
+
+    @property
+    def filled(self) -> list[int]:
+        """Lines that are neither blank nor comments."""
+        return [
+            i for i, line in enumerate(self.lines) if line.strip() and line.lstrip()[0] not in "#;"
+        ]
+
+    def error(self, line: int, field: int, message: str) -> FileFormatError:
+        """Return the error at a field of a line, both counted from 0."""
+        at = [match.start() for match in re.finditer(r"\S+", self.lines[line])] or [0]
+        column = at[min(field, len(at) - 1)] + 1
+        return FileFormatError(f"{self.name}:{line + 1}:{column}: {message}")
+
+    def numbers(self, line: int, names: Sequence[str]) -> list[float]:
+        """Return the numbers of a line."""
+        fields = self.lines[line].split()
+        if len(fields) != len(names):
+            many = f"{COUNTS[len(names)]} numbers: {' '.join(names)}"
+            last = min(len(fields), len(names)) - 1
+            raise self.error(line, last, f"got {len(fields)} fields, expected {many}")
+        values = []
+        for column, field in enumerate(fields):
+            value = parse_number(field)
+            if value is None or not np.isfinite(value):
+                message = f"{names[column]}: got {field[:60]!r}, expected a finite number"
+                raise self.error(line, column, message)
+            values.append(value)
+        return values
+
+    def runs(self) -> tuple[list[Run], tuple[str, ...]]:
+        """Return the runs, and notes on lines that are left out.
+
+        Touches before the first line of a run are refused: whose they are is not known.
+        """
+        lines, heads = self.filled, self.heads
+        notes: tuple[str, ...] = ()
+        if len(heads) > 1 and heads[-1] == len(self.lines) - 1:
+            # Without an end of line it may be cut, and nothing was measured behind it.
+            notes = (f"Line {heads.pop() + 1} of {self.file} is cut off: a run without touches.",)
+        strange = [i for i in lines if i < heads[0]]
+        for i in strange:
+            if self._is_touch(i):
+                raise self.error(
+                    i, 0,
+                    f"got a touch before the first line of a run ({RUN} ..., line {heads[0] + 1}), "
+                    "expected that line before it: was the beginning of the log cut off?",
+                )  # fmt: skip
+        ends = [*heads[1:], len(self.lines)]
+        found = []
+        for head, end in zip(heads, ends, strict=True):
+            found.append(self._run(head, [i for i in lines if head < i < end]))
+            if self._head(head):
+                notes += (
+                    f"Line {head + 1} of {self.file} begins with one that was cut off, before the "
+                    "first line of a run: that is left out.",
+                )
+        return found, (*self._skipped(strange), *notes)
+
+    @property
+    def heads(self) -> list[int]:
+        """Lines in which runs begin."""
+        return [i for i in self.filled if self._head(i) is not None]
+
+    def _head(self, line: int) -> int | None:
+        """Where the first line of a run begins in a line; None: nowhere.
+
+        In the middle where the control was stopped while it wrote a line: the next run appends.
+        """
+        text = self.lines[line]
+        if text.lstrip().startswith(RUN):
+            return 0
+        match = re.search(rf"{RUN_LINE}\s*$", text) if RUN in text else None
+        return match.start() if match else None
+
+    def _run(self, head: int, touches: Iterable[int]) -> Run:
+        text = self.lines[head][self._head(head) :].strip()
+        match = re.fullmatch(RUN_LINE, text)
+        if match is None:
+            expected = f"expected the first line of a run: {RUN} 1 ..."
+            raise self.error(head, 0, f"got {text[:60]!r}, {expected}")
+        return Run(head, match["plan"], match["hash"], int(match["first"]), tuple(touches))
+
+    def _is_touch(self, line: int) -> bool:
+        """Whether a line has the numbers of a touch."""
+        values = [parse_number(field) for field in self.lines[line].split()]
+        return len(values) == len(NUMBERED) and None not in values
+
+    def _skipped(self, lines: Sequence[int]) -> tuple[str, ...]:
+        if not lines:
+            return ()
+        many = f"1 line ({lines[0] + 1})"
+        if len(lines) > 1:
+            many = f"{len(lines)} lines ({lines[0] + 1} to {lines[-1] + 1})"
+        return (f"{many} of {self.file} before its first run are of no probing program: skipped.",)
+
+    def of_plan(self, runs: Sequence[Run], plan_hash: str) -> tuple[list[Run], tuple[str, ...]]:
+        """Return the runs of a plan, and a note on those of others."""
+        ours = [run for run in runs if run.plan_hash == plan_hash]
+        others = [run for run in runs if run.plan_hash != plan_hash]
+        if not ours:
+            raise self.error(
+                runs[0].line,
+                0,
+                f"got the log of {_plans(others)}, expected that of this plan, hash {plan_hash}: "
+                "is it another plan, or was it changed since its program was written?",
+            )
+        if not others:
+            return ours, ()
+        return ours, (f"{self.file} also has {_runs(others)} of {_plans(others)}: not read.",)
+
+    def cut(self, last: int) -> tuple[str, ...]:
+        """Say that the last line, whose number is given, is cut off; nothing if it is whole.
+
+        It has no end: the control was stopped while it wrote the line.
+        """
+        fields = self.lines[last].split()
+        if last < len(self.lines) - 1 or len(fields) > len(NUMBERED):
+            return ()
+        short = f"{len(fields)} of {len(NUMBERED)} fields"
+        if len(fields) == len(NUMBERED):
+            digits = [len(field.partition(".")[2]) for field in fields[-2:]]
+            if digits[0] <= digits[1]:
+                return ()
+            short = f"{digits[1]} of {digits[0]} decimals in its last field"
+        return (
+            f"Line {last + 1} of {self.file} is cut off ({short}, no end of line): its touch is "
+            "left out.",
+        )
+
+    def check_frame(self, runs: Iterable[Run]) -> None:
+        """Check that runs of which touches are used had one work offset and tool length."""
+        first: tuple[int, dict[str, str]] | None = None
+        for run in runs:
+            line = min(run.line + 1, len(self.lines) - 1)
+            found = re.fullmatch(STATE_LINE, self.lines[line])
+            if found is None:
+                continue
+            state = found.groupdict()
+            if first is None:
+                first = line, state
+                continue
+            for name, value in state.items():
+                if not _alike(value, first[1][name]):
+                    what = "tool length" if name == "length" else f"work offset {name}"
+                    raise self.error(
+                        line,
+                        0,
+                        f"{what}: got {value}, expected {first[1][name]} as in line "
+                        f"{first[0] + 1}: the control was changed between two runs of one "
+                        "measurement, whose touches lie in two frames. Measure again from touch 1 "
+                        "with one work offset and tool length, or read a copy of the log without "
+                        "one of the runs",
+                    )
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two words of a state, or two lengths, are the same."""
+    a, b = parse_number(one), parse_number(other)
+    return one == other if a is None or b is None else abs(a - b) <= SAME_FRAME_MM
+
+
+def _plans(runs: Sequence[Run]) -> str:
+    """Name the plans of runs, each with the line of its first one."""
+    found: dict[str, str] = {}
+    for run in runs:
+        where = f"plan {run.plan}, hash {run.plan_hash} (line {run.line + 1})"
+        found.setdefault(run.plan_hash, where)
+    named = list(found.values())[:MAX_OTHERS]
+    more = len(found) - len(named)
+    return "; ".join(named) + (f"; and {more} more" if more else "")
+
+
+def _runs(runs: Sequence[Run]) -> str:
+    return "1 run" if len(runs) == 1 else f"{len(runs)} runs"
