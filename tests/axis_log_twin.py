@@ -1,7 +1,7 @@
 """Axis logs with a hidden effect, made without the project's core: plain numpy, small steps.
 
 The path is eq. (8) of Byun and Jee 2010 on the rotary axes. Servo: K/(s (tau s + 1)) under a
-zero-order hold of 1 ms, advanced in four sub-steps; all five axes and all cases of a batch at once.
+zero-order hold of 1 ms, advanced in sub-steps; all five axes and all cases of a batch at once.
 """
 
 from collections.abc import Sequence
@@ -80,12 +80,10 @@ class Cases:
         self.log_delay = np.zeros(self.m)
 
 
-def actual(command: Array, cases: Cases) -> Array:
+def actual(command: Array, cases: Cases, substeps: int = SUBSTEPS) -> Array:
     """Actual positions of every case, (m, n, 5), without noise."""
     n, m = len(command), cases.m
-    dt = PERIOD / SUBSTEPS
-    e = np.exp(-dt / cases.tau)
-    g = cases.tau * (1 - e)
+    dt = PERIOD / substeps
     y, v = np.tile(command[0], (m, 1)), np.zeros((m, 5))
     q, qv = y.copy(), np.zeros((m, 5))
     play = y.copy()
@@ -103,22 +101,15 @@ def actual(command: Array, cases: Cases) -> Array:
         play = np.clip(play, load - cases.backlash / 2, load + cases.backlash / 2)
         out[k] = play + cases.cyclic * np.sin(2 * np.pi * y / cases.pitch + cases.phase)
         w_now = cases.gain * (command[k] - y)
-        for _ in range(SUBSTEPS):
+        for _ in range(substeps):
             history[tick % len(history)] = w_now
             w = (1 - part) * _earlier(history, tick - late)
             w += part * _earlier(history, tick - late - 1)
             tick += 1
             if rubs:
-                sense = np.where(v != 0, np.sign(v), np.where(np.abs(w) > level, np.sign(w), 0.0))
-                sense = np.where(level > 0, sense, 1.0)
-                held = sense == 0
-                w = np.where(held, 0.0, w - sense * level)
-            y_new = y + g * v + (dt - g) * w
-            v_new = e * v + (1 - e) * w
-            if rubs:
-                stopped = (level > 0) & ~held & (v_new * sense < 0)
-                v_new = np.where(stopped | held, 0.0, v_new)
-                y_new = np.where(held, y, y_new)
+                y_new, v_new = _rubbed(y, v, w, level, cases.tau, dt)
+            else:
+                y_new, v_new = _moved(y, v, w, cases.tau, dt)
             if swings:
                 # leapfrog in steps of dt / 8, motor position linear over a sub-step
                 h = dt / 8
@@ -138,6 +129,30 @@ def actual(command: Array, cases: Cases) -> Array:
         earlier = np.maximum(t - cases.log_delay[i], 0.0)
         logged[i] = CubicSpline(t, logged[i])(earlier)
     return logged
+
+
+def _moved(y: Array, v: Array, w: Array, tau: Array, dt: Array | float) -> tuple[Array, Array]:
+    """Position and speed after a time dt of a constant speed command w."""
+    e = np.exp(-dt / tau)
+    return y + tau * (1 - e) * (v - w) + w * dt, e * v + (1 - e) * w
+
+
+def _rubbed(
+    y: Array, v: Array, w: Array, level: Array, tau: Array, dt: float
+) -> tuple[Array, Array]:
+    """The same with friction, which takes a level of the command and stops the axis when it turns.
+
+    The axis stops within dt at the instant at which its speed is zero. From there on it stands if
+    the command is below the level, or moves the other way.
+    """
+    driven = np.where(np.abs(w) > level, w - np.sign(w) * level, 0.0)  # from rest
+    slowed = np.where(v != 0, w - np.sign(v) * level, driven)
+    turns = (level > 0) & (v * slowed < 0)
+    against = np.where(turns, -v / np.where(turns, slowed, 1.0), 0.0)
+    stop = tau * np.log1p(against)
+    until = np.where(turns & (stop < dt), stop, dt)
+    y, reached = _moved(y, v, slowed, tau, until)
+    return _moved(y, np.where(until < dt, 0.0, reached), driven, tau, dt - until)
 
 
 def _earlier(history: Array, tick: NDArray[np.int64]) -> Array:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import axis_log_twin as twin
 from trunnion import contouring as ct
@@ -16,7 +17,8 @@ SERVO = ct.Servo.paper()
 # exact; the twin's sub-steps where they are not.
 EXTRAS = [
     ("X", {}, {}, 1e-8),
-    ("X", {"coulomb_um": 3.0, "breakaway_um": 3.0}, {"friction": 3e-3}, 0.06),
+    ("X", {"coulomb_um": 3.0, "breakaway_um": 3.0}, {"friction": 3e-3}, 1e-8),
+    ("C", {"coulomb_arcsec": 8.0, "breakaway_arcsec": 8.0}, {"friction": 8 / 3600}, 1e-8),
     ("Y", {"backlash_um": 4.0}, {"backlash": 4e-3}, 1e-8),
     ("Z", {"delay_ms": 1.25}, {"delay": 1.25e-3}, 1e-8),
     ("A", {"cyclic_arcsec": 1.0, "pitch_deg": 5.0, "phase_deg": 60.0},
@@ -40,6 +42,41 @@ def test_response_agrees_with_the_twin(
     row = ct.Servo({letter: axis}).row(letter)
     found = contour_axis_response(letter, row, 1e-3, "motor", np.ascontiguousarray(command[:, i]))
     assert np.abs(found - expected).max() / twin.SMALL[i] < within
+
+
+# Axis, what it has, by how much half the sub-step may change it, in µm or arcsec: by rounding where
+# the twin is exact, else by an error that falls with the sub-step.
+@pytest.mark.parametrize(
+    ("letter", "name", "size", "within"),
+    [
+        ("X", "friction", 3e-3, 1e-8),
+        ("Z", "friction", 0.2e-3, 1e-8),
+        ("C", "friction", 8 / 3600, 1e-8),
+        ("X", "backlash", 4e-3, 1e-8),
+        ("A", "delay", 0.6e-3, 0.02),
+        ("A", "frequency", 38.7, 0.02),
+    ],
+)
+def test_the_twin_converges_under_refinement_of_its_sub_steps(
+    letter: str, name: str, size: float, within: float
+) -> None:
+    i = "XYZAC".index(letter)
+    command = _zigzag(i) if name == "friction" else twin.commanded(50.0)[:500]
+    cases = twin.Cases(1)
+    getattr(cases, name)[0, i] = size
+    coarse, fine, finest = (twin.actual(command, cases, n)[0, :, i] for n in (4, 8, 16))
+    first = np.abs(coarse - fine).max() / twin.SMALL[i]
+    second = np.abs(fine - finest).max() / twin.SMALL[i]
+    assert first < within
+    assert second < max(0.5 * first, 1e-8)
+
+
+def _zigzag(i: int) -> NDArray[np.float64]:
+    """Commands of an axis that turns often and at once, at speeds of every size."""
+    t = np.arange(0.0, 0.6, twin.PERIOD)
+    out = np.zeros((len(t), 5))
+    out[:, i] = 0.4 * np.sin(2 * np.pi * 4 * t) + 0.02 * np.sin(2 * np.pi * 43.3 * t)
+    return out
 
 
 def test_a_loop_closed_on_the_load_takes_the_cyclic_error_out() -> None:
