@@ -15,6 +15,10 @@ MAX_STEP_SIGMAS = 100.0  # of steps that are recognised; a fit takes much of wha
 MIN_EXACT = 8  # distinct readings that a step is recognised in although they fit far better
 SMALLEST = 1e-3  # µm, arcsec: steps below this are digits that no instrument resolves
 COARSER = 1.5  # times a stated step, that a recognised one is to be taken instead
+UNITS = (1.0, 3.6, 2.54)  # µm or arcsec; degrees, in arcsec; inches, in µm: but for powers of ten
+MAX_MULTIPLE = 1000  # of the step of a display, that readings show in its place
+SAME_MULTIPLE = 1e-3
+MAX_CHANCE = 1e-6  # that readings of a finer display are all multiples of more
 OF_PLAN = 1e-2  # of a step of the places of a plan: what a scale error makes of it, at most
 
 
@@ -42,6 +46,42 @@ def recognised(values: Floats) -> float:
     return 0.0
 
 
+def as_displayed(step: float, distinct: int) -> float:
+    """Return the step of a display, 1, 2 or 5·10^k, that a recognised step is a multiple of.
+
+    Few readings all differ by multiples of more than their step, by chance: a reversal of 8 µm is
+    no step of 8 µm. The recognised step is kept where so many ``distinct`` readings hardly would,
+    where it is one of a display in degrees or inches, and where it is a multiple of none (a tick,
+    which is feed times period).
+    """
+    if not step > 0 or any(_is_round(step / unit) for unit in UNITS):
+        return step
+    top = int(np.floor(np.log10(step)))
+    steps = (digit * 10.0**k for k in range(top, top - 4, -1) for digit in (5.0, 2.0, 1.0))
+    for shown in (s for s in steps if step / MAX_MULTIPLE <= s < step):
+        times = step / shown
+        if abs(times - round(times)) < SAME_MULTIPLE:
+            by_chance = times ** (1 - distinct)
+            return shown if by_chance > MAX_CHANCE else step
+    return step
+
+
+def displayed(values: Floats, others: Sequence[Floats] = ()) -> float:
+    """Return the step that readings are displayed in, as they show it; 0: none.
+
+    ``others``: the same readings otherwise, such as less their targets: where these are few, the
+    readings lie on the grid of the targets.
+    """
+    distinct = min(len(np.unique(v)) for v in (values, *others))
+    return as_displayed(recognised(values), distinct)
+
+
+def _is_round(step: float) -> bool:
+    """Whether a step is 1, 2 or 5·10^k."""
+    digit = step / 10.0 ** np.floor(np.log10(step) + SAME_MULTIPLE)
+    return bool(min(abs(digit - d) for d in (1.0, 2.0, 5.0)) < SAME_MULTIPLE)
+
+
 def on_grid(values: Floats, step: float) -> bool:
     """Whether values differ by multiples of a step."""
     off = (values - values[:1]) / step
@@ -63,7 +103,8 @@ def unstated(
     """
     # Numbers are whole steps from 0, too: seen where all differ by what a plan has between places.
     off = cache(off)
-    found = ((recognised(v), one) for one in recorded for v in (one, np.append(one, 0.0)))
+    every = ((v, one) for one in recorded for v in (one, np.append(one, 0.0)))
+    found = ((displayed(v, recorded), one) for v, one in every)
     for step, values in sorted(found, key=_first, reverse=True):
         if step <= COARSER * stated:
             break

@@ -21,13 +21,19 @@ from typing import ClassVar
 import numpy as np
 
 from trunnion.base.recognition import on_grid
+from trunnion.base.repeats import (
+    CORRELATION,
+    MAX_NOISE_STEPS,
+    SCATTER,
+    STEPS,
+    Repeats,
+    noise_beside,
+    repeated,
+)
 from trunnion.base.rows import equal_rows
-from trunnion.base.rows import where as where_true
-from trunnion.base.statistics import MANY_ROWS
 from trunnion.base.units import Flags, Floats, Integers
 
 MIN_NOISE_STEPS = 0.02  # noise of a reading, in steps, that is taken as there
-MAX_NOISE_STEPS = 1.0  # from here on errors of rounding are noise like any other
 ANY_PLACE = 1.0  # steps: machines that differ as much lie anywhere between two steps
 MAX_SIMULATED_STEPS = 0.5  # noise, in steps, from which rounding is as good as random
 MAX_DRAWS = 128
@@ -39,13 +45,6 @@ SAME_ROW = 1e-3  # of the largest derivative: the same line of approach
 OFF_EDGE = 0.3141  # so that round numbers do not lie where two cells meet
 MIN_REPEATS = 5  # degrees of freedom from which repeats tell the noise
 TINY = 1e-300
-
-_STEPS = np.linspace(0.0, MAX_NOISE_STEPS, 401)
-_ORDERS = np.arange(1, 200)[:, None]
-_CORRELATION = (6 / np.pi**2) * np.sum(
-    np.exp(-4 * np.pi**2 * _ORDERS**2 * _STEPS**2) / _ORDERS**2, axis=0
-)
-_PURE = _STEPS**2 + (1 - np.minimum(_CORRELATION, 1.0)) / 12
 
 
 @dataclass(frozen=True)
@@ -185,7 +184,7 @@ class Grid:
     def correlation(self, steps: Floats) -> Floats:
         """Correlation of the errors of rounding of repeats with so much noise, in steps (n,)."""
         parts = np.ones((len(self.step), 1)) if self.parts is None else np.abs(self.parts)
-        own = np.interp(parts * steps[:, None], _STEPS, _CORRELATION, right=0.0)
+        own = np.interp(parts * steps[:, None], STEPS, CORRELATION, right=0.0)
         return np.asarray(np.sum(parts**2 * own, axis=1))
 
     @classmethod
@@ -247,16 +246,14 @@ class Grid:
         """
         step = float(self.step.min())
         label = np.where(self.step == step, self.label, -1)
-        index, count = _groups(label)
+        index, count = repeated(label)
         r = residuals[label >= 0]
         freedom = len(r) - len(count)
         if step > 0 and freedom >= MIN_REPEATS:
             mean = np.bincount(index, r) / count
             pure = float(np.sum((r - mean[index]) ** 2)) / freedom / step**2
             scatter = self._scatter_of_repeats()
-            if pure < scatter[-1]:
-                return step * float(np.interp(pure, scatter, _STEPS))
-            return step * float(np.sqrt(pure - 1 / 12))
+            return step * noise_beside(pure, scatter)
         if np.all(self.step == self.step[0]):
             total = float(residuals @ residuals) / max(dof, 1)
             return float(np.sqrt(max(total - self.step[0] ** 2 / 12, 0.0)))
@@ -297,13 +294,13 @@ class Grid:
         return Repeats((noise**2 + rounding) / total, shared, self.label)
 
     def _scatter_of_repeats(self) -> Floats:
-        """Variance of repeats for each noise of `_STEPS`, in squares of steps."""
+        """Variance of repeats for each noise of `STEPS`, in squares of steps."""
         if self.parts is None:
-            return np.asarray(_PURE)
+            return np.asarray(SCATTER)
         alike = np.unique(np.round(np.abs(self.parts[self.label >= 0]), 2), axis=0)
-        own = np.interp(alike * _STEPS[:, None, None], _STEPS, _CORRELATION, right=0.0)
+        own = np.interp(alike * STEPS[:, None, None], STEPS, CORRELATION, right=0.0)
         shared = np.minimum(np.sum(alike**2 * own, axis=2).mean(axis=1), 1.0)
-        return np.asarray(_STEPS**2 + (1 - shared) / 12)
+        return np.asarray(STEPS**2 + (1 - shared) / 12)
 
     def matters(self, noise: float) -> bool:
         """Whether the steps are so large beside the noise that rounding is not random."""
@@ -366,67 +363,6 @@ def machines(
     return np.asarray(off)
 
 
-class Repeats:
-    """Errors of readings of which repeats share a part; called, it makes them white.
-
-    White readings keep the size of the readings.
-
-    Parameters
-    ----------
-    variance, shared:
-        Variance of each reading, and its covariance with its repeats, shape (n,).
-    label:
-        Equal for repeats, -1 for the others, shape (n,).
-    """
-
-    def __init__(self, variance: Floats, shared: Floats, label: Integers) -> None:
-        self.variance, self.shared = variance, shared
-        self._repeated = label >= 0
-        self.rows = np.flatnonzero(self._repeated)
-        self.index, self.count = _groups(label)
-        own = np.where(label >= 0, variance - shared, variance)
-        self.scale = np.sqrt(own)
-        first = np.zeros(len(self.count), dtype=np.intp)
-        first[self.index] = self.rows
-        own, together = own[first], self.count * shared[first]
-        self.shrink = 1 - np.sqrt(own / (own + together))
-
-    def with_labels(self, label: Integers) -> "Repeats":
-        """Return the same for other repeats."""
-        return Repeats(self.variance, self.shared, label)
-
-    def within(self, label: Integers) -> bool:
-        """Whether all repeats of a reading have its label, (n,): columns keep to their rows."""
-        own, first = label[self.rows], np.zeros(len(self.count), dtype=label.dtype)
-        first[self.index] = own
-        return bool(np.array_equal(first[self.index], own))
-
-    def covariance(self, columns: Floats) -> Floats:
-        """Return columns (n, k) times the covariance of the errors between them, shape (k, k)."""
-        own = columns[self.rows] * np.sqrt(self.shared[self.rows])[:, None]
-        together = np.zeros((len(self.count), columns.shape[1]))
-        np.add.at(together, self.index, own)
-        alone = self.scale**2
-        return np.asarray(columns.T @ (columns * alone[:, None]) + together.T @ together)
-
-    def __call__(self, columns: Floats) -> Floats:
-        """Whiten columns (n, ...)."""
-        flat = columns.reshape(len(columns), -1) / self.scale[:, None]
-        if len(self.count) and len(columns) >= MANY_ROWS:
-            # Each column by itself: columns lie in a row in memory.
-            every, share = where_true(self._repeated), self.shrink / self.count
-            for column in flat.T:
-                own = column[every]
-                column[every] = own - (share * np.bincount(self.index, own))[self.index]
-        elif len(self.count):
-            own = flat[self.rows]
-            order = np.argsort(self.index, kind="stable")
-            start = np.concatenate([[0], np.cumsum(self.count)[:-1]])
-            total = np.add.reduceat(own[order], start, axis=0)
-            flat[self.rows] = own - (total * (self.shrink / self.count)[:, None])[self.index]
-        return np.asarray(flat.reshape(columns.shape))
-
-
 def growth(off: Floats, variance: Floats) -> Floats:
     """How many times its standard error rounding makes an estimate's error.
 
@@ -475,12 +411,6 @@ def _left(
     kept = 1 - 2 * weights[used] * np.sum(own * jacobian[used], axis=1)
     brought = jacobian.T @ ((weights**2 * variance)[:, None] * jacobian)
     return float(kept @ variance[used] + np.sum((own @ brought) * own))
-
-
-def _groups(label: Integers) -> tuple[Integers, Integers]:
-    """Group of each reading that repeats another, and how many each group has."""
-    _, index, count = np.unique(label[label >= 0], return_inverse=True, return_counts=True)
-    return index.reshape(-1), count
 
 
 def _several(label: Integers) -> Integers:

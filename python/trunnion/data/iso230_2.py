@@ -21,6 +21,7 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.conformity import PROBABILITY, Conformity
 from trunnion.base.errors import InputError
+from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Cell, Result, Shown, Table, measured, number, position
 from trunnion.base.saved import Gridded
 from trunnion.base.units import Floats, suffix_of
@@ -41,6 +42,7 @@ FIGURES: Mapping[str, str] = {
 }
 """Figure of the standard → what people call it."""
 
+ALIKE = 2 / np.sqrt(np.pi)  # chance that two stops round otherwise, by their noise in steps
 DRAWS = 400
 SEED = 1
 
@@ -161,8 +163,10 @@ class _Results:
     mean_forward, mean_backward, spread_forward, spread_backward
         Mean deviation and its standard deviation at each target, (m,).
     std_errors
-        Standard uncertainty of each figure by the scatter of the stops (not of the instrument,
-        the alignment or the temperature), by simulation with one spread for each direction.
+        Standard uncertainty of each figure by the scatter of the stops and by the step in which
+        they are recorded (not of the instrument, the alignment or the temperature), by simulation
+        with one spread for each direction. Stops at a target that round alike share their error of
+        rounding: it does not shrink with their number.
     """
 
     targets: Floats
@@ -177,8 +181,13 @@ class _Results:
         return "Positioning, ISO 230-2"
 
     @classmethod
-    def of(cls, targets: Floats, up: Sequence[Floats], down: Sequence[Floats]) -> Self:
-        """Results of deviations at targets, from the positive and the negative direction."""
+    def of(
+        cls, targets: Floats, up: Sequence[Floats], down: Sequence[Floats], step: float = 0.0
+    ) -> Self:
+        """Results of deviations at targets, from the positive and the negative direction.
+
+        step: In which positions are recorded, in the unit of the results; 0: none is known.
+        """
         mean = [np.array([x.mean() for x in some]) for some in (up, down)]
         size = [np.array([x.std(ddof=1) for x in some]) for some in (up, down)]
         count = [np.array([len(x) for x in some])[:, None] for some in (up, down)]
@@ -186,16 +195,23 @@ class _Results:
         pooled = [np.sqrt(np.mean(s**2)) for s in size]
         rng = np.random.default_rng(SEED)
         shape = (len(targets), DRAWS)
-        drawn = _Stops(
-            *(
-                m[:, None] + s / np.sqrt(n) * rng.standard_normal(shape)
-                for m, s, n in zip(mean, pooled, count, strict=True)
-            ),
-            *(
-                s * np.sqrt(rng.chisquare(n - 1, shape) / (n - 1))
-                for s, n in zip(pooled, count, strict=True)
-            ),
-        ).figures()
+        means = [
+            m[:, None] + s / np.sqrt(n) * rng.standard_normal(shape)
+            for m, s, n in zip(mean, pooled, count, strict=True)
+        ]
+        spreads = [
+            s * np.sqrt(rng.chisquare(n - 1, shape) / (n - 1))
+            for s, n in zip(pooled, count, strict=True)
+        ]
+        rounded = [np.sqrt(12 * shared_variance(float(s) ** 2, step)) for s in pooled]
+        means = [m + w * rng.uniform(-0.5, 0.5, shape) for m, w in zip(means, rounded, strict=True)]
+        # so much noise leaves so many repeats alike
+        unseen = [
+            w / (ALIKE * np.sum(n - 1)) * rng.standard_exponential(DRAWS)
+            for w, n in zip(rounded, count, strict=True)
+        ]
+        spreads = [np.hypot(s, more) for s, more in zip(spreads, unseen, strict=True)]
+        drawn = _Stops(*means, *spreads).figures()
         unit = cls.unit_name()
         figures = _Stops(*mean, *size).figures()
         return cls(

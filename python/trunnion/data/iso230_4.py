@@ -13,7 +13,8 @@ readings: the test is repeated `DRAWS` times on its own path with noise of the s
 is found from each reading and the mean of its neighbours, the path by a running median, which
 keeps the step of a reversal; of 360 readings the uncertainty is itself known to about a fifth. The
 largest and the smallest of noisy readings lie further out than those of the path: this is in the
-figures, as the standard has them, not in their uncertainty.
+figures, as the standard has them, not in their uncertainty. Readings in steps share their error of
+rounding with their neighbours and repeats that show the same: these have one error in each test.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from scipy.optimize import linprog
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError
+from trunnion.base.recognition import displayed
+from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Cell, Result, Table, measured
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
@@ -74,8 +77,8 @@ class Iso2304(Result):
     radial_max_um, radial_min_um
         F, with the length of the bar as measured.
     std_errors
-        Standard uncertainty of each figure by the noise of the readings (not of the instrument, the
-        place of its centre sockets or the temperature).
+        Standard uncertainty of each figure by the noise of the readings and the step in which they
+        are recorded (not of the instrument, the place of its centre sockets or the temperature).
 
     Examples
     --------
@@ -264,8 +267,12 @@ class _Paths:
         for at in ordered:
             path[at] = _path(raw[at], noise)
         count = max(2, min(DRAWS, MAX_DRAWN // len(raw)))
-        random = np.random.default_rng(SEED).standard_normal((len(raw), count))
-        drawn = path[:, None] + noise * random
+        rng = np.random.default_rng(SEED)
+        drawn = path[:, None] + noise * rng.standard_normal((len(raw), count))
+        width = np.sqrt(12 * shared_variance(noise**2, displayed(raw)))
+        for at in ordered if width > 0 else ():
+            alike = np.cumsum(np.diff(raw[at], prepend=raw[at][0]) != 0)
+            drawn[at] += width * rng.uniform(-0.5, 0.5, (alike[-1] + 1, count))[alike]
         figures = {k: _zones(self.angle[at], drawn[at]) for k, at in self.zones.items()}
         figures |= self.extremes(drawn)
         return {k: float(np.std(figures[k], ddof=1)) for k in FIGURES if k in figures}

@@ -11,6 +11,8 @@ import numpy as np
 from trunnion.base.arguments import checked
 from trunnion.base.checks import choose
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.recognition import displayed
+from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Result
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
@@ -113,8 +115,10 @@ class Levels(Table):
             found = found - turned * zero
             free -= 1
         left = values - self.sense * found[index] - zero
-        known = zero if self.reversed else None
-        return Slopes(places, found, count, turned, known, zero_cofactor, float(left @ left), free)
+        known, rss = zero if self.reversed else None, float(left @ left)
+        repeats = len(self) / len(np.unique(self.sense * (1 + index)))
+        more = (rss, free, displayed(values), repeats)
+        return Slopes(places, found, count, turned, known, zero_cofactor, *more)
 
     # --- results
 
@@ -234,8 +238,12 @@ class Levels(Table):
                 raise InputError(f"noise_um_m: got {known:g}, expected 0 or above")
             return Noise(known, "as stated")
         if slopes.free >= MIN_FREE:
-            return Noise(float(np.sqrt(slopes.rss / slopes.free)), "of repeats")
-        return Noise.of_neighbours(slopes.places, slopes.values)
+            scatter = slopes.rss / slopes.free
+            if together := slopes.repeats * shared_variance(scatter, slopes.step):
+                return Noise(float(np.sqrt(scatter + together)), "of repeats and of their step")
+            return Noise(float(np.sqrt(scatter)), "of repeats")
+        found, least = Noise.of_neighbours(slopes.places, slopes.values), slopes.step / np.sqrt(12)
+        return Noise(float(least), "of the step of readings") if found.sigma < least else found
 
     def _about_zero(self) -> str:
         if self.reversed:
@@ -266,6 +274,8 @@ class Slopes:
     values: µm/m, (m,). count, turned: readings at each place, and their mean sense, (m,).
     zero: of the instrument, µm/m; None where it was not turned. zero_cofactor: its variance per
     unit of variance of a reading. rss, free: squares of what is left, and its degrees of freedom.
+    step: in which readings are recorded, 0: none is seen. repeats: readings at a place, turned
+    alike.
     """
 
     places: Floats
@@ -276,6 +286,8 @@ class Slopes:
     zero_cofactor: float
     rss: float
     free: int
+    step: float
+    repeats: float
 
     @property
     def cofactor(self) -> Floats:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
+from trunnion.base.recognition import displayed
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.files.columns import (
@@ -23,6 +24,7 @@ from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
 OWN = ("target", "measured")
+MAX_STEP = 2.0  # of the range of deviations, in which positions may be recorded
 MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop differ
 UNITS = {
     1e3: "are these µm?",
@@ -139,7 +141,18 @@ class Positioning(Table):
                     f"{'one stop' if count else 'no stop'}, expected at least 2 (ISO 230-2: 5)"
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
-        return kind.of(targets, found[1], found[-1])
+        return kind.of(targets, found[1], found[-1], self._step)
+
+    @property
+    def _step(self) -> float:
+        """Step in which positions are recorded, in the unit of deviations; 0: none is seen.
+
+        Targets lie on a grid, too: a step is no larger than deviations show.
+        """
+        measured = self.measured * (3600.0 if self.rotary else 1e3)
+        found = (displayed(values, [self.deviation]) for values in (measured, self.deviation))
+        largest = MAX_STEP * float(np.ptp(self.deviation))
+        return max((step for step in found if step <= largest), default=0.0)
 
     def check_units(self) -> None:
         """Refuse measured positions that do not move as the targets do.

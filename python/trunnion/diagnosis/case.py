@@ -9,12 +9,12 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.recognition import MIN_STEP
+from trunnion.base.repeats import Repeats
 from trunnion.base.resolution import (
     ANY_PLACE,
     NO_FLOOR,
     Floor,
     Grid,
-    Repeats,
     grown,
     growth,
     inflation,

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from trunnion.base.recognition import recognised, unstated
-from trunnion.base.resolution import Grid, Repeats
+from trunnion.base.repeats import Repeats
+from trunnion.base.resolution import Grid
 from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from trunnion._core import Moves
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError, UnknownNameError
-from trunnion.base.resolution import ANY_PLACE, Repeats, grown
+from trunnion.base.repeats import Repeats
+from trunnion.base.resolution import ANY_PLACE, grown
 from trunnion.base.rows import equal_rows
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, unit_of
