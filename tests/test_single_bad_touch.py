@@ -115,3 +115,49 @@ def test_a_residual_is_judged_by_the_spread_that_its_fit_gives_it() -> None:
     ]
     far = np.quantile(np.array(sizes)[:, ~bad], 0.99, axis=0)
     assert np.max(far) < 1.5 * np.median(far)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_readings_are_set_aside_one_by_one_as_fits_without_them_say(seed: int) -> None:
+    """Every residual is taken from a fit to the readings that are left, made anew."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(30, 90))
+    far = np.where(rng.random((n, 1)) < 0.1, 15.0, 1.0)  # some places weigh much
+    design = np.linalg.qr(far * rng.standard_normal((n, 4)))[0]
+    values = rng.standard_normal(n)
+    values[: n // 12] += 30.0 * rng.choice([-1.0, 1.0], n // 12)
+    values -= design @ (design.T @ values)
+    assert outliers.one_by_one(design, values).tolist() == _snooped(design, values)
+
+
+def _snooped(design: Floats, values: Floats) -> list[int]:
+    """Set aside the largest residual per spread while it is four times the typical; then back."""
+    n, p = design.shape
+    aside: list[int] = []
+    while len(aside) < min(int(0.2 * n), n - p - 5):
+        left = np.setdiff1d(np.arange(n), aside)
+        size = np.zeros(n)
+        size[left] = _per_spread(design[left], values[left])
+        worst = int(np.argmax(size))
+        if size[worst] < 4.0 * np.median(size[left]) / 0.6745:
+            break
+        aside.append(worst)
+    left = np.setdiff1d(np.arange(n), aside)
+    fitted = np.linalg.lstsq(design[left], values[left])[0]
+    sigma = np.linalg.norm(values[left] - design[left] @ fitted) / np.sqrt(len(left) - p)
+    while aside:
+        # each that was set aside is a reading of its own unknown
+        joined = np.column_stack([design, np.eye(n)[:, aside]])
+        found = np.linalg.lstsq(joined, values)[0][p:]
+        spread = np.sqrt(np.diag(np.linalg.inv(joined.T @ joined)))[p:]
+        least = int(np.argmin(np.abs(found) / spread))
+        if np.abs(found[least]) > 4.0 * sigma * spread[least]:
+            break
+        del aside[least]
+    return sorted(aside)
+
+
+def _per_spread(design: Floats, values: Floats) -> Floats:
+    """Residuals of a fit, each over the share of its own noise that the fit leaves in it."""
+    hat = design @ np.linalg.pinv(design)
+    return np.asarray(np.abs(values - hat @ values) / np.sqrt(1.0 - np.diag(hat)))

@@ -6,6 +6,10 @@ likelihood of the other readings, and the gap between it and them is compared wi
 such noise leaves.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import accumulate
+
 import numpy as np
 from scipy import special
 
@@ -118,21 +122,56 @@ def far_out(size: Floats, dof: float, floor: float = 0.0, level: float = OUTLIER
     order = np.argsort(-size)
     ordered = size[order]
     noise = _Noise(ordered, dof / n)
-    for k in range(min(int(MAX_SHARE * n), n - 5), 0, -1):
-        x, others = ordered[k - 1], ordered[k:]
-        mad = 0.5 * (others[(len(others) - 1) // 2] + others[len(others) // 2])  # they are in order
-        mad = max(mad, 0.6745 * floor)
-        if mad <= 0 or x < 3.5 * mad / 0.6745:
-            continue
-        scale = mad / _MAD
-        bulk = noise.likelihood(k, mad)
-        beyond, tail = _log_tail(others[0] / scale), _log_tail(x / scale)
+    for group in _groups(ordered, floor, level):
+        k, scale = group.count, group.mad / _MAD
+        bulk = noise.likelihood(group)
+        beyond, tail = _log_tail(ordered[k] / scale), _log_tail(ordered[k - 1] / scale)
         chance = _weights(bulk + k * beyond * (dof / n)) @ np.exp(k * (tail - beyond))
-        if chance < level * (1.0 / k**2 - 1.0 / (k + 1) ** 2):
+        if chance < group.level:
             # each alone, for the noise that the others show
             alone = 2 * special.stdtr(_NU, -ordered[:k, None] / scale) @ _weights(bulk)
             return np.sort(order[:k][n * alone < ALONE])
     return np.zeros(0, dtype=np.intp)
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """The largest readings, as many as stand off perhaps.
+
+    ``mad``: median of the others; ``about``: one that is about the same, which many groups share;
+    ``level``: at which the group is tested.
+    """
+
+    count: int
+    mad: float
+    about: float
+    level: float
+
+
+def _groups(ordered: Floats, floor: float, level: float) -> Iterator[_Group]:
+    """Groups of readings, in order of size, that some kind of noise makes seldom; large ones first.
+
+    The noise that makes a group most seldom leaves no more than a few to be weighed against each
+    other.
+    """
+    n = len(ordered)
+    count = np.arange(min(int(MAX_SHARE * n), n - 5), 0, -1)
+    others = n - count
+    mad = 0.5 * (ordered[count + (others - 1) // 2] + ordered[count + others // 2])
+    mad = np.maximum(mad, 0.6745 * floor)
+    far = (mad > 0) & (ordered[count - 1] >= 3.5 * mad / 0.6745)
+    count, mad = count[far], mad[far]
+    about = np.array(list(accumulate(mad.tolist(), _same_scale)))
+    beyond, tail = (_log_tail(ordered[at, None] / mad[:, None] * _MAD) for at in (count, count - 1))
+    own_level = level * (1.0 / count**2 - 1.0 / (count + 1) ** 2)
+    seldom = np.exp(count * np.min(tail - beyond, axis=1)) < own_level
+    for one in zip(*(x[seldom].tolist() for x in (count, mad, about, own_level)), strict=True):
+        yield _Group(*one)
+
+
+def _same_scale(about: float, mad: float) -> float:
+    """Return the first scale where the second is about the same, else the second."""
+    return about if abs(mad / about - 1.0) < SAME_SCALE else mad
 
 
 class _Noise:
@@ -141,17 +180,18 @@ class _Noise:
     def __init__(self, ordered: Floats, share: float) -> None:
         self.ordered = ordered
         self.share = share  # of them, that are independent
-        self.mad = np.inf
+        self.about = np.inf
 
-    def likelihood(self, k: int, mad: float) -> Floats:
-        """Logarithm of it with what was supposed beforehand; many sizes share a scale."""
-        if not abs(mad / self.mad - 1.0) < SAME_SCALE:
-            self.mad = mad
+    def likelihood(self, group: _Group) -> Floats:
+        """Logarithm of it with what was supposed beforehand."""
+        if group.about != self.about:
+            self.about = group.about
             self.beyond = np.zeros((len(self.ordered) + 1, len(_NU)))
-            t = self.ordered[:, None] / (mad / _MAD)
+            t = self.ordered[:, None] / (self.about / _MAD)
             np.cumsum((_NU + 1) / 2 * np.log1p(t * t / _NU), axis=0, out=self.beyond[1:])
-        density = (len(self.ordered) - k) * (_NORM - np.log(mad / _MAD))
-        return np.asarray(_BEFORE + self.share * (density - self.beyond[-1] + self.beyond[k]))
+        density = (len(self.ordered) - group.count) * (_NORM - np.log(group.mad / _MAD))
+        beyond = self.beyond[group.count]
+        return np.asarray(_BEFORE + self.share * (density - self.beyond[-1] + beyond))
 
 
 def _log_tail(t: Floats) -> Floats:
@@ -167,38 +207,60 @@ def one_by_one(design: Floats, values: Floats, floor: float = 0.0) -> Integers:
     found before those that it bends; a robust fit may take it for a good one. ``design`` is
     orthonormal, shape (n, p), and ``values`` orthogonal to it; ``floor``: least noise of a reading.
     """
-    n = len(values)
-    shifts = np.zeros((n, 0))  # orthonormal, what the readings set aside may change
-    r = values
-    free = 1.0 - np.einsum("ij,ij->i", design, design)
-    left = np.ones(n, dtype=bool)
+    n, p = design.shape
+    r, free = values, 1.0 - np.einsum("ij,ij->i", design, design)
+    cofactor = np.eye(p)  # of the fit to those left
     aside: list[int] = []
-    for _ in range(min(int(MAX_SHARE * n), n - design.shape[1] - 5, MAX_ASIDE)):
+    for _ in range(min(int(MAX_SHARE * n), n - p - 5, MAX_ASIDE)):
         size = np.abs(r) / np.sqrt(np.maximum(free, CHECKED))
         size[free < CHECKED] = 0.0
         i = int(np.argmax(size))
-        if size[i] < FAR * max(np.median(size[left]) / 0.6745, floor):
+        typical = size[i] / FAR
+        if typical < floor or _median_beyond(size, n - len(aside), 0.6745 * typical):
             break
         aside.append(i)
-        left[i] = False
-        column = -design @ design[i] - shifts @ shifts[i]
-        column[i] += 1.0
-        unit = column / np.sqrt(column[i])
-        shifts = np.column_stack([shifts, unit])
-        r = r - unit * (unit @ r)
-        free = free - unit * unit
-    sigma = max(np.sqrt(r @ r / max(n - design.shape[1] - len(aside), 1)), floor)
-    while aside:
-        bent = -design @ design[aside].T
-        bent[aside, np.arange(len(aside))] += 1.0
-        shifts, moments = np.linalg.qr(bent)
-        inverse = np.linalg.inv(moments)
-        found = np.abs(inverse @ (shifts.T @ values)) / np.linalg.norm(inverse, axis=1)
+        # What the fit to those left makes of a change of this reading, without it: rank one.
+        way = cofactor @ design[i]
+        bent = -(design @ way)
+        bent[i] += 1.0
+        bent[aside[:-1]] = 0.0
+        own = bent[i]
+        cofactor += np.outer(way, way) / own
+        r = r - bent * (r[i] / own)
+        free = free - bent * (bent / own)
+        r[i] = free[i] = 0.0
+    sigma = max(np.sqrt(r @ r / max(n - p - len(aside), 1)), floor)
+    return _without_ordinary(design, values, aside, sigma)
+
+
+def _median_beyond(size: Floats, count: int, limit: float) -> bool:
+    """Whether the median of so many of some numbers, the largest, is larger than a limit."""
+    larger = 2 * int(np.count_nonzero(size > limit))
+    if larger == count:  # the limit lies between the two in the middle
+        return bool(np.median(np.sort(size)[-count:]) > limit)
+    return larger > count
+
+
+def _without_ordinary(design: Floats, values: Floats, aside: list[int], sigma: float) -> Integers:
+    """Take back the readings that those set aside with them make ordinary (indices that stay).
+
+    Each time the one whose change, estimated with those of the others, is least for its spread.
+    """
+    at = np.asarray(aside, dtype=np.intp)
+    cofactor = np.linalg.inv(np.eye(len(at)) - design[at] @ design[at].T)
+    change = cofactor @ values[at]
+    while len(at):
+        spread = np.diag(cofactor)
+        found = np.abs(change) / np.sqrt(spread)
         least = int(np.argmin(found))
         if found[least] > FAR * sigma:
             break
-        del aside[least]
-    return np.sort(np.asarray(aside, dtype=np.intp))
+        stay = np.arange(len(at)) != least
+        column = cofactor[stay, least] / spread[least]
+        change = change[stay] - column * change[least]
+        cofactor = cofactor[np.ix_(stay, stay)] - np.outer(column, cofactor[least, stay])
+        at = at[stay]
+    return np.sort(at)
 
 
 def _weights(log_likelihood: Floats) -> Floats:
