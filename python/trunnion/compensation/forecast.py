@@ -25,6 +25,7 @@ from trunnion.compensation.volumetric import volumetric_error
 from trunnion.compensation.workspace import Workspace, work_space
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.sizes import size_doubt
 from trunnion.setup import Setup
 
 NOTHING, PARAMETERS, ROUNDED = "nothing compensated", "CNC parameters", "CNC parameters, rounded"
@@ -139,6 +140,7 @@ class CompensationForecast(Result):
         after = self.by_name(PARAMETERS)
         lines = [before_and_after(self.left[0], after or self.left[0], "parameters of the control")]
         lines.append(f"Work space: {self.space}.")
+        lines += filter(None, [size_doubt(self.errors, self.std_errors)])
         if held := self.parameters.held_in_words([k for k, v in self.errors.items() if v]):
             lines.append(held)
         exact = self.by_name(MAP)

@@ -13,6 +13,7 @@ from trunnion.base.input import path_of
 from trunnion.base.output import check_new, whole_file
 from trunnion.base.report import SHOWN, Cell, Result, Shown, Table
 from trunnion.compensation.forecast import Left, before_and_after
+from trunnion.machine.sizes import size_doubt
 
 SETTINGS = "settings.csv"
 """Name of the file with every setting, for people."""
@@ -125,6 +126,7 @@ class ControlFiles(Result):
             unit = "µm" if name[0] in "xyz" else "arcsec"
             lines.append(f"Between the nodes of table {name}: up to {left:.2g} {unit} more.")
         lines += [f"Not compensated: {text}." for text in self.left_out]
+        lines += filter(None, [size_doubt(self.errors, self.std_errors)])
         return [*lines, *self.notes, f"{SETTINGS} says what each number means, and its sign."]
 
     def tables(self) -> tuple[Table, ...]:

@@ -17,10 +17,9 @@ from trunnion.compensation.workspace import Workspace, work_space
 from trunnion.controls.axis_tables import AxisTable
 from trunnion.controls.files import SETTINGS, ControlFiles, Setting, settings_text
 from trunnion.machine.estimate import Estimate
+from trunnion.machine.sizes import PLAUSIBLE
 from trunnion.setup import Setup
 
-PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
-"""Location errors beyond 2 mm or 1° are rather a mistake in the set-up than a machine."""
 SIGNS = {
     "X": "the axis lies towards +X of the machine frame",
     "Y": "the axis lies towards +Y of the machine frame",
@@ -44,8 +43,8 @@ def known_errors(setup: Setup, estimate: Known, *, any_size: bool) -> MachineErr
         if not any_size and abs(value) > limit:
             raise InputError(
                 f"{name}: got {value:g} {unit_of(name)}, expected at most {limit:g}: is the "
-                "set-up that of this machine (point_mm of the axes, length of the probe)? "
-                "--any-size writes it"
+                "set-up that of this machine (point_mm of the axes, length of the probe), and the "
+                "error in that unit? --any-size writes it"
             )
     return known
 

@@ -21,6 +21,8 @@ from trunnion.base.units import Floats
 from trunnion.compensation.machine import Known, MachineErrors
 from trunnion.controls.forecast import known_errors
 from trunnion.controls.tool_path import Kept, Piece, Tool, pieces
+from trunnion.machine.estimate import Estimate
+from trunnion.machine.sizes import size_doubt
 from trunnion.nc import Moves, Program, follow
 from trunnion.setup import Setup
 
@@ -56,6 +58,8 @@ class CorrectedProgram(Result):
         Time of the feed moves, the same before and after.
     left_out
         Effects that were found and are not in the correction, with the reason.
+    notes
+        What is doubtful about the errors.
     """
 
     text: str
@@ -66,6 +70,7 @@ class CorrectedProgram(Result):
     left_um: float
     minutes: float
     left_out: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def sentences(self) -> Sequence[str]:
         """What it corrects, in how many moves."""
@@ -76,7 +81,7 @@ class CorrectedProgram(Result):
             f"{self.moves_before} moves became {self.moves_after}; {self.minutes:.3g} min at feed, "
             "as before.",
         ]
-        return [*lines, *(f"Not corrected: {text}." for text in self.left_out)]
+        return [*lines, *(f"Not corrected: {text}." for text in self.left_out), *self.notes]
 
     def tables(self) -> tuple[Table, ...]:
         """Counts and errors."""
@@ -155,6 +160,7 @@ def correct_program(
     lines = writer.lines(text, program)
     made = "\n".join(lines) + "\n"
     again = follow(Program.parse(made, DIALECT))
+    std = estimate.std_errors if isinstance(estimate, Estimate) else {}
     return CorrectedProgram(
         made,
         len(moves),
@@ -164,6 +170,7 @@ def correct_program(
         1e3 * tool.largest(moves, again, writer.sources),
         float(np.sum(tool.minutes(moves))),
         _ignored(known),
+        tuple(filter(None, [size_doubt(known.errors, std)])),
     )
 
 

@@ -18,6 +18,7 @@ from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
+from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
 from trunnion.probing.model import TouchModel, rounding_um, servo_period_ms
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
@@ -28,18 +29,6 @@ TIP_SHARE = 0.1
 
 LEAST_UM = 200.0
 """Below this an estimate is an ordinary error of a machine."""
-
-LARGE_UM = 1000.0
-"""Beyond this a location error is a length that the set-up states wrongly."""
-
-TINY_UM = (1e-3, 0.1)
-"""Where the largest position error of no machine lies, but that of one in mm does."""
-
-TINY_ARCSEC = (1e-7, 0.1)
-"""Where the largest angular error of no machine lies, but one in degrees or radians does."""
-
-SURE_SIGMAS = 5.0
-"""Standard errors that an estimate is large for before its size is discussed."""
 
 SHARE = 0.1
 """Of the residuals: what a guess has to leave at most, beside the errors of rounding."""
@@ -125,20 +114,6 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
             f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
         )
     return tuple(said)
-
-
-def in_other_units(errors: Mapping[str, float]) -> str:
-    """Ask whether errors are in mm, degrees or radians; empty where there is no doubt."""
-    given = {name: float(value) for name, value in errors.items() if value}
-    return " ".join(
-        f"{', '.join(f'{name} = {value:g}' for name, value in some.items())}: {question}"
-        for letters, (least, limit), question in (
-            ("XYZ", TINY_UM, "are these mm? They are expected in µm."),
-            ("ABC", TINY_ARCSEC, "are these degrees or radians? They are expected in arcsec."),
-        )
-        if (some := {name: value for name, value in given.items() if name[1] in letters})
-        and least <= max(map(abs, some.values())) < limit
-    )
 
 
 @contextmanager

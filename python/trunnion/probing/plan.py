@@ -12,7 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
-from trunnion.probing.mistakes import in_other_units
+from trunnion.machine.sizes import in_other_units
 from trunnion.probing.steps import arrangement, cycle_of
 from trunnion.setup import Setup
 

@@ -14,7 +14,8 @@ from trunnion.base.errors import InputError
 from trunnion.data.touches import Touches
 from trunnion.machine.effects import split_effects
 from trunnion.machine.estimate import Estimate
-from trunnion.probing.mistakes import in_other_units, large_errors_named
+from trunnion.machine.sizes import in_other_units
+from trunnion.probing.mistakes import large_errors_named
 from trunnion.probing.model import TouchModel
 from trunnion.setup import Setup
 

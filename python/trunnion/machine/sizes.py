@@ -1,0 +1,74 @@
+"""Sizes that location errors of machines have: one far outside is likely in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from trunnion.base.units import unit_of
+
+TINY_UM = (1e-3, 0.1)
+"""Where the largest position error of no machine lies, but that of one in mm does."""
+
+TINY_ARCSEC = (1e-7, 0.1)
+"""Where the largest angular error of no machine lies, but one in degrees or radians does."""
+
+LARGE_UM = 1000.0
+"""Beyond this a location error is a length that the set-up states wrongly."""
+
+PLAUSIBLE = {"µm": 2000.0, "arcsec": 3600.0}
+"""Beyond these no location error is left on a machine: the set-up is of another one."""
+
+SURE_SIGMAS = 5.0
+"""Standard errors that an estimate is large for before its size is discussed."""
+
+_LETTERS = {"µm": "XYZ", "arcsec": "ABC"}
+
+
+def in_other_units(errors: Mapping[str, float]) -> str:
+    """Ask whether errors are in mm, degrees or radians; empty where there is no doubt."""
+    given = {name: float(value) for name, value in errors.items() if value}
+    return " ".join(
+        f"{_listed(some)}: {question}"
+        for unit, (least, limit), question in (
+            ("µm", TINY_UM, "are these mm? They are expected in µm."),
+            ("arcsec", TINY_ARCSEC, "are these degrees or radians? They are expected in arcsec."),
+        )
+        if (some := {name: value for name, value in given.items() if name[1] in _LETTERS[unit]})
+        and least <= max(map(abs, some.values())) < limit
+    )
+
+
+def size_doubt(errors: Mapping[str, float], std_errors: Mapping[str, float]) -> str:
+    """Ask whether errors that are to be compensated are in another unit; empty: no doubt.
+
+    std_errors: Of an estimate; one that is not sure says nothing by its size.
+    """
+    sure = {
+        name: value
+        for name, value in errors.items()
+        if abs(value) > SURE_SIGMAS * std_errors.get(name, 0.0)
+    }
+    far = {k: v for k, v in sure.items() if abs(v) > PLAUSIBLE[unit_of(k)]}
+    large = (
+        f"{_listed(far)}: more than {PLAUSIBLE['µm'] / 1e3:g} mm or "
+        f"{PLAUSIBLE['arcsec'] / 3600:g}°. Errors are expected in µm and arcsec: are these 1000 "
+        "times too large, or is the set-up of another machine?"
+    )
+    return " ".join(filter(None, (in_other_units(_judged(errors, sure)), large if far else "")))
+
+
+def _judged(errors: Mapping[str, float], sure: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors of each unit whose largest is sure; of others none."""
+    kept: dict[str, float] = {}
+    for letters in _LETTERS.values():
+        some = {name: value for name, value in errors.items() if name[1] in letters}
+        largest = max(some, key=lambda name: abs(some[name]), default=None)
+        if largest is not None and largest in sure:
+            kept |= some
+    return kept
+
+
+def _listed(errors: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {np.round(value, 9):g}" for name, value in errors.items())
