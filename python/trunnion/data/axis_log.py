@@ -34,6 +34,7 @@ class AxisLog(Table):
     (array([0.  , 0.01]), array([0.   , 0.009]))
     """
 
+    slight_moves = True
     choice = "x_cmd_mm, x_act_mm or those of another axis"
 
     time_s = Time("time of the sample, rising within a run")

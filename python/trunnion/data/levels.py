@@ -23,6 +23,7 @@ from trunnion.data.flatness import (
     Twist,
     heights_of_line,
 )
+from trunnion.data.mistaken import size_notes
 from trunnion.files.columns import (
     ColumnError,
     OptionalNumber,
@@ -32,6 +33,10 @@ from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
 COMPONENTS = ("along", "across")
+NOT_REVERSED = (
+    "The instrument was not turned: its zero and the inclination of the surface as a whole are not "
+    "distinguished. The deviation from a straight line or a plane does not depend on them."
+)
 MIN_FREE = 4  # degrees of freedom from which repeats say what the noise is
 
 
@@ -150,7 +155,7 @@ class Levels(Table):
         slopes = self.slopes("along")
         noise = self._noise(slopes, noise_um_m)
         at, heights, chained = heights_of_line(slopes.places[:, 0], foot_mm)
-        return Straightness.of(at, heights, slopes, noise, chained, self._about_zero())
+        return Straightness.of(at, heights, slopes, noise, chained, self._notes())
 
     @checked
     def flatness(self, *, noise_um_m: float | None = None) -> Flatness:
@@ -173,7 +178,7 @@ class Levels(Table):
             self._need("flatness", component, 4)
         slopes = [self.slopes(component) for component in COMPONENTS]
         noise = [self._noise(s, noise_um_m) for s in slopes]
-        return Flatness.of(slopes, noise, self._about_zero())
+        return Flatness.of(slopes, noise, self._notes())
 
     @checked
     def twist(self, *, noise_um_m: float | None = None) -> Twist:
@@ -245,14 +250,12 @@ class Levels(Table):
         found, least = Noise.of_neighbours(slopes.places, slopes.values), slopes.step / np.sqrt(12)
         return Noise(float(least), "of the step of readings") if found.sigma < least else found
 
-    def _about_zero(self) -> str:
-        if self.reversed:
-            return ""
-        return (
-            "The instrument was not turned: its zero and the inclination of the surface as a whole "
-            "are not distinguished. The deviation from a straight line or a plane does not depend "
-            "on them."
-        )
+    def _notes(self) -> str:
+        """What a reader should know; empty: nothing."""
+        said = [*size_notes(self)]
+        if not self.reversed:
+            said.append(NOT_REVERSED)
+        return " ".join(said)
 
     def _check(self) -> None:
         self.all_or_none("x_mm", "y_mm")

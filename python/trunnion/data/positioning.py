@@ -26,6 +26,7 @@ from trunnion.files.table import Table
 OWN = ("target", "measured")
 MAX_STEP = 2.0  # of the range of deviations, in which positions may be recorded
 MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop differ
+DEVIATIONS = 5e-4  # of the travel of the targets: less than of another unit
 UNITS = {
     1e3: "are these µm?",
     25.4: "are the targets inches?",
@@ -176,6 +177,12 @@ class Positioning(Table):
         slope = float(np.polyfit(self.target, self.measured, 1)[0])
         if 0.5 < slope < 2.0:
             return
+        if abs(slope) < DEVIATIONS:
+            raise DataError(
+                f"measured_{suffix}: got values that do not move with target_{suffix}, expected "
+                "measured positions: are these deviations from the target? Then it is the target "
+                "plus the deviation"
+            )
         near = [text for factor, text in UNITS.items() if abs(slope / factor - 1) < 0.05]
         plain = near and (suffix == "mm" or slope < 0)
         likely = f"; {near[0] if plain else 'another unit, or other columns?'}"

@@ -109,7 +109,7 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
     case, choice, sure = _ordinary(model)
     if choice is None or not sure:
         about = case_of(model.near(always=True), dependent=True)
-        about, other = _settled(_plain(model), about, _choose(about))
+        about, other = _settled(plain_fit(model), about, _choose(about))
         settled = _to_first_order(about, other[1].fit)
         if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
             case, choice = about, other
@@ -198,7 +198,7 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
     other = _choose(again)
     if _score(case, again, other) > _score(case, case, choice):
         return case, choice, False
-    again.given = _plain(model)
+    again.given = plain_fit(model)
     return again, other, not (again.dependent or other[1].terms)
 
 
@@ -269,7 +269,7 @@ def _without_causes(case: Case, choice: Choice) -> tuple[Case, Choice]:
     return case, (choice[0], nothing, choice[2])
 
 
-def _plain(model: Model) -> Fit:
+def plain_fit(model: Model) -> Fit:
     """Fit of a model without effects, readings as they are."""
     start = np.asarray(model.start, dtype=np.float64)
     return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
@@ -289,7 +289,7 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
         )
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
-    plain = _plain(model)
+    plain = plain_fit(model)
     grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
     whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
     if grid is not None and whiten is identity:

@@ -145,7 +145,9 @@ class _Numeric(Column[T]):
             numbers = np.array([parse_number(value) for value in values], dtype=np.float64)
         bad = ~np.isfinite(numbers)
         most = LARGEST.get(unit_of(self.name), np.inf)
-        self.refuse(values, ~bad & (np.abs(numbers) > most), f"a number within ±{most:g}")
+        likely = " (are these µm?)" if unit_of(self.name) == "mm" else ""
+        far = ~bad & (np.abs(numbers) > most)
+        self.refuse(values, far, f"a number within ±{most:g}{likely}")
         if self.positive:
             bad |= ~(numbers > 0.0)
         if self.positive or self.minimum == 0.0:

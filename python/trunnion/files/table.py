@@ -88,6 +88,7 @@ class Table(Saved):
     kinds: ClassVar[Mapping[str, Column[Any]]] = {}
     choice: ClassVar[str] = ""  # columns of which a table needs some, in words
     in_order: ClassVar[bool] = True  # rows stand in the order of measurement
+    slight_moves: ClassVar[bool] = False  # positions may differ by fractions of a millimetre
     clock: ClassVar[str] = ""  # column of what each has its own time from zero
     __slots__ = ("_columns", "_origin")
 

@@ -28,6 +28,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
 from trunnion.models.joint import JointModel
+from trunnion.models.mistaken import mistake_notes, refusal_explained
 from trunnion.models.several import Measured, joined, joint_model
 from trunnion.probing.model import catalogue as touch_catalogue
 from trunnion.setup import Setup
@@ -226,6 +227,12 @@ def model_of(data: Any, setup: Any = None, effects: Sequence[EffectLike | str] =
     """Return the model of a measurement, or of several, with its whole catalogue of candidates."""
     if isinstance(data, list | tuple):
         return _joint(_measured(data, setup, effects), setup, effects)
+    with refusal_explained(data, setup, _built):
+        return _built(data, setup, effects)
+
+
+def _built(data: Any, setup: Any, effects: Sequence[EffectLike | str] = ()) -> Model:
+    """Return the model of one measurement."""
     for base in type(data).__mro__:
         for kind in _KINDS:
             if kind.data == f"{base.__module__}:{base.__qualname__}":
@@ -323,7 +330,8 @@ def _alone(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Diagno
     if model is data:
         return found
     found = replace(found, data=data, setup=setup, candidates=tuple(effects))
-    found = replace(found, notes=(*time_notes(data), *found.notes))
+    mistakes = mistake_notes(found, used, setup, _built)
+    found = replace(found, notes=(*mistakes, *time_notes(data), *found.notes))
     if isinstance(setup, Setup) and setup.machine.tolerance:
         tolerance = setup.machine.tolerance
         contributions = tuple(c.with_tolerance(tolerance) for c in found.contributions)

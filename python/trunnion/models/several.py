@@ -10,6 +10,7 @@ import numpy as np
 
 from trunnion.base.resolution import Grid, Known
 from trunnion.base.units import Floats, Integers
+from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.report import Left
@@ -144,7 +145,7 @@ def joined(
     ]
     notes = []
     for part, one in zip(model.parts, measured, strict=True):
-        notes += [f"{part.name}: {note}" for note in time_notes(one.data)]
+        notes += [f"{part.name}: {n}" for n in (*size_notes(one.data), *time_notes(one.data))]
         if one.alone.unexplained is not None:
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")
     return replace(

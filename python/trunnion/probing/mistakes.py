@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.mistaken import FACTORS_MM
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
@@ -49,15 +50,6 @@ MAX_LONGER_MM = 500.0
 MAX_ROWS = 500
 MIN_FREEDOM = 5
 MAX_STEPS = 50
-
-UNITS = {"inches": 25.4, "µm": 1e-3, "cm": 10.0, "m": 1e3}
-"""Units that lengths may be in, in mm."""
-
-FACTORS = {
-    **{f"are in {unit}": mm for unit, mm in UNITS.items()},
-    "are in mm but were taken for inches": 1 / 25.4,
-}
-"""What lengths may be by which they are wrong, and what takes them to mm."""
 
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
@@ -223,7 +215,7 @@ def _cause(data: Touches, setup: Setup, before_um: float) -> str | None:
 
 def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
     """Yield what may have been meant."""
-    for what, factor in FACTORS.items():
+    for what, factor in FACTORS_MM.items():
         with suppress(TrunnionError):  # too far for positions
             meant = _at(data, data.position_mm * factor)
             yield Guess(f"if their positions {what}", meant, setup, factor)
@@ -248,7 +240,7 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
             meant = _at(data, data.position_mm - sign * along)
             text = f"if the tool's length was measured {end} (not to its centre)"
             yield Guess(text, meant, setup)
-    for what, factor in FACTORS.items():
+    for what, factor in FACTORS_MM.items():
         for parts in ("artefact",), ("artefact", "probe"):
             tables = " and ".join(f"[{part}]" for part in parts)
             with suppress(TrunnionError):  # too large or too small for an artefact

@@ -5,14 +5,17 @@ from collections.abc import Iterable
 import numpy as np
 
 from trunnion.base.errors import DataError, InputError
+from trunnion.base.units import unit_of
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
+from trunnion.data.mistaken import factors
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal
 from trunnion.models.axis_log.steps import step_of
 
 MAX_PERIOD_GAIN = 2.0  # time between samples, times the loop gain
 MIN_MOTION = 0.01  # rms motion from which on it is checked, mm or deg
 MAX_UNCOMMANDED = 0.2  # of the motion, that goes otherwise than commanded
+SAME_UNIT = 0.05  # what a servo with another gain makes of a ratio of units
 MIN_ERROR = 1.0  # following error from which on the reference is checked, µm or arcsec
 MAX_AGREEMENT = 1e-3  # of the following error that the servo model says
 MAX_LEAD = 0.25  # time by which an axis may be ahead of its command, times the loop gain
@@ -129,6 +132,7 @@ def check_motion(signal: AxisSignal) -> None:
         raise DataError(
             f"axis log, {name}_act_{unit}: got {ratio:.3g} times the motion that the servo model "
             f"says for {name}_cmd_{unit}, expected about 1: both in {unit}, of one axis"
+            f"{_unit_said(f'{name}_act_{unit}', ratio)}"
         )
     late_s = float(speed @ (signal.commanded - signal.actual) / (speed @ speed))
     if late_s < -MAX_LEAD / signal.servo.gain_per_s:
@@ -136,6 +140,16 @@ def check_motion(signal: AxisSignal) -> None:
             f"axis log, {name}_act_{unit}: got positions {-1e3 * late_s:.3g} ms ahead of "
             f"{name}_cmd_{unit}, expected them behind: are the columns exchanged?"
         )
+
+
+def _unit_said(column: str, ratio: float) -> str:
+    """Say which unit makes an axis go so many times as far; empty: none that is known."""
+    other_way = " and count the other way" if ratio < 0 else ""
+    return "".join(
+        f". Likely cause: {column}: its positions {said} (× {factor:.4g}){other_way}"
+        for said, factor in factors(unit_of(column)).items()
+        if abs(abs(ratio) * factor - 1.0) < SAME_UNIT
+    )
 
 
 def check_reference(signal: AxisSignal) -> None:

@@ -1,0 +1,183 @@
+"""What may have been meant by data that do not fit their model: tried, and named if it fits.
+
+Nothing is tried unless data are refused or not explained, and no number is changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from itertools import combinations
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from trunnion.base.errors import DataError, KinematicsError, TrunnionError
+from trunnion.base.units import unit_of
+from trunnion.data.mistaken import factors, listed
+from trunnion.files.table import Table
+from trunnion.setup import Machine, Setup
+from trunnion.setup.machines import presets
+
+Scatter: TypeAlias = Callable[[Any, Any], float]
+"""``scatter(data, setup)``: rms of what the plain model leaves; it raises where nothing fits."""
+
+SHARE = 0.1
+"""Of the scatter: what a guess has to leave at most."""
+BETTER = 0.5
+"""Of what the causes that were found leave: what a guess has to leave without any, at most."""
+MAX_LEFT = 500.0
+"""Scatter (µm, arcsec) that a guess leaves at most of data that are refused as they are."""
+MAX_RELATIVE = 1e-3
+"""Of positions: the same. Smaller positions would scatter less whatever was wrong with them."""
+RIVAL_FACTOR = 2.0
+"""Guesses that leave up to so many times the scatter of the best are named beside it."""
+MAX_RIVALS = 4
+MAX_ROWS = 500
+
+
+class Guess(NamedTuple):
+    """What may have been meant.
+
+    text: How it reads.
+    scale: What the readings were multiplied by, for scatters to be compared.
+    subject, factor: Columns that were scaled, and how far; of others "" and 1.
+    """
+
+    text: str
+    data: Any
+    setup: Any
+    scale: float = 1.0
+    subject: str = ""
+    factor: float = 1.0
+
+
+@contextmanager
+def meant_named(data: Any, setup: Any, scatter: Scatter) -> Iterator[None]:
+    """Add the likely cause to an error about data that cannot belong to their model."""
+    try:
+        yield
+    except (DataError, KinematicsError) as error:
+        if cause := likely_meant(data, setup, scatter, _fits):
+            text = str(error)
+            error.args = (f"{text}{'' if text.endswith('?') else '.'} Likely cause: {cause}",)
+        raise
+
+
+def likely_better(data: Any, setup: Any, scatter: Scatter, before: float, after: float) -> str:
+    """Say with what data fit far better than with the causes that were found; empty: with none.
+
+    before, after: Scatter of the data as they are, without and with these causes.
+    """
+    most = min(SHARE * before, BETTER * after)
+    return likely_meant(data, setup, scatter, lambda guess, left: left / guess.scale <= most)
+
+
+def likely_meant(
+    data: Any, setup: Any, scatter: Scatter, fits: Callable[[Guess, float], bool]
+) -> str:
+    """Say with what other unit, sense or machine the data fit; empty: with none that is tried."""
+    if not isinstance(data, Table):
+        return ""
+    tried = []
+    for guess in guesses(_some(data), setup):
+        with suppress(TrunnionError):  # nothing that the model takes, either
+            left = scatter(guess.data, guess.setup)
+            if fits(guess, left):
+                tried.append((left / guess.scale, left, guess))
+    if not tried:
+        return ""
+    best = min(tried, key=lambda one: one[0])[0]
+    near = [one for one in tried if one[0] <= RIVAL_FACTOR * best]
+    kept = [one for one in near if not any(_nearer(other[2], one[2]) for other in near)]
+    texts = [guess.text for _, _, guess in kept[:MAX_RIVALS]]
+    if len(kept) > MAX_RIVALS:
+        texts.append("what comes to the same")
+    left = min(left for _, left, _ in kept)
+    return f"the data fit to {left:.3g} {_unit(data)} {', or '.join(texts)}."
+
+
+def _fits(guess: Guess, left: float) -> bool:
+    """Whether data that are refused as they are would be of a machine."""
+    places = [np.abs(v).max() for n, v in guess.data.readings.items() if unit_of(n) == "mm"]
+    return left <= min(MAX_LEFT, MAX_RELATIVE * 1e3 * max(places, default=np.inf))
+
+
+def _nearer(other: Guess, guess: Guess) -> bool:
+    """Whether another guess scales the same set positions by less."""
+    same = other.subject == guess.subject != "" and other.scale == guess.scale == 1.0
+    return same and abs(np.log(other.factor)) < abs(np.log(guess.factor))
+
+
+def guesses(data: Table, setup: Any) -> Iterator[Guess]:
+    """Yield what may have been meant."""
+    for names in (tuple(data.readings), tuple(data.set_positions)):
+        yield from _scaled(data, setup, names)
+    yield from _scaled(data, setup, (*data.readings, *data.set_positions), both=True)
+    yield from _deviations(data, setup)
+    for name in (*data.set_positions, *data.readings):
+        with suppress(TrunnionError):
+            meant = data.with_columns(**{name: -data[name]})
+            yield Guess(f"if {name} counts the other way{_sense(name)}", meant, setup)
+    for names in (tuple(data.readings), tuple(data.set_positions)):
+        for one, other in combinations(names, 2):
+            if unit_of(one) == unit_of(other):
+                meant = data.with_columns(**{one: data[other], other: data[one]})
+                yield Guess(f"if {one} and {other} are exchanged", meant, setup)
+    if isinstance(setup, Setup) and any(unit_of(n) == "deg" for n in data.set_positions):
+        for preset in presets():
+            if preset != setup.machine.name:
+                with suppress(TrunnionError):
+                    other_setup = replace(setup, machine=Machine(preset))
+                    yield Guess(f'with preset = "{preset}"', data, other_setup)
+
+
+def _scaled(
+    data: Table, setup: Any, names: tuple[str, ...], *, both: bool = False
+) -> Iterator[Guess]:
+    """Columns of one unit are in another, or were converted as if they were.
+
+    both: Readings and set positions, where both have the unit.
+    """
+    for unit in dict.fromkeys(map(unit_of, names)):
+        some = [name for name in names if unit_of(name) == unit]
+        if both and len({name in data.readings for name in some}) < 2:
+            continue
+        for said, factor in factors(unit).items():
+            with suppress(TrunnionError):  # too far for positions
+                meant = data.with_columns(**{name: factor * data[name] for name in some})
+                if len(some) == 1:
+                    said = said.replace("are ", "is ", 1).replace(" were ", " was ")
+                text = f"if {listed(some)} {said} (× {factor:.4g})"
+                scale = factor if some[0] in data.readings else 1.0
+                yield Guess(text, meant, setup, scale, listed(some), factor)
+
+
+def _deviations(data: Table, setup: Any) -> Iterator[Guess]:
+    """Readings are deviations from set positions, not positions."""
+    pairs = {n: f"nominal_{n}" for n in data.readings if f"nominal_{n}" in data.set_positions}
+    if not pairs:
+        return
+    for unit, factor in (("mm", 1.0), ("µm", 1e-3)):
+        meant = data.with_columns(**{n: data[p] + factor * data[n] for n, p in pairs.items()})
+        text = f"if {listed(pairs)} are deviations from the nominal places in {unit}"
+        yield Guess(text, meant, setup, factor)
+
+
+def _sense(name: str) -> str:
+    """How to say it in the set-up."""
+    return f" (sense of axis {name[0].upper()})" if name in ("a_deg", "b_deg", "c_deg") else ""
+
+
+def _unit(data: Table) -> str:
+    """Unit of what is left of the readings."""
+    units = {unit_of(name) for name in data.readings}
+    return {"mm": "µm", "deg": "arcsec"}.get(min(units), min(units)) if len(units) == 1 else "µm"
+
+
+def _some(data: Table) -> Table:
+    """Take some of many rows, in order: enough to recognise a mistake."""
+    if len(data) <= MAX_ROWS:
+        return data
+    return data[np.sort(np.random.default_rng(0).permutation(len(data))[:MAX_ROWS])]

@@ -1,0 +1,61 @@
+"""Likely mistakes of measured data, named beside their refusal or their diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from trunnion.data.axis_log import AxisLog
+from trunnion.data.meant import likely_better, meant_named
+from trunnion.data.mistaken import size_notes
+from trunnion.data.positioning import Positioning
+from trunnion.data.touches import Touches
+from trunnion.diagnosis.engine import plain_fit
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.result import Diagnosis
+from trunnion.machine.sizes import in_other_units
+from trunnion.setup import Setup
+
+OWN_RULES = (Touches, AxisLog, Positioning)
+"""Kinds whose models say themselves what was mistaken."""
+
+MIN_FREEDOM = 5
+
+Build = Callable[[Any, Any], Model]
+
+
+def scatter_by(build: Build) -> Callable[[Any, Any], float]:
+    """Return the rms of what the plain model of data leaves; infinite with too few readings."""
+
+    def scatter(data: Any, setup: Any) -> float:
+        found = plain_fit(build(data, setup))
+        return float(np.sqrt(found.rss / found.dof)) if found.dof >= MIN_FREEDOM else np.inf
+
+    return scatter
+
+
+@contextmanager
+def refusal_explained(data: Any, setup: Any, build: Build) -> Iterator[None]:
+    """Add the likely cause to an error about data that cannot belong to their model."""
+    if isinstance(data, OWN_RULES):
+        yield
+        return
+    with meant_named(data, setup, scatter_by(build)):
+        yield
+
+
+def mistake_notes(found: Diagnosis, data: Any, setup: Any, build: Build) -> tuple[str, ...]:
+    """Say what is likely mistaken about data that were diagnosed."""
+    if isinstance(data, Touches):
+        return ()
+    said = [*size_notes(data)]
+    if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
+        said.append(f"[machine.errors] has {doubt}")
+    if found.verdict == "unexplained" and not isinstance(data, OWN_RULES):
+        left = found.gain.rms_before_um, found.gain.rms_after_um
+        if cause := likely_better(data, setup, scatter_by(build), *left):
+            said.append(f"What is not explained has a likely cause: {cause}")
+    return tuple(said)

@@ -1,0 +1,219 @@
+"""Common mistakes are named for every kind of data; sound data are not asked about.
+
+Each is made on the small measurement of the kind. What a file is refused for, and what is said
+beside a diagnosis, are both read as a user reads them.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from measured import FOLDER, needs_files
+from trunnion import datasets
+from trunnion.base.units import unit_of
+from trunnion.data.mistaken import in_radians, size_notes
+from trunnion.files.table import Table
+from trunnion.models import examples
+from trunnion.models.kinds import kinds, model_of
+
+Made = tuple[Any, Any]
+
+
+def times(made: Made, factor: float, unit: str, *, readings: bool, positions: bool = False) -> Made:
+    """Columns of a unit times a factor."""
+    data, setup = made
+    columns = {**(data.readings if readings else {}), **(data.set_positions if positions else {})}
+    some = {n: factor * v for n, v in columns.items() if unit_of(n) == unit}
+    assert some
+    return data.with_columns(**some), setup
+
+
+REFUSED: list[tuple[str, Callable[[Made], Made], str]] = [
+    ("points", lambda m: times(m, 1e3, "mm", readings=True), "are in µm (× 0.001)"),
+    ("points", lambda m: times(m, 1 / 25.4, "mm", readings=True), "are in inches (× 25.4)"),
+    ("points", lambda m: times(m, 1e-3, "mm", readings=True), "are in m (× 1000)"),
+    ("sweep", lambda m: times(m, np.pi / 180, "deg", readings=False, positions=True), "radians"),
+    ("ballbar", lambda m: times(m, 1e3, "mm", readings=True), "length_mm is in µm (× 0.001)"),
+    ("ballbar", lambda m: times(m, 25.4, "mm", readings=True), "was taken for inches"),
+    ("rotary_test", lambda m: times(m, 1e4, "µm", readings=True), "1000 times too large (× 0.001)"),
+    (
+        "rotary_bars",
+        lambda m: times(m, 1 / 25.4, "mm", readings=False, positions=True),
+        "x_mm, y_mm and z_mm are in inches (× 25.4)",
+    ),
+    (
+        "rotary_test",
+        lambda m: times(m, np.pi / 180, "deg", readings=False, positions=True),
+        "a_deg and c_deg are in radians",
+    ),
+    ("hybrid_ballbar", lambda m: times(m, 1e3, "mm", readings=True), "length_mm is in µm"),
+    ("diameters", lambda m: times(m, 25.4, "mm", readings=False, positions=True), "for inches"),
+    ("diameters", lambda m: times(m, 1e3, "mm", readings=False, positions=True), "z_mm is in µm"),
+]
+REFUSED_IDS = [f"{name}: {said}" for name, _, said in REFUSED]
+
+
+@pytest.mark.parametrize(("name", "mistake", "said"), REFUSED, ids=REFUSED_IDS)
+def test_a_refusal_names_the_likely_unit(
+    name: str, mistake: Callable[[Made], Made], said: str
+) -> None:
+    data, setup = mistake(getattr(examples, name)())
+    with pytest.raises(tn.TrunnionError, match="Likely cause") as refused:
+        model_of(data, setup)
+    assert said in str(refused.value)
+
+
+def test_whole_errors_of_diameters_in_nanometres_are_named() -> None:
+    data, setup = examples.diameters()
+    data = data.with_columns(error_um=data.error_um * 1e5)
+    with pytest.raises(tn.DataError, match="1000 times too large"):
+        model_of(data, setup)
+
+
+def test_deviations_in_place_of_positions_are_named() -> None:
+    data, _ = examples.points()
+    off = {f"{a}_mm": data[f"{a}_mm"] - data[f"nominal_{a}_mm"] for a in "xyz"}
+    with pytest.raises(tn.DataError, match="are deviations from the nominal places in mm"):
+        model_of(data.with_columns(**off))
+    off = {name: 1e3 * values for name, values in off.items()}  # µm
+    with pytest.raises(tn.DataError, match="are deviations from the nominal places in µm"):
+        model_of(data.with_columns(**off))
+    stops, _ = examples.positioning()
+    with pytest.raises(tn.DataError, match="are these deviations from the target"):
+        model_of(stops.with_columns(measured_mm=stops["measured_mm"] - stops["target_mm"]))
+
+
+@pytest.mark.parametrize("axis", ["a_deg", "c_deg", "y_mm"])
+def test_a_mirrored_sense_of_a_rotary_test_is_named(axis: str) -> None:
+    data, setup = examples.rotary_test()
+    with pytest.raises(tn.DataError, match=f"if {axis} counts the other way"):
+        model_of(data.with_columns(**{axis: -data[axis]}), setup)
+
+
+def test_a_mirrored_reading_is_a_note() -> None:
+    """A sensor that counts the other way is less than 5 mm: nothing refuses it."""
+    setup = tn.read_setup(tn.sample_path("rotary/setup.toml"))
+    data = tn.read_rotary_test(tn.sample_path("rotary/rtest.csv"))
+    found = tn.diagnose(data.with_columns(dx_um=-data["dx_um"]), setup)
+    assert "if dx_um counts the other way" in found.summary()
+    assert "counts the other way" not in tn.diagnose(data, setup).summary()
+
+
+def test_another_preset_is_named() -> None:
+    other = tn.Setup(tn.Artefact("none"), tn.Machine("trt-bc"))
+    ball, turns = (90.0, 20.0, 60.0), {"B": [0, 0, 40, -40, 60] * 3, "C": list(range(0, 300, 20))}
+    planned = tn.plan_rotary_test(other, ball, turns)
+    made = tn.simulate_rotary_test(planned, other, ball, {"EX0C": 9.0}, noise_um=0.3, seed=1)
+    given = tn.Setup(tn.Artefact("none"), tn.Machine("head-bc"))
+    with pytest.raises(tn.DataError, match='with preset = "trt-bc"'):
+        model_of(made, given)
+
+
+@pytest.mark.parametrize(
+    ("axis", "factor", "said"),
+    [
+        ("x_act_mm", 1 / 25.4, "x_act_mm: its positions are in inches (× 25.4)"),
+        ("x_act_mm", -1e3, "are in µm (× 0.001) and count the other way"),
+        ("y_act_mm", 25.4, "are in mm but were taken for inches"),
+        ("y_act_mm", -1.0, "got motion opposite to y_cmd_mm"),
+        ("c_act_deg", np.pi / 180, "are in radians (× 57.3)"),
+    ],
+)
+def test_an_axis_of_a_log_in_another_unit_or_sense_is_named(
+    axis: str, factor: float, said: str
+) -> None:
+    log, setup = examples.axis_log()
+    with pytest.raises(tn.DataError) as refused:
+        model_of(log.with_columns(**{axis: factor * log[axis]}), setup)
+    assert said in str(refused.value)
+
+
+# --- sizes: what is said beside a diagnosis
+
+
+SIZES: list[tuple[str, str, float, bool, bool, str]] = [
+    ("diameters", "µm", 0.01, True, False, "error_um: values differ by"),
+    ("rotary_test", "µm", 1e-3, True, False, "are these mm (1000 times as large in µm)"),
+    ("levels", "µm/m", 1e-3, True, False, "are these mm/m"),
+    ("levels", "µm/m", 1e-6, True, False, "are these radians"),
+    ("levels", "µm/m", 1e3, True, False, "made 1000 times too large"),
+    ("surface_levels", "mm", 1e-3, False, True, "are these m (1000 times as large in mm)"),
+    ("points", "mm", 1e-3, True, True, "are these m (1000 times as large in mm)"),
+    ("ballbar", "mm", 1e3, True, True, "are these µm (1000 times as small in mm)"),
+    ("positioning", "mm", 1e3, True, True, "are these µm (1000 times as small in mm)"),
+    ("sweep", "deg", np.pi / 180, False, True, "are these radians"),
+]
+
+
+@pytest.mark.parametrize(("name", "unit", "factor", "readings", "positions", "said"), SIZES)
+def test_a_size_of_another_unit_is_asked_about(
+    name: str, unit: str, factor: float, readings: bool, positions: bool, said: str
+) -> None:
+    made = getattr(examples, name)()
+    data, _ = times(made, factor, unit, readings=readings, positions=positions)
+    assert said in " ".join(size_notes(data))
+    assert not size_notes(made[0])
+
+
+def test_the_summaries_of_levels_and_of_a_diagnosis_say_it() -> None:
+    bed = tn.read_levels(tn.sample_path("levels/bed.csv"))
+    in_mm_m = bed.with_columns(along_um_m=bed["along_um_m"] * 1e-3, across_um_m=None)
+    assert "are these mm/m" in in_mm_m.straightness().summary()
+    assert "are these mm/m" in tn.diagnose(in_mm_m).summary()
+    assert "are these" not in bed.straightness().summary()
+
+
+def test_errors_of_the_machine_in_mm_are_asked_about() -> None:
+    data, setup = examples.rotary_test()
+    known = tn.Setup(setup.artefact, tn.Machine("trt-ca", errors={"EX0C": 0.005}))
+    assert "[machine.errors] has EX0C = 0.005: are these mm?" in tn.diagnose(data, known).summary()
+
+
+def test_lengths_beyond_any_machine_are_asked_about() -> None:
+    with pytest.raises(tn.InputError, match="are these µm"):
+        tn.Levels(position_mm=[0.0, 2e6], along_um_m=[1.0, 2.0])
+
+
+# --- sound data
+
+
+EXAMPLES = [example for kind in kinds() for example in kind.examples]
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_sound_data_of_every_kind_are_not_asked_about(example: str) -> None:
+    assert size_notes(resolve_name(example)()[0]) == ()
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.csv"))
+
+
+@pytest.mark.parametrize("file", files(tn.sample_path("plate/first.csv").parents[1]), ids=str)
+def test_samples_are_not_asked_about(file: Path) -> None:
+    data = tn.read(file)
+    assert isinstance(data, Table)
+    assert size_notes(data) == ()
+
+
+@needs_files
+@pytest.mark.parametrize("name", datasets.names())
+def test_measured_files_are_not_asked_about(name: str) -> None:
+    assert size_notes(datasets.load(name, FOLDER)) == ()
+
+
+def test_degrees_are_not_taken_for_radians() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(500):
+        step = rng.choice([0.5, 1.0, 5.0, 7.5, 30.0, 360 / 7])
+        assert not in_radians(np.arange(0.0, 360.0, step))
+        assert not in_radians(rng.uniform(-180.0, 180.0, rng.integers(3, 30)))
+        assert not in_radians(rng.uniform(-6.0, 6.0, rng.integers(3, 30)))
+    for step in (1.0, 5.0, 15.0, 30.0):
+        assert in_radians(np.radians(np.arange(0.0, 360.0, step)))
+        assert in_radians(np.round(np.radians(np.arange(-90.0, 91.0, step)), 5))
