@@ -35,6 +35,7 @@ SHOWN = 1e-3
 """µm and arcsec: less is no number for people."""
 ROUNDING = 1e-9
 """A value without uncertainty below this is what rounding of the computer leaves of 0."""
+MAX_DECIMALS = 9
 MAX_NAME_WIDTH = 44  # of a first column that does not wrap
 
 Cell: TypeAlias = str | float | int | bool | None
@@ -79,13 +80,35 @@ def position(value: float) -> Shown:
 
 
 def measured(value: float, std: float | None) -> tuple[Cell, Cell]:
-    """Return a value and its standard error, shown to the two leading digits of the latter."""
+    """Return a value and its standard error: two significant digits of this, both to its place.
+
+    So the GUM has it (7.2.6); every value with its uncertainty is shown by this function.
+    """
     if std is None or std <= 0:
         return significant(0.0 if std is not None and abs(value) < ROUNDING else value, 4), std
     if not np.isfinite(std):
         return Shown(value, "–"), std
-    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    return Shown(value, number(value, digits)), Shown(std, number(std, digits))
+    rounded = float(f"{std:.1e}")  # 0.0996 is 0.10: rounding may add a place
+    digits = min(1 - int(np.floor(np.log10(rounded))), MAX_DECIMALS)
+    shown, error = (Shown(x, number(round(x, digits), max(digits, 0))) for x in (value, std))
+    return shown, error
+
+
+def uncertainty(std: float) -> str:
+    """Say a standard error or an expanded uncertainty alone: two significant digits."""
+    return plus_minus(std, std).partition(" ")[0]
+
+
+def plus_minus(value: float, std: float | None, digits: int = 3) -> str:
+    """Say a value with its standard error: ``4.82 ± 0.31``.
+
+    digits: Significant ones of a value without uncertainty.
+    """
+    if std is None or std <= 0:
+        return significant(value, digits).text
+    if not np.isfinite(std):
+        return number(std)
+    return " ± ".join(x.text for x in measured(value, std) if isinstance(x, Shown))
 
 
 @dataclass(frozen=True)

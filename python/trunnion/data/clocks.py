@@ -18,7 +18,7 @@ from scipy import interpolate, ndimage, optimize
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
-from trunnion.base.report import Result, Table, measured
+from trunnion.base.report import Result, Table, measured, plus_minus
 from trunnion.base.units import Floats
 
 SMOOTHING = 2.0
@@ -62,9 +62,9 @@ class ClockOffset(Result):
 
     def sentences(self) -> Sequence[str]:
         """Say the offset."""
-        value, error = (f"{1e3 * x:.4g}" for x in (self.offset_s, self.std_error_s))
+        said = plus_minus(1e3 * self.offset_s, 1e3 * self.std_error_s)
         return (
-            f"The first clock is the second plus {value} ± {error} ms (standard uncertainty); "
+            f"The first clock is the second plus {said} ms (standard uncertainty); "
             f"correlation of the speeds {self.correlation:.4f}, residual {self.rms:.4g} rms.",
         )
 

@@ -11,7 +11,15 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from trunnion.base.report import Result, Shown, Table, left_text, measured, number, significant
+from trunnion.base.report import (
+    Result,
+    Shown,
+    Table,
+    left_text,
+    measured,
+    plus_minus,
+    significant,
+)
 from trunnion.base.saved import Columns
 from trunnion.base.units import Flags, Floats, Integers, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model, Readings
@@ -396,12 +404,8 @@ def labelled(id_: str, label: str) -> str:
 
 def value_in_words(value: float, std: float | None, unit: str = "") -> str:
     """Say a value to the two leading digits of its standard error: ``4.82 ± 0.31 µm/h``."""
-    if std is None or std <= 0:
-        return with_unit(f"{value:.3g}".replace("-", "−"), unit)
-    if not np.isfinite(std):
-        return number(std)
-    digits = int(np.clip(1 - np.floor(np.log10(std)), 0, 9))
-    return with_unit(f"{number(value, digits)} ± {number(std, digits)}", unit)
+    said = plus_minus(value, std)
+    return said if std is not None and not np.isfinite(std) else with_unit(said, unit)
 
 
 def alternatives_table(

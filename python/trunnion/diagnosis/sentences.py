@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trunnion.base.report import uncertainty
 from trunnion.base.units import unit_of
 from trunnion.diagnosis.records import Cause, chance, labelled, percent, with_unit
 from trunnion.files.origin import places
@@ -115,7 +116,7 @@ def _widened(d: Diagnosis) -> list[str]:
     worst = [k for k in sorted(shares, key=lambda k: -shares[k]) if shares[k] > MIN_DOUBT]
     lines = []
     for name in worst[:MAX_WORST]:
-        std, part = (f"{v[name]:.2g}" for v in (d.errors_std, d.doubt))
+        std, part = (uncertainty(v[name]) for v in (d.errors_std, d.doubt))
         one, other = d.alternatives[0], d.rivals[name]
         pair = (" + ".join(sorted(s)) or "no further cause" for s in (one - other, other - one))
         lines.append(

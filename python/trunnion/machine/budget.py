@@ -284,7 +284,7 @@ class Budget(Result):
             most = m.lines[0].source if m.lines and m.lines[0].contribution > 0 else ""
             nu = freedom(m.degrees_of_freedom)
             interval = () if m.interval is None else map(significant, m.interval)
-            cells = (value, significant(m.std), expanded, m.unit, nu, most, *interval)
+            cells = (value, measured(m.value, m.std)[1], expanded, m.unit, nu, most, *interval)
             rows.append((m.name, *cells))
         heads = ["", "value", "u", f"U (k = {self.coverage_factor:g})", "unit", "ν", "most due to"]
         if self.method == "monte-carlo":

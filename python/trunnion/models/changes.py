@@ -7,7 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from trunnion.base.report import Cell, Result, Shown, Table, measured, number, significant
+from trunnion.base.report import (
+    Cell,
+    Result,
+    Shown,
+    Table,
+    measured,
+    number,
+    plus_minus,
+    significant,
+)
 from trunnion.base.units import without_unit
 from trunnion.diagnosis.records import chance, with_unit
 
@@ -73,10 +82,10 @@ class Change:
 
     def sentence(self) -> str:
         """Say both values and the change."""
-        value, std = (_text(cell) for cell in measured(self.change, self.std_error))
+        by = plus_minus(self.change, self.std_error)
         ends = " → ".join(map(_text, self.ends))
         change = "rms of the difference" if self.rms else "change"
-        return with_unit(f"{self.called} {ends} ({change} {value} ± {std})", self.unit)
+        return with_unit(f"{self.called} {ends} ({change} {by})", self.unit)
 
 
 @dataclass(frozen=True)
@@ -268,8 +277,7 @@ def _chance(p: float) -> Shown:
 
 
 def _rate(t: Trend) -> str:
-    value, std = (_text(cell) for cell in measured(t.rate, t.std_error))
-    return with_unit(f"{value} ± {std}", t.unit)
+    return with_unit(plus_minus(t.rate, t.std_error), t.unit)
 
 
 def _text(cell: Cell) -> str:

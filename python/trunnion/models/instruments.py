@@ -18,7 +18,7 @@ from scipy import special
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
-from trunnion.base.report import Cell, Result, Shown, Table, significant
+from trunnion.base.report import Cell, Result, Shown, Table, plus_minus, significant
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import refit
@@ -155,7 +155,7 @@ class InstrumentComparison(Result):
 
 
 def _shown(value: float, std: float) -> Shown:
-    return Shown(value, f"{value:.3g} ± {std:.2g}")
+    return Shown(value, plus_minus(value, std))
 
 
 @checked

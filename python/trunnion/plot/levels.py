@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.report import plus_minus
 from trunnion.data.flatness import Flatness, Straightness, Twist
 from trunnion.data.levels import Levels
 from trunnion.plot.picture import Axis, Kind, Picture, band, heat, line, points
@@ -73,8 +74,8 @@ def twist_pictures(result: Twist) -> list[Picture]:
         line(ends, fitted, "constant twist", colour=PURPLE, width=2.0),
     )
     u = result.std_errors["twist_um_m_m"]
-    u_text = f" ± {2 * u:.2g}" if np.isfinite(u) else ""
-    title = f"Twist {result.twist_um_m_m:.3g}{u_text} µm/m per m (k = 2)"
+    twist = plus_minus(result.twist_um_m_m, 2 * u if np.isfinite(u) else None)
+    title = f"Twist {twist} µm/m per m (k = 2)"
     return [Picture(title, x, Axis("Slope across", "µm/m"), series)]
 
 

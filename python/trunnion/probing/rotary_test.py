@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from trunnion.base.arguments import checked
 from trunnion.base.checks import array, point, positive, whole
 from trunnion.base.errors import InputError
-from trunnion.base.report import Table
+from trunnion.base.report import Table, plus_minus
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.rotary_test import READINGS, RotaryTest
@@ -84,7 +84,7 @@ class RotaryTestIdentification(Estimate):
         ]
         if self.bar_length_um is not None:
             longer, std = self.bar_length_um
-            lines.append(f"The ball-bar reads {longer:.4g} ± {2 * std:.2g} µm (k = 2) longer.")
+            lines.append(f"The ball-bar reads {plus_minus(longer, 2 * std)} µm (k = 2) longer.")
         if not self.converged:
             lines.append("Did NOT converge: do not use these numbers.")
         return [*lines, *super().sentences()]

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from trunnion.base.errors import TrunnionError
-from trunnion.base.report import number
+from trunnion.base.report import number, uncertainty
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.diameters import Diameters
 from trunnion.data.positioning import Positioning
@@ -185,7 +185,7 @@ def _widened(found: Found) -> list[str]:
             " + ".join(sorted(map(found.label, s))) or "no further cause"
             for s in (one - other, other - one)
         ]
-        whole, doubt = (f"{COVERAGE * v:.2g} {unit_in(d, name)}" for v in (std, part))
+        whole, doubt = (f"{uncertainty(COVERAGE * v)} {unit_in(d, name)}" for v in (std, part))
         lines.append(
             f"U of the {called(name)}, {whole}, is mostly ({doubt}) the doubt between "
             f"{' and '.join(pair)}."
