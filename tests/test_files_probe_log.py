@@ -227,6 +227,55 @@ def test_the_log_of_another_plan_is_refused(plan: tn.Touches, tmp_path: Path) ->
     assert len(tn.read_probe_log(path, tn.read_touches(tmp_path / "plan.csv"))) == 1
 
 
+def test_whole_turns_are_the_same_posture(plan: tn.Touches, tmp_path: Path) -> None:
+    """A wrapped axis shows in the log; senses that the plan gives it were then others."""
+    path = tmp_path / "touches.log"
+    path.write_text(run(plan) + ONE + TWO.replace("180.000100", "-180.000100"))
+    read = tn.read_probe_log(path, plan)
+    assert read.columns["c_deg"].tolist() == [90.0, 180.0]
+    assert "c_dir" in plan.columns
+    assert "c_dir" not in read.columns
+    assert read.recognised is not None
+    (note,) = read.recognised.notes
+    assert "has C whole turns from the plan" in note
+    for no_turn in ("0.000100", "180.002000", "-179.990000"):
+        path.write_text(run(plan) + ONE + TWO.replace("180.000100", no_turn))
+        with pytest.raises(tn.FileFormatError, match=r"C \(touch 2\): got"):
+            tn.read_probe_log(path, plan)
+
+
+def test_the_frame_of_a_log_for_its_next_run(plan: tn.Touches, tmp_path: Path) -> None:
+    """The program has it as numbers; what cannot be compared is refused."""
+    setup = tn.Setup(artefact=tn.Artefact("cross"))
+    path = tmp_path / "touches.log"
+    state = "; G55 1 -2.5 3 tool length 100.25 A 0 C 0.5 machine"
+    path.write_text(run(plan).replace("; G54 0 0 0 tool length 100", state) + ONE)
+    made = tn.probing_program(plan, setup, start_at=2, continues=path)
+    assert dict(made.cycle.frame_before) == {
+        "wcs": 2, "x": 1, "y": -2.5, "z": 3, "length": 100.25, "a": 0, "c": 0.5,
+    }  # fmt: skip
+    assert "#<was_length> = 100.250000" in made.text()
+    path.write_text(run(plan) + ONE)  # of a program before these had rotary offsets
+    assert (
+        "frame_c> - #<was_c>"
+        not in tn.probing_program(plan, setup, start_at=2, continues=path).text()
+    )
+    with pytest.raises(tn.InputError, match="continues: got it from touch 1"):
+        tn.probing_program(plan, setup, continues=path)
+    for text, message in (
+        (run(plan).replace("; G54", "; G5x"), "expected G54"),
+        (run(plan).replace("length 100", "length long"), "length: got 'long', expected a number"),
+        (run(plan).split("\n")[0] + "\n" + ONE, "does not say its work offset"),
+        (ONE, "got no run of a probing program"),
+    ):
+        path.write_text(text)
+        with pytest.raises(tn.FileFormatError, match=message):
+            tn.probing_program(plan, setup, start_at=2, continues=path)
+    path.write_text(run(plan).replace("length 100", "length 100 A 0 C 0 corrected") + ONE)
+    with pytest.raises(tn.InputError, match="got runs with other kinematics"):
+        tn.probing_program(plan, setup, start_at=2, continues=path)
+
+
 def other(plan: tn.Touches) -> tuple[tn.Touches, str]:
     """Another plan, and a run of it with one touch more than `plan` has."""
     longer = tn.Touches(

@@ -82,6 +82,8 @@ class Bench:
     components: Mapping[str, bytes] = field(default_factory=dict)  # further modules
     hal: str = ""  # further lines of HAL, after the kinematics
     home: Mapping[int, float] = field(default_factory=dict)  # HOME and HOME_OFFSET of joints
+    axis_ini: Mapping[str, str] = field(default_factory=dict)  # one more line of a section
+    interpreter_ini: str = ""  # one more line of [RS274NGC]
     servo_ms: float = 1.0
     speed: float = 20.0
 
@@ -183,6 +185,7 @@ CYCLE_TIME = 0.001
 [RS274NGC]
 PARAMETER_FILE = bench.var
 SUBROUTINE_PATH = .
+{bench.interpreter_ini}
 REMAP = M428 modalgroup=10 ngc=428remap
 REMAP = M429 modalgroup=10 ngc=429remap
 REMAP = M430 modalgroup=10 ngc=430remap
@@ -220,7 +223,7 @@ JOINTS = 5
         motion = f"{limits}\nMAX_VELOCITY = {speed}\nMAX_ACCELERATION = {acceleration * k * k}\n"
         home = bench.home.get(joint, 300 if axis == "Z" else 0)
         sections += (
-            f"[AXIS_{axis}]\n{motion}[JOINT_{joint}]\n{motion}"
+            f"[AXIS_{axis}]\n{motion}{bench.axis_ini.get(axis, '')}\n[JOINT_{joint}]\n{motion}"
             f"TYPE = {'LINEAR' if linear else 'ANGULAR'}\nHOME = {home}\nHOME_OFFSET = {home}\n"
             "HOME_SEARCH_VEL = 0\nHOME_LATCH_VEL = 0\nHOME_SEQUENCE = 0\n"
             "FERROR = 1000\nMIN_FERROR = 1000\n"

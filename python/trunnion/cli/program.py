@@ -70,6 +70,12 @@ def program(
     tcp: Annotated[
         bool, typer.Option("--tcp", help="touch with tool centre point control on (M428)")
     ] = False,
+    continues: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LOG", help="of the runs to go on with: the program compares its frame with it"
+        ),
+    ] = None,
 ) -> Answer:
     """Write the LinuxCNC program that measures a plan."""
     plans, file = one_set_up(files, (1, 1), "plans")
@@ -86,6 +92,7 @@ def program(
         feed_mm_min=feed,
         corrected=corrected,
         tcp=tcp,
+        continues=continues,
     )
     from trunnion.probing.notes import fast_approaches
 

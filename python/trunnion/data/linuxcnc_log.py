@@ -27,9 +27,10 @@ from trunnion.base.input import file_bytes
 from trunnion.base.units import Floats
 from trunnion.data.linuxcnc_runs import NUMBERED, RUN, RUN_LINE, Log
 from trunnion.data.touches import ROTARY_AXES, Touches
-from trunnion.files.columns import LARGEST, LEAST
+from trunnion.files.columns import LARGEST, LEAST, parse_number
 from trunnion.files.recognised import Recognised
 from trunnion.files.text import Source, decode
+from trunnion.setup.control import WORK_OFFSETS
 
 NAMES = ("X", "Y", "Z", "A", "B", "C", "U", "V", "W")
 HASHED = frozenset(
@@ -85,7 +86,9 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
         end of line, which `recognised` says. Their places are the lines of the log, with the
         touch's number.
         Numbered logs: of the last measurement, which is a run from touch 1 and those that went on
-        with it; a touch that was made again counts as it was made last. `recognised` says which
+        with it; a touch that was made again counts as it was made last. An axis that is whole turns
+        from the plan is at the same posture, but did not turn as planned: its `_dir` column is left
+        out, and `recognised` says so. `recognised` says which
         measurements stand before it, which other plans the log has runs of, and which lines before
         the first run are of none.
 
@@ -94,7 +97,8 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     FileFormatError
         If a line is not as it should be, runs of one measurement had not the same work offset and
         tool length, a touch stands before the first run, the log has no run of the plan, no touch
-        or more than were planned, a rotary position differs from the plan's by more than 0.001 deg,
+        or more than were planned, a rotary position differs from the plan's by more than 0.001 deg
+        and is no whole turn from it,
         an axis that the plan lacks is not at 0, or a touch is more than 5 mm from the planned one.
         The message names line and column.
 
@@ -122,6 +126,9 @@ def read_probe_log(path: str | PathLike[str], plan: Touches) -> Touches:
     feeds = [entry.feed for entry in entries]
     if None not in feeds:
         made = made.with_columns(feed_mm_min=np.array(feeds, dtype=float))
+    for axis in _wrapped(entries, plan):
+        made, note = _without_sense(made, axis, log)
+        notes += (note,)
     taken = Recognised("the log of a probing program", "Touches", separator=" ", notes=notes)
     return made.read_from(name, [entry.line + 1 for entry in entries], taken, rows + 1)
 
@@ -130,6 +137,26 @@ def logged_hashes(path: str | PathLike[str]) -> list[str]:
     """Hash of the plan of each run in a log."""
     text = decode(str(path), file_bytes(path))
     return [found["hash"] for found in re.finditer(RUN_LINE, text)]
+
+
+def logged_frame(path: str | PathLike[str], plan_hash: str) -> dict[str, str]:
+    """Return work offset and tool length of the last run of a plan in a log, and its kinematics."""
+    name = str(path)
+    log = Log(name, decode(name, file_bytes(path)).split("\n"))
+    if not log.heads:
+        raise log.error(0, 0, f"got no run of a probing program ({RUN} ...), expected one")
+    ours, _ = log.of_plan(log.runs()[0], plan_hash)
+    frame = log.frame(ours[-1])
+    for part, value in frame.items():
+        number = parse_number(value)
+        if part == "wcs" and value not in WORK_OFFSETS:
+            raise log.error(ours[-1].line + 1, 1, f"got {value!r}, expected G54 ... G59.3")
+        if part not in ("wcs", "mode") and (number is None or not np.isfinite(number)):
+            raise log.error(ours[-1].line + 1, 0, f"{part}: got {value!r}, expected a number")
+    if not frame:
+        said = "got a run that does not say its work offset and tool length, expected them behind "
+        raise log.error(ours[-1].line, 0, said + "its first line: it cannot be compared with them")
+    return frame
 
 
 def probe_log_of(plan: Touches, measured: Touches, name: str) -> str:
@@ -159,13 +186,36 @@ class _Entry:
     feed: float | None
 
 
+def _wrapped(entries: Sequence[_Entry], plan: Touches) -> list[str]:
+    """Return the rotary axes that are whole turns from where they were planned."""
+    planned = _planned_joints(plan)[[entry.row for entry in entries]]
+    off = np.abs(np.array([entry.values for entry in entries]) - planned)
+    return [axis for axis in plan.rotary_deg if off[:, NAMES.index(axis.upper())].max() > 180.0]
+
+
+def _without_sense(made: Touches, axis: str, log: Log) -> tuple[Touches, str]:
+    """Return touches without the senses of turning of an axis that was wrapped, and a note."""
+    note = (
+        f"{log.file} has {axis.upper()} whole turns from the plan: the control wraps the axis "
+        "(WRAPPED_ROTARY) and turned it otherwise than planned"
+    )
+    name = f"{axis}_dir"
+    if name not in made.columns:
+        return made, f"{note}."
+    without = made.with_columns(**{name: None})
+    return without, f"{note}; {name}, the sense of its last turn, is left out."
+
+
 def _check(log: Log, entries: Sequence[_Entry], plan: Touches) -> None:
-    """Check where the touches are."""
+    """Check where the touches are; rotary axes of the plan to whole turns."""
     planned = _planned_joints(plan)
+    is_turned = [NAMES.index(axis.upper()) for axis in plan.rotary_deg]
     for entry in entries:
         logged, expected = np.array(entry.values), planned[entry.row]
         first = 2 if entry.feed is not None else 0
-        bad = np.abs(logged - expected) > ROTARY_TOLERANCE_DEG
+        off = logged - expected
+        off[is_turned] -= 360.0 * np.round(off[is_turned] / 360.0)  # the same posture
+        bad = np.abs(off) > ROTARY_TOLERANCE_DEG
         bad[:3] = False
         for column in np.flatnonzero(bad)[:1].tolist():
             letter = NAMES[column]

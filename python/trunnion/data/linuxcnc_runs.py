@@ -26,10 +26,13 @@ RUN_LINE = (
     r"from=(?P<first>\d{1,9})"
 )
 STATE_LINE = (
-    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)\s*"
+    r"\s*;\s*(?P<wcs>G5\S+) (?P<x>\S+) (?P<y>\S+) (?P<z>\S+) tool length (?P<length>\S+)"
+    r"(?P<rotary>(?: [ABC] \S+)*)(?: (?P<mode>[a-z]+))?\s*"
 )
-"""What a run says of the control behind its first line."""
+"""What a run says of the control behind its first line; earlier ones ended with the tool length."""
 SAME_FRAME_MM = 1e-4  # far less than a touch repeats to
+CALLED = {"length": "tool length", "mode": "kinematics"}
+"""What people call parts of a frame that are none of the work offset."""
 MAX_OTHERS = 5
 """Other plans that a message names; of more it says how many."""
 
@@ -189,29 +192,36 @@ class Log:
             "left out.",
         )
 
+    def frame(self, run: Run) -> dict[str, str]:
+        """Return the frame of a run, as the line behind its first says; empty where none does."""
+        found = re.fullmatch(STATE_LINE, self.lines[self._frame_line(run)])
+        if found is None:
+            return {}
+        frame = {name: value for name, value in found.groupdict().items() if value is not None}
+        rotary = frame.pop("rotary").split()
+        return frame | {x.lower(): at for x, at in zip(rotary[::2], rotary[1::2], strict=True)}
+
+    def _frame_line(self, run: Run) -> int:
+        return min(run.line + 1, len(self.lines) - 1)
+
     def check_frame(self, runs: Iterable[Run]) -> None:
         """Check that runs of which touches are used had one work offset and tool length."""
-        first: tuple[int, dict[str, str]] | None = None
+        first: tuple[Run, dict[str, str]] | None = None
         for run in runs:
-            line = min(run.line + 1, len(self.lines) - 1)
-            found = re.fullmatch(STATE_LINE, self.lines[line])
-            if found is None:
-                continue
-            state = found.groupdict()
+            frame = self.frame(run)
             if first is None:
-                first = line, state
+                first = (run, frame) if frame else None
                 continue
-            for name, value in state.items():
-                if not _alike(value, first[1][name]):
-                    what = "tool length" if name == "length" else f"work offset {name}"
+            for name in [name for name in frame if name in first[1]]:
+                if not _alike(frame[name], first[1][name]):
                     raise self.error(
-                        line,
+                        self._frame_line(run),
                         0,
-                        f"{what}: got {value}, expected {first[1][name]} as in line "
-                        f"{first[0] + 1}: the control was changed between two runs of one "
-                        "measurement, whose touches lie in two frames. Measure again from touch 1 "
-                        "with one work offset and tool length, or read a copy of the log without "
-                        "one of the runs",
+                        f"{CALLED.get(name, f'work offset {name}')}: got {frame[name]}, expected "
+                        f"{first[1][name]} as in line {self._frame_line(first[0]) + 1}: the "
+                        "control was changed between two runs of one measurement, whose touches "
+                        "lie in two frames. Measure again from touch 1 with one work offset and "
+                        "tool length, or read a copy of the log without one of the runs",
                     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, TypeAlias
 
@@ -29,6 +29,8 @@ ALONG, ACROSS = 0.99, 0.5
 """Cosines of directions that are one, and of such that are across each other."""
 Frame: TypeAlias = Literal["machine", "corrected", "table"]
 """What X Y Z of the approaches are: the linear axes', these with corrections, the table's (TCP)."""
+MODES: tuple[Frame, ...] = ("machine", "corrected", "table")
+"""Frames by the number that a program's parameters hold."""
 Move = tuple[int, dict[str, float], float]
 """Code (0 rapid, 1 down to a start, 38 approach), positions by axis, feed."""
 
@@ -58,7 +60,10 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Cycle:
-    """What a probing program does."""
+    """What a probing program does.
+
+    frame_before: Work offset and tool length of the runs that it goes on with, as their log says.
+    """
 
     setup: Setup
     letters: tuple[str, ...]
@@ -70,6 +75,7 @@ class Cycle:
     start_at: int = 1
     dry_run: bool = False
     frame: Frame = "machine"
+    frame_before: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def mode(self) -> str:

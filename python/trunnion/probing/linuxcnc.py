@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle, Step
+from trunnion.probing.cycle import BACK_OFF_DEG, CHECK_DEG, CHECK_MM, SHORTEST_PROBE_MM, Cycle
+from trunnion.probing.linuxcnc_lines import end, n, own, protected, stop_if
+from trunnion.probing.linuxcnc_state import (
+    TCP_IS_ON,
+    frame_names,
+    offset_number,
+    plan_number,
+    state,
+)
 from trunnion.probing.notes import assumptions, fast_approaches
-from trunnion.setup.control import WORK_OFFSETS
 
-TOLERANCE_MM = 0.01
 TELLS_MM = 0.1
 """Joints that move otherwise than X by more than this are under tool centre point control."""
-CORRECTION_MM = 2.0
-"""Corrections of a machine are smaller; tool centre point control is further off."""
-ROTARY_OFFSET_DEG = 1.0
-"""Rotary work offsets beyond this are left over, not the zero of an axis."""
-TURNING_PER_S = 0.05
-"""Turns of the spindle in a second, as its encoder reads them, that are no noise of it."""
 HIGHEST_RISE_MM = 2000.0
 """Limits of Z that are further away are none."""
 SAME_READING_MM = "0.000000001"
@@ -25,13 +25,8 @@ SAME_READING_MM = "0.000000001"
 
 def program_text(cycle: Cycle) -> str:
     """Return the program of a cycle."""
-    parts = (_header, _settings, _state, _turn_sub, _touch_sub, _begin, _calls, _finish)
+    parts = (_header, _settings, state, _turn_sub, _touch_sub, _look_sub, _begin, _calls, _finish)
     return "\n".join(line for part in parts for line in part(cycle)) + "\n"
-
-
-def _n(value: float) -> str:
-    text = f"{value + 0.0:.4f}".rstrip("0").rstrip(".")
-    return "0" if text == "-0" else text
 
 
 def _header(cycle: Cycle) -> Iterator[str]:
@@ -39,12 +34,12 @@ def _header(cycle: Cycle) -> Iterator[str]:
     yield f"(trunnion: {len(cycle.steps)} touches of plan {cycle.name}, hash {cycle.plan_hash})"
     yield (
         f"(machine {setup.machine.name}, {setup.artefact.kind}, ball radius"
-        f" {_n(setup.probe.ball_radius_mm)} mm, clearance {_n(setup.plan.clearance_mm)} mm)"
+        f" {n(setup.probe.ball_radius_mm)} mm, clearance {n(setup.plan.clearance_mm)} mm)"
     )
     yield f"(origin, {control.wcs}: centre of the table top, on the axis of the table)"
     if control.centre_mm is not None:
-        x, y, z = (_n(v) for v in control.centre_mm)
-        yield f"(in machine coordinates X{x} Y{y} Z{z}, to {_n(control.centre_tolerance_mm)} mm)"
+        x, y, z = (n(v) for v in control.centre_mm)
+        yield f"(in machine coordinates X{x} Y{y} Z{z}, to {n(control.centre_tolerance_mm)} mm)"
     yield "(tool length: to the CENTRE of the ball, not to its tip)"
     kinematics = "identity kinematics, no TCP or trunnion kinematics"
     if cycle.frame == "corrected":
@@ -55,7 +50,7 @@ def _header(cycle: Cycle) -> Iterator[str]:
     yield f"(state of the control: homed, {kinematics},)"
     yield "(no G92, no rotation of the work offset, spindle at rest)"
     yield "(rotary axes count on behind a turn: no WRAPPED_ROTARY)"
-    ranges = ", ".join(f"{x} {_n(low)} to {_n(high)}" for x, (low, high) in cycle.ranges().items())
+    ranges = ", ".join(f"{x} {n(low)} to {n(high)}" for x, (low, high) in cycle.ranges().items())
     yield f"(ranges in {control.wcs}: {ranges})"
     fast = fast_approaches([step.feed for step in cycle.steps], setup)
     yield from (f"({said})" for said in (*assumptions(setup), *fast))
@@ -69,10 +64,10 @@ def _settings(cycle: Cycle) -> Iterator[str]:
     yield f"#<_from> = {cycle.start_at} (first touch, to go on with a run that was stopped)"
     yield f"#<_dry> = {int(cycle.dry_run)} (1: dry run, all moves but the approaches)"
     yield "#<_on_miss> = 0 (a touch that finds nothing: 0 stop, 1 go on with the next)"
-    yield f"#<_down> = {_n(control.positioning_mm_min)} (feed down to a start, stops on contact)"
-    yield f"#<_slow> = {_n(plan.slow_feed_mm_min)} (feed of the second pass; 0: one pass)"
-    yield f"#<_back_off> = {_n(control.back_off_mm)} (before the second pass)"
-    yield f"#<_swing> = {_n(cycle.swing)} (Z above all that swings)"
+    yield f"#<_down> = {n(control.positioning_mm_min)} (feed down to a start, stops on contact)"
+    yield f"#<_slow> = {n(plan.slow_feed_mm_min)} (feed of the second pass; 0: one pass)"
+    yield f"#<_back_off> = {n(control.back_off_mm)} (before the second pass)"
+    yield f"#<_swing> = {n(cycle.swing)} (Z above all that swings)"
     yield ""
     yield "G21 G17 G40 G80 G90 G94 G61"
     yield control.wcs
@@ -83,82 +78,6 @@ def _settings(cycle: Cycle) -> Iterator[str]:
     yield "M9"
     if cycle.mode:
         yield cycle.mode
-
-
-def _stop_if(label: int, condition: str, message: str) -> Iterator[str]:
-    """Stop with a message."""
-    yield f"o{label} if [{condition}]"
-    yield f"  (ABORT, {message})"
-    yield f"o{label} endif"
-
-
-def _state(cycle: Cycle) -> Iterator[str]:
-    """Check the state of the control, without a move; not in a preview."""
-    control = cycle.setup.control
-    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
-    yield ""
-    yield "(state of the control)"
-    yield "o100 if [#<_task> EQ 1]"
-    yield "  M66 E0 L0 (waits for all that was commanded)"
-    was_on = f"the spindle was on and is stopped, {_LOOK}"
-    yield from _stop_if(130, "#<spindle_was_on> EQ 1", was_on)
-    yield "  o131 if [EXISTS[#<_hal[spindle.0.speed-in]>]]"
-    turns = f"ABS[#<_hal[spindle.0.speed-in]>] GT {_n(TURNING_PER_S)}"
-    yield from _stop_if(132, turns, f"the spindle turns, {_LOOK}")
-    yield "  o131 endif"
-    if control.tool_number:
-        number = control.tool_number
-        why = f"expected tool {number}, the probe"
-        yield from _stop_if(102, f"#5400 NE {number}", f"tool #5400 is in the spindle, {why}")
-    offsets = " + ".join(f"ABS[#{5211 + i}]" for i in range(9))
-    yield from _stop_if(
-        103, f"[#5210 EQ 1] AND [[{offsets}] GT 0]", "a G92 offset is active, G92.1 cancels it"
-    )
-    yield from _stop_if(104, f"#{base + 9} NE 0", f"{control.wcs} is rotated by #{base + 9} deg")
-    for label, letter in enumerate(cycle.letters, start=105):
-        number = base + 3 + "ABC".index(letter)
-        yield from _stop_if(
-            label, f"ABS[#{number}] GT {_n(ROTARY_OFFSET_DEG)}",
-            f"{control.wcs} shifts {letter} by #{number} deg, expected its zero",
-        )  # fmt: skip
-    yield "#<_unit> = 1 (mm of a unit of the machine)"
-    yield "o120 if [#<_metric_machine> EQ 0]"
-    yield "  #<_unit> = 25.4"
-    yield "o120 endif"
-    # #5403 is the length of the tool in the spindle, whether it is in force (G43) or not.
-    yield f"#<length> = [#<_abs_z> - #5422 - #{base + 2} * #<_unit>]"
-    if control.tool_check:
-        why = "none is in force by G43, expected that to the centre of the ball"
-        yield from _stop_if(101, "#<length> LE 0.001", f"tool length #<length>: {why}")
-    if control.centre_mm is not None:
-        for i, (axis, value) in enumerate(zip("XYZ", control.centre_mm, strict=True)):
-            yield f"#<at> = [#{base + i} * #<_unit>]"
-            yield from _stop_if(
-                110 + i,
-                f"ABS[#<at> - [{_n(value)}]] GT {_n(control.centre_tolerance_mm)}",
-                f"{control.wcs} {axis} is #<at> mm, expected {_n(value)} as in the set-up",
-            )
-    if control.tcp_check:
-        yield from _identity(CORRECTION_MM if cycle.frame == "corrected" else TOLERANCE_MM)
-    yield "o100 endif"
-
-
-def _identity(tolerance_mm: float) -> Iterator[str]:
-    """Compare joints with machine coordinates where they stand."""
-    yield "  o121 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
-    for joint, axis in enumerate("xyz"):
-        far = f"ABS[#<_hal[joint.{joint}.pos-cmd]> * #<_unit> - #<_abs_{axis}>]"
-        yield from _stop_if(
-            122 + joint, f"{far} GT {_n(tolerance_mm)}",
-            f"joint {joint} is not where {axis.upper()} is: {_TCP_IS_ON}",
-        )  # fmt: skip
-    yield "  o121 else"
-    yield "    (DEBUG, HAL pins cannot be read: make sure that TCP is off)"
-    yield "  o121 endif"
-
-
-_LOOK = "look at the probe and start again"
-_TCP_IS_ON = "switch tool centre point control off, e.g. M429"
 
 
 def _turn_sub(cycle: Cycle) -> Iterator[str]:
@@ -190,7 +109,7 @@ def _turn_sub(cycle: Cycle) -> Iterator[str]:
         yield f"#<overs> = [#<overs> + ABS[#<over_{name}>]]"
         yield f"#<_{name}_at> = {to}"
     overshoot = " ".join(
-        f"{x}[#{2 * i + 1} - {_n(BACK_OFF_DEG)} * #<over_{x.lower()}>]"
+        f"{x}[#{2 * i + 1} - {n(BACK_OFF_DEG)} * #<over_{x.lower()}>]"
         for i, x in enumerate(cycle.letters)
     )
     plain = " ".join(f"{x}#{2 * i + 1}" for i, x in enumerate(cycle.letters))
@@ -199,21 +118,15 @@ def _turn_sub(cycle: Cycle) -> Iterator[str]:
     yield "  o291 if [#5422 LT #<_swing> - 0.00005]"
     yield "    G0 Z#<_swing>"
     yield "  o291 endif"
-    yield from _own(control.before_turn)
+    yield from own(control.before_turn)
     yield "  o292 if [#<overs> GT 0]"
     yield f"    G0 {overshoot}"
     yield "  o292 endif"
     yield f"  G0 {plain}"
-    yield from _own(control.after_turn)
+    yield from own(control.after_turn)
     yield f"  (DEBUG,%d touch #{number} of {len(cycle.steps)})"
     yield "o290 endif"
     yield "o<turn> endsub"
-
-
-def _own(line: str) -> Iterator[str]:
-    """Yield a line of the user's, if there is one."""
-    if line:
-        yield f"  {line}"
 
 
 def _touch_sub(cycle: Cycle) -> Iterator[str]:
@@ -233,10 +146,10 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield f"o301 if [ABS[#5420 - {x}] + ABS[#5421 - {y}] GT 0.00005]"
     yield f"  G0 X{x} Y{y}"
     yield "o301 endif"
-    yield f"o302 if [#5422 - {z} GT {_n(SHORTEST_PROBE_MM)}]"
+    yield f"o302 if [#5422 - {z} GT {n(SHORTEST_PROBE_MM)}]"
     yield f"  G38.3 Z{z} F#<_down>"
     yield "  o303 if [[#<_task> EQ 1] AND [#5070 EQ 1]]"
-    yield from _end("touch #1: contact on the way down to its start, Z %.3f#5063", "    ")
+    yield from end("touch #1: contact on the way down to its start, Z %.3f#5063", "    ")
     yield "  o303 endif"
     yield f"o302 elseif [#5422 - {z} GT 0.00005]"
     yield f"  G0 Z{z}"
@@ -257,11 +170,11 @@ def _touch_sub(cycle: Cycle) -> Iterator[str]:
     yield "o307 endif"
     yield "o308 if [#<stale> EQ 1]"
     why = "the control gave the reading of the approach before it, start again from this touch"
-    yield from _end(f"touch #1: {why}")
+    yield from end(f"touch #1: {why}")
     yield "o308 endif"
     yield "o309 if [#<hit> EQ 0]"
     yield "  o310 if [#<_on_miss> EQ 0]"
-    yield from _end("touch #1: no contact up to the end of its approach", "    ")
+    yield from end("touch #1: no contact up to the end of its approach", "    ")
     yield "  o310 endif"
     yield "  (DEBUG,%d touch #1: no contact up to the end of its approach, going on)"
     yield "o309 endif"
@@ -306,35 +219,27 @@ def _renewed() -> Iterator[str]:
     yield from (f"  #<_{axis}_read> = #{5061 + i}" for i, axis in enumerate("xyz"))
 
 
-def _end(message: str, indent: str = "  ") -> Iterator[str]:
-    """Rise and stop with a message; the log is kept."""
-    yield f"{indent}G0 Z#<_up>"
-    yield f"{indent}M66 E0 L0"
-    yield f"{indent}(LOGCLOSE)"
-    yield f"{indent}(ABORT,%d {message})"
-
-
 def _begin(cycle: Cycle) -> Iterator[str]:
-    control = cycle.setup.control
-    base = 5201 + 20 * (1 + WORK_OFFSETS.index(control.wcs))
+    control, base = cycle.setup.control, offset_number(cycle)
     yield ""
     yield f"(DEBUG,plan {cycle.name}, {len(cycle.steps)} touches)"
     yield f"(DEBUG,%.2f {control.wcs} is at machine X#{base} Y#{base + 1} Z#{base + 2})"
     yield "(DEBUG,%.1f from the centre of the table top the ball is now X#5420 Y#5421 Z#5422 mm)"
+    yield from _going_on(cycle)
     expected = "corrections on" if cycle.frame == "corrected" else "TCP off"
     yield f"(MSG,look whether it is; spindle at rest, {expected}? then cycle start)"
     yield "M0"
-    yield from (line.strip() for line in _own(control.probe_on))
+    yield from (line.strip() for line in own(control.probe_on))
     yield from _rise(cycle)
     yield from (f"#<_{axis}_read> = 999999 (no reading yet)" for axis in "xyz")
     for letter in cycle.letters:
         yield f"#<_{letter.lower()}_at> = 0"
         yield f"#<_{letter.lower()}_sense> = 0"
-    yield from (line.strip() for line in _own(control.before_turn))
+    yield from (line.strip() for line in own(control.before_turn))
     yield "G0 " + " ".join(f"{letter}0" for letter in cycle.letters)
     if cycle.checks_tcp:
         yield from _tcp_move()
-    yield from (line.strip() for line in _own(control.after_turn))
+    yield from (line.strip() for line in own(control.after_turn))
     yield from _first_looks(cycle)
     yield "#<_up> = #<_swing>"
     yield "o410 if [[#<_task> EQ 1] AND [#<_dry> EQ 0]]"
@@ -343,8 +248,26 @@ def _begin(cycle: Cycle) -> Iterator[str]:
         f"  (LOG,%d trunnion-touches 1 plan={cycle.name} hash={cycle.plan_hash}"
         f" touches={len(cycle.steps)} from=#<_from>)"
     )
-    yield f"  (LOG,; {control.wcs} #{base} #{base + 1} #{base + 2} tool length #<length>)"
+    at = " ".join(f"#<frame_{name}>" for name in "xyz")
+    rotary = "".join(f" {x} #<frame_{x.lower()}>" for x in cycle.letters)
+    yield f"  (LOG,; {control.wcs} {at} tool length #<length>{rotary} {cycle.frame})"
+    yield f"  #<_trunnion_plan> = {plan_number(cycle)} (what the next run is compared with)"
+    yield from (f"  #<_trunnion_{name}> = #<frame_{name}>" for name in frame_names(cycle))
     yield "o410 endif"
+
+
+def _going_on(cycle: Cycle) -> Iterator[str]:
+    """Say what to compare where the control cannot, before cycle start is asked for."""
+    names = [name for name in frame_names(cycle) if name not in ("wcs", "mode", "length")]
+    frame = " ".join(f"{name.upper()} #<frame_{name}>" for name in names)
+    yield "o403 if [[#<_from> GT 1] AND [#<known> EQ 0]]"
+    yield "  (DEBUG,%d from touch #<_from> on; the frame of the runs before is not known here)"
+    yield "  (DEBUG,compare: the line of the log with a semicolon must say, to 0.0001 mm and deg)"
+    yield f"  (DEBUG,%.4f {cycle.setup.control.wcs} {frame} tool length #<length>)"
+    yield "o403 endif"
+    yield "o404 if [[#<_from> GT 1] AND [#<restarted> EQ 1]]"
+    yield "  (DEBUG,no run since this control started: homing moves zeros, which nothing here sees)"
+    yield "o404 endif"
 
 
 def _rise(cycle: Cycle) -> Iterator[str]:
@@ -352,7 +275,7 @@ def _rise(cycle: Cycle) -> Iterator[str]:
     if cycle.setup.control.centre_mm is None:
         yield "o401 if [[#<_task> EQ 1] AND [EXISTS[#<_ini[axis_z]max_limit>]]]"
         yield "  #<top> = [#<_ini[axis_z]max_limit> * #<_unit> - 0.01]"
-        yield f"  o402 if [[#<top> GT #<_abs_z>] AND [#<top> - #<_abs_z> LT {_n(HIGHEST_RISE_MM)}]]"
+        yield f"  o402 if [[#<top> GT #<_abs_z>] AND [#<top> - #<_abs_z> LT {n(HIGHEST_RISE_MM)}]]"
         yield "    G53 G0 Z#<top>"
         yield "  o402 endif"
         yield "o401 endif"
@@ -364,8 +287,8 @@ def _rise(cycle: Cycle) -> Iterator[str]:
 
 def _tcp_move() -> Iterator[str]:
     """With C turned a little X must move joint 0 alone; then C comes back."""
-    yield f"G0 C{_n(CHECK_DEG)}"
-    yield f"#<step> = {_n(CHECK_MM)}"
+    yield f"G0 C{n(CHECK_DEG)}"
+    yield f"#<step> = {n(CHECK_MM)}"
     yield "o420 if [#5420 GT 0.00005]"
     yield "  #<step> = [0 - #<step>]"
     yield "o420 endif"
@@ -381,9 +304,9 @@ def _tcp_move() -> Iterator[str]:
     yield "  o424 if [EXISTS[#<_hal[joint.0.pos-cmd]>]]"
     for i, axis in enumerate("xy"):
         yield f"    #<{axis}> = [[#<_hal[joint.{i}.pos-cmd]> - #<joint_{i}>] * #<_unit>]"
-    yield from _stop_if(
-        425, f"ABS[#<x> - #<step>] + ABS[#<y>] GT {_n(TELLS_MM)}",
-        f"with X by #<step> at C{_n(CHECK_DEG)} joints 0 and 1 moved #<x> and #<y>: {_TCP_IS_ON}",
+    yield from stop_if(
+        425, f"ABS[#<x> - #<step>] + ABS[#<y>] GT {n(TELLS_MM)}",
+        f"with X by #<step> at C{n(CHECK_DEG)} joints 0 and 1 moved #<x> and #<y>: {TCP_IS_ON}",
     )  # fmt: skip
     yield "  o424 endif"
     yield "o423 endif"
@@ -393,49 +316,43 @@ def _tcp_move() -> Iterator[str]:
 
 def _first_looks(cycle: Cycle) -> Iterator[str]:
     """Go over the table and touch the artefact, ready to stop, before anything turns far."""
-    yield from _protected(500, "X0 Y0", "ABS[#5420] + ABS[#5421]", "on the way to X0 Y0")
+    yield from protected(500, "X0 Y0", "ABS[#5420] + ABS[#5421]", "on the way to X0 Y0")
     if not cycle.looks:
         return
     yield "o510 if [#<_dry> EQ 0]"
-    for number, look in enumerate(cycle.looks):
-        yield from _look(cycle, look, 520 + 20 * number)
+    for look in cycle.looks:
+        values = (*look.start, *look.end, *look.contact, *look.towards)
+        values += (cycle.look_mm(look), look.feed)
+        yield "  o<look> call " + " ".join(f"[{n(v)}]" for v in values)
     yield "o510 endif"
 
 
-def _look(cycle: Cycle, look: Step, label: int) -> Iterator[str]:
+def _look_sub(cycle: Cycle) -> Iterator[str]:
     """Touch once where it is planned, and stop the program where it is not as planned."""
-    x, y, z = (_n(v) for v in look.start)
-    to_x, to_y, to_z = (_n(v) for v in look.end)
+    if not cycle.looks:
+        return
     why = f"{cycle.setup.control.wcs}, tool length or artefact are not as planned"
-    way = f"ABS[#5420 - [{x}]] + ABS[#5421 - [{y}]]"
-    yield from _protected(label, f"X{x} Y{y}", way, "on the way to the artefact")
-    what = f"on the way down to the artefact, free down to Z{z} as planned: {why}"
-    yield from _protected(label + 3, f"X{x} Y{y} Z{z}", f"#5422 - [{z}]", what)
-    yield f"  G38.3 X{to_x} Y{to_y} Z{to_z} F{_n(look.feed)}"
-    at = zip(range(5061, 5064), look.contact, look.towards, strict=True)
-    off = " + ".join(f"[#{number} - [{_n(c)}]] * [{_n(t)}]" for number, c, t in at)
-    yield f"  #<off> = [{off}]"
-    yield f"  o{label + 6} if [#<_task> EQ 1]"
-    yield f"    o{label + 7} if [#5070 EQ 0]"
-    planned = " ".join(f"{axis}{_n(v)}" for axis, v in zip("XYZ", look.contact, strict=True))
-    yield from _end(f"no contact at {planned} nor behind: {why}", "      ")
-    yield f"    o{label + 7} elseif [ABS[#<off>] GT {_n(cycle.look_mm(look))}]"
-    far = f"#<off> mm behind {planned}, expected within {_n(cycle.look_mm(look))} mm"
-    yield from _end(f"contact %.2f{far}: {why}", "      ")
-    yield f"    o{label + 7} endif"
-    yield f"  o{label + 6} endif"
-    yield f"  G0 X{x} Y{y} Z{z}"
-    yield "  G0 Z#<_swing>"
-
-
-def _protected(label: int, to: str, way: str, where: str) -> Iterator[str]:
-    """Move, and stop the program on contact."""
-    yield f"o{label} if [{way} GT {_n(SHORTEST_PROBE_MM)}]"
-    yield f"  G38.3 {to} F#<_down>"
-    yield f"  o{label + 1} if [[#<_task> EQ 1] AND [#5070 EQ 1]]"
-    yield from _end(f"contact {where}", "    ")
-    yield f"  o{label + 1} endif"
-    yield f"o{label} endif"
+    yield ""
+    yield "(look: start X Y Z, end X Y Z, contact X Y Z, direction X Y Z, to mm, feed)"
+    yield "o<look> sub"
+    way = "ABS[#5420 - #1] + ABS[#5421 - #2]"
+    yield from protected(520, "X#1 Y#2", way, "on the way to the artefact")
+    what = f"on the way down to the artefact, free down to Z%.4f#3 as planned: {why}"
+    yield from protected(523, "X#1 Y#2 Z#3", "#5422 - #3", what)
+    yield "G38.3 X#4 Y#5 Z#6 F#14"
+    yield "#<off> = [" + " + ".join(f"[#{5061 + i} - #{7 + i}] * #{10 + i}" for i in range(3)) + "]"
+    yield "o526 if [#<_task> EQ 1]"
+    yield "  o527 if [#5070 EQ 0]"
+    planned = "X%.4f#7 Y#8 Z#9"
+    yield from end(f"no contact at {planned} nor behind: {why}", "    ")
+    yield "  o527 elseif [ABS[#<off>] GT #13]"
+    far = f"#<off> mm behind {planned}, expected within #13 mm"
+    yield from end(f"contact %.2f{far}: {why}", "    ")
+    yield "  o527 endif"
+    yield "o526 endif"
+    yield "G0 X#1 Y#2 Z#3"
+    yield "G0 Z#<_swing>"
+    yield "o<look> endsub"
 
 
 def _calls(cycle: Cycle) -> Iterator[str]:
@@ -444,7 +361,7 @@ def _calls(cycle: Cycle) -> Iterator[str]:
         rotary = [v for x in cycle.letters for v in (step.angles[x], step.senses[x])]
         values = [number, *rotary, *step.start, *step.end, step.level, step.feed]
         values += step.way if cycle.frame == "table" else ()
-        yield "o<touch> call " + " ".join(f"[{_n(v)}]" for v in values)
+        yield "o<touch> call " + " ".join(f"[{n(v)}]" for v in values)
 
 
 def _finish(cycle: Cycle) -> Iterator[str]:
@@ -456,9 +373,9 @@ def _finish(cycle: Cycle) -> Iterator[str]:
     yield "(LOGCLOSE)"
     turned = " + ".join(f"ABS[#<_{letter.lower()}_at>]" for letter in cycle.letters)
     yield f"o431 if [{turned} GT 0]"
-    yield from _own(control.before_turn)
+    yield from own(control.before_turn)
     yield "  G0 " + " ".join(f"{letter}0" for letter in cycle.letters)
-    yield from _own(control.after_turn)
+    yield from own(control.after_turn)
     yield "o431 endif"
-    yield from (line.strip() for line in _own(control.probe_off))
+    yield from (line.strip() for line in own(control.probe_off))
     yield "M2"

@@ -8,13 +8,15 @@ frame (centre of the table top), in mm, with tool length compensation to the cen
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from os import PathLike
 
 from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
-from trunnion.data.linuxcnc_log import plan_hash
+from trunnion.data.linuxcnc_log import logged_frame, plan_hash
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.nc import Program
@@ -23,6 +25,7 @@ from trunnion.probing.linuxcnc import program_text
 from trunnion.probing.on_table import on_table
 from trunnion.probing.steps import check_clear, cycle_of, with_starts
 from trunnion.setup import Setup
+from trunnion.setup.control import WORK_OFFSETS
 
 FILE_NAME = re.compile(r"[^()#%;,\x00-\x1f\x7f-\U0010ffff]{1,150}")
 
@@ -91,6 +94,7 @@ def probing_program(
     feed_mm_min: float | None = None,
     corrected: bool = False,
     tcp: bool = False,
+    continues: str | PathLike[str] | None = None,
 ) -> ProbingProgram:
     """Write a plan as a LinuxCNC probing program.
 
@@ -127,6 +131,11 @@ def probing_program(
         way between them without (``tcp_off``): a ball on the table must then be at one place
         whatever A and C are (:func:`verify_ball`). The log is in the table's frame, and is read by
         :func:`read_table_log`.
+    continues
+        Log of the runs that this one continues, with `start_at`: before it moves, the program then
+        compares its work offset and tool length with theirs, to 0.1 µm, and stops if they differ.
+        Without it, it compares them with those of the plan's last run since the control was
+        started; if there was none it says what to compare, and asks.
 
     Raises
     ------
@@ -137,7 +146,9 @@ def probing_program(
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
         a name of the log that LinuxCNC cannot take; a first touch that the plan does not have;
-        `tcp` with `corrected`, or without ``tcp_on`` and ``tcp_off``.
+        `tcp` with `corrected`, or without ``tcp_on`` and ``tcp_off``; `continues` from touch 1.
+    FileFormatError
+        `continues` is not a log of this plan that says work offset and tool length.
 
     Examples
     --------
@@ -163,14 +174,21 @@ def probing_program(
     ready = with_starts(plan, setup, feed_mm_min)
     check_clear(ready, setup)
     frame = _frame(setup, corrected=corrected, tcp=tcp)
+    named_by = plan_hash(on_table(plan, setup) if tcp else plan)
+    if continues is not None and start_at == 1:
+        raise InputError(
+            "continues: got it from touch 1, which begins a new measurement; expected "
+            "start_at, the touch from which the runs of that log are continued"
+        )
     cycle = replace(
         cycle_of(ready, setup),
         name=re.sub(r"[^A-Za-z0-9._-]", "_", name)[:60] or "plan",
-        plan_hash=plan_hash(on_table(plan, setup) if tcp else plan),
+        plan_hash=named_by,
         log=log,
         start_at=start_at,
         dry_run=dry_run,
         frame=frame,
+        frame_before={} if continues is None else _frame_before(continues, named_by, frame),
     )
     _check_senses(plan, cycle)
     cycle.check_ranges()
@@ -189,6 +207,17 @@ def _frame(setup: Setup, *, corrected: bool, tcp: bool) -> Frame:
                 f"control {name[4:]}: approaches are made with it, turns without"
             )
     return "table"
+
+
+def _frame_before(log: str | PathLike[str], named_by: str, frame: Frame) -> Mapping[str, float]:
+    """Return the numbers of the frame of the runs in a log, by the names of the program."""
+    said = logged_frame(log, named_by)
+    if said.pop("mode", frame) != frame:
+        raise InputError(
+            f"continues: got runs with other kinematics than this one ({frame}), expected the same"
+        )
+    number = WORK_OFFSETS.index(said.pop("wcs")) + 1
+    return {"wcs": float(number), **{name: float(value) for name, value in said.items()}}
 
 
 def _check_senses(plan: Touches, cycle: Cycle) -> None:
