@@ -13,7 +13,7 @@ their means x̄_i and estimators of the standard uncertainty s_i of each directi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -167,6 +167,8 @@ class _Results:
         they are recorded (not of the instrument, the alignment or the temperature), by simulation
         with one spread for each direction. Stops at a target that round alike share their error of
         rounding: it does not shrink with their number.
+    notes
+        What of the stops is taken otherwise than it is written, one sentence each.
     """
 
     targets: Floats
@@ -175,14 +177,24 @@ class _Results:
     spread_forward: Floats
     spread_backward: Floats
     std_errors: Mapping[str, float]
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
 
     def title(self) -> str:
         """Name the result."""
         return "Positioning, ISO 230-2"
 
+    def sentences(self) -> tuple[str, ...]:
+        """Return the notes."""
+        return self.notes
+
     @classmethod
     def of(
-        cls, targets: Floats, up: Sequence[Floats], down: Sequence[Floats], step: float = 0.0
+        cls,
+        targets: Floats,
+        up: Sequence[Floats],
+        down: Sequence[Floats],
+        step: float = 0.0,
+        notes: tuple[str, ...] = (),
     ) -> Self:
         """Results of deviations at targets, from the positive and the negative direction.
 
@@ -221,6 +233,7 @@ class _Results:
             spread_forward=size[0],
             spread_backward=size[1],
             std_errors={f"{k}_{unit}": float(np.std(v)) for k, v in drawn.items()},
+            notes=notes,
             **{f"{name}_{unit}": float(value) for name, value in figures.items()},
         )
 

@@ -13,6 +13,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.recognition import displayed
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
+from trunnion.data.places import LEAST, Places
 from trunnion.files.columns import (
     ColumnError,
     Integer,
@@ -101,9 +102,29 @@ class Positioning(Table):
 
     @property
     def stops(self) -> tuple[Floats, Integers]:
-        """Distinct targets in ascending order, (m,), and the number of each row's, (n,)."""
-        distinct, index = np.unique(self.target, return_inverse=True)
-        return distinct, index.reshape(-1).astype(np.intp)
+        """Distinct targets in ascending order, (m,), and the number of each row's, (n,).
+
+        Targets that scatter about one place, as a control reads them back, are one target.
+        """
+        found = self.places
+        return found.nominal, found.number
+
+    @property
+    def places(self) -> Places:
+        """Places that the targets mean."""
+        return Places.of(self.target, self.direction, self.cycle)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is taken otherwise than it is written, one sentence each."""
+        found, factor = self.places, 3600.0 if self.rotary else 1e3
+        if found.scatter < LEAST:
+            return ()
+        return (
+            f"The targets scatter by up to {found.scatter * factor:.2g} {self.unit} about "
+            f"{len(found.nominal)} places, as a control reads positions back: each place counts as "
+            "one target. Deviations are from the targets as written.",
+        )
 
     @property
     def readings(self) -> Mapping[str, NDArray[Any]]:
@@ -142,7 +163,7 @@ class Positioning(Table):
                     f"{'one stop' if count else 'no stop'}, expected at least 2 (ISO 230-2: 5)"
                 )
         kind = Iso2302Rotary if self.rotary else Iso2302
-        return kind.of(targets, found[1], found[-1], self._step)
+        return kind.of(targets, found[1], found[-1], self._step, self.notes)
 
     @property
     def _step(self) -> float:
@@ -164,7 +185,7 @@ class Positioning(Table):
             They move by less than half as much, more than twice as much, or the other way; or
             they are the targets, and the columns exchanged.
         """
-        count = len(self.stops[0])
+        count = len(np.unique(self.target))
         if count < 2:
             return
         suffix, distinct = self._suffix, len(np.unique(self.measured))
@@ -201,7 +222,8 @@ class Positioning(Table):
 
         others: Measurements whose targets count: results are of those that all have.
         """
-        shared = [np.isin(self.target, one.target) for one in (self, *others)]
+        nominal, index = self.stops
+        shared = [np.isin(nominal, one.stops[0])[index] for one in (self, *others)]
         common: Flags = np.all(shared, axis=0)
         try:
             return (self[common].iso230_2(),)

@@ -214,7 +214,7 @@ def _counts_commands(one: Positioning) -> bool:
     """Whether it follows the target, or repeats exactly at every stop: no instrument does."""
     if not one.rotary and float(np.ptp(one.deviation)) <= SAME_COUNTER_UM:
         return True
-    stop = np.stack([one.target, one.direction], axis=1)
+    stop = np.stack([one.stops[1], one.direction], axis=1)
     _, index, count = np.unique(stop, axis=0, return_inverse=True, return_counts=True)
     mean = np.bincount(index.reshape(-1), one.deviation) / count
     off = np.abs(one.deviation - mean[index.reshape(-1)]).max()

@@ -146,7 +146,7 @@ class PositioningModel(LinearModel):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Say what stops without a repeat, or one instrument on a turning axis, do not tell."""
-        data, out = self.data, []
+        data, out = self.data, list(self.data.notes)
         if len(data) == len(data.stops[0]) and np.ptp(self.readings.values):
             out.append(
                 "No target is measured twice: errors of single targets count as noise here. A "
