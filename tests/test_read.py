@@ -4,6 +4,7 @@ import re
 import runpy
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 import trunnion as tn
 from foreign_files import CAMONITOR, HALSCOPE, TWINCAT
+from trunnion.contouring import Servo
 from trunnion.models.kinds import kinds
 
 
@@ -80,7 +82,63 @@ def test_halsampler(tmp_path: Path) -> None:
     path = written(tmp_path, "4 1.5 1.4 \noverrun\n9 2.5 2.4 \n10 2.6 2.4 \n")
     log = tn.read(path, columns={"x_cmd_mm": "2", "x_act_mm": "3"}, period_s=0.002)
     assert log.time_s.tolist() == [0.0, 0.01, 0.012]
-    assert "lost at 1 places" in log.recognised.summary()
+    assert "missing before line 3: 5 to 8 (overrun)." in log.recognised.summary()
+
+
+SAMPLED = {"x_cmd_mm": "2", "x_act_mm": "3"}
+
+
+def sampled(numbers: Sequence[int]) -> list[str]:
+    return [f"{n} {0.5 * n:.6f} {0.5 * n - 0.1:.6f} " for n in numbers]
+
+
+def test_samples_that_are_missing_are_named(tmp_path: Path) -> None:
+    """By the numbers of halsampler -t, whether it said 'overrun' there or lines went lost later."""
+    lines = [*sampled(range(4)), "overrun", *sampled(range(9, 12)), *sampled(range(13, 16))]
+    path = written(tmp_path, "\n".join(lines) + "\n")
+    log = tn.read(path, columns=SAMPLED, period_s=0.5)
+    assert log.time_s.tolist() == [0, 0.5, 1, 1.5, 4.5, 5, 5.5, 6.5, 7, 7.5]
+    assert log.recognised.notes[1:] == (
+        "Samples are missing before line 6: 4 to 8 (overrun); line 9: 12 (lines of the file were "
+        "lost). The times of the others are kept.",
+    )
+    path = written(tmp_path, "\n".join([*sampled(range(4)), *sampled(range(4))]) + "\n")
+    with pytest.raises(tn.FileFormatError, match=r":5:1: sample 0: got it after sample 3"):
+        tn.read(path, columns=SAMPLED, period_s=0.5)
+    turns = "\n".join(f"{n % 4} {n}.5 {n}.4" for n in range(8)) + "\n"
+    angle = {"x_cmd_mm": "1", "x_act_mm": "2"}  # whole numbers that are data
+    log = tn.read(written(tmp_path, turns), columns=angle, period_s=0.5)
+    assert log.time_s.tolist() == [0.5 * n for n in range(8)]
+
+
+@pytest.mark.parametrize(
+    ("left", "short"),
+    [
+        (12, "2 of 3 fields"),
+        (3, "no space behind its last field"),
+        (1, "no space behind its last field"),
+        (0, ""),
+    ],
+)
+def test_a_last_sample_that_was_cut_is_left_out(tmp_path: Path, left: int, short: str) -> None:
+    text = "\n".join(sampled(range(5)))
+    log = tn.read(written(tmp_path, text[: len(text) - left]), columns=SAMPLED, period_s=0.5)
+    assert len(log) == (4 if short else 5)
+    cut = [note for note in log.recognised.notes if "cut off" in note]
+    assert [note.startswith(f"Line 5 is cut off ({short}") for note in cut] == [True] * bool(short)
+    bare = text.replace(" \n", "\n").rstrip()  # by an editor
+    assert len(tn.read(written(tmp_path, bare), columns=SAMPLED, period_s=0.5)) == 5
+    cut_short = tn.read(written(tmp_path, bare[:-2]), columns=SAMPLED, period_s=0.5)
+    assert "fewer decimals" in cut_short.recognised.notes[-1]
+
+
+def test_a_gap_in_a_log_is_no_even_sampling(tmp_path: Path) -> None:
+    lines = [*sampled(range(40)), "overrun", *sampled(range(45, 90))]
+    log = tn.read(written(tmp_path, "\n".join(lines) + "\n"), columns=SAMPLED, period_s=0.001)
+    with pytest.raises(
+        tn.DataError, match=r"line 42 of file: got 0.006 s .*5 samples missing: overrun"
+    ):
+        tn.diagnose(log, tn.Setup(tn.Artefact("none"), servo=Servo.paper().to_table()))
 
 
 def test_camonitor(tmp_path: Path) -> None:

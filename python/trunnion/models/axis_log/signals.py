@@ -419,10 +419,17 @@ def _run(log: AxisLog, servo: Servo, start: int, stop: int) -> Run:
     period = float((log.time_s[stop - 1] - log.time_s[start]) / (stop - 1 - start))
     uneven = np.abs(steps - period)
     if uneven.max() > 0.01 * period:
-        row = start + 1 + int(np.argmax(uneven))
+        usual = float(np.median(steps))
+        row = start + 1 + int(np.argmax(np.abs(steps - usual)))
+        step = float(steps[row - start - 1])
+        missing = round(step / usual) - 1
+        lost = ""
+        if missing > 0 and abs(step - (missing + 1) * usual) <= 0.01 * usual:
+            lost = f" ({missing} samples missing: overrun of a sampler, or lines lost)"
         raise DataError(
-            f"axis log, {log.place(row)}: got {steps[row - start - 1]:.6g} s after the row before, "
-            f"expected even sampling ({period:.6g} s within 1 %); give each run its label"
+            f"axis log, {log.place(row)}: got {step:.6g} s after the row before{lost}, expected "
+            f"even sampling ({usual:.6g} s within 1 %); give each run its label (column run), and "
+            "what stands before and behind a gap one of its own"
         )
     control = period if servo.period_ms is None else servo.period_ms * 1e-3
     substeps = max(1, round(period / control))
