@@ -28,6 +28,7 @@ OWN = ("target", "measured")
 MAX_STEP = 2.0  # of the range of deviations, in which positions may be recorded
 MAX_EXCHANGED = 0.5  # different measured positions a target: repeats of a stop differ
 DEVIATIONS = 5e-4  # of the travel of the targets: less than of another unit
+SIDES = {frozenset((1,)): "forward", frozenset((-1,)): "backward"}
 UNITS = {
     1e3: "are these µm?",
     25.4: "are the targets inches?",
@@ -229,6 +230,30 @@ class Positioning(Table):
             return (self[common].iso230_2(),)
         except DataError:
             return ()
+
+    def otherwise_reached(self, other: "Positioning") -> str:
+        """Say that another measurement came to the targets from other sides; empty: it did not."""
+        mine, theirs = self._sides(), other._sides()
+        common = mine.keys() & theirs.keys()
+        others = sum(mine[place] != theirs[place] for place in common)
+        sides = [frozenset(one.direction.tolist()) for one in (self, other)]
+        if sides[0] == sides[1] and others <= len(common) / 2:
+            return ""
+        how = [SIDES.get(each, "both") for each in sides]
+        where = f" at {others} of {len(common)} targets" if sides[0] == sides[1] else ""
+        return (
+            f"The targets were reached from different directions ({how[0]} in one measurement, "
+            f"{how[1]} in another){where}: a change may be the reversal of the axis."
+        )
+
+    def _sides(self) -> dict[float, frozenset[int]]:
+        """Directions in which each place was reached."""
+        places, index = self.stops
+        found: dict[float, frozenset[int]] = {}
+        for i, sense in zip(index.tolist(), self.direction.tolist(), strict=True):
+            place = float(places[i])
+            found[place] = found.get(place, frozenset()) | {sense}
+        return found
 
     @property
     def _suffix(self) -> str:

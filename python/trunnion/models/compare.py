@@ -131,6 +131,7 @@ def compare(
         found = _joined(_of_standard([d.data for d in diagnosed], notes))
         fitted, vectors = _fitted(diagnosed, notes)
         found = {**found, **fitted}
+        notes += _otherwise([d.data for d in diagnosed])
     else:
         found = _joined([s.values for s in sources])
     known = {
@@ -193,6 +194,13 @@ def _of_standard(data: Sequence[Any], notes: list[str]) -> list[dict[str, _Value
     return [
         {k: v for result in d.results(data) for k, v in _of_result(result).items()} for d in data
     ]
+
+
+def _otherwise(data: Sequence[Any]) -> list[str]:
+    """Say what was done otherwise than in the first measurement, and looks like a change."""
+    if not hasattr(data[0], "otherwise_reached"):
+        return []
+    return [text for other in data[1:] if (text := data[0].otherwise_reached(other))]
 
 
 def _of_result(result: Any) -> dict[str, _Value]:

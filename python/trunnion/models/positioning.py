@@ -46,6 +46,7 @@ MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
 MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
 MAX_NODES = 50  # of a curve; a screw or a scale bends over a larger stretch
+MIN_BOTH_SIDES = 2  # targets reached in either direction that show a reversal
 MIN_REPEATS = 2  # what is not repeated is no repeatable curve
 PITCHES_PER_OCTAVE = 24
 SAME_COUNTER_UM = 0.5
@@ -147,6 +148,11 @@ class PositioningModel(LinearModel):
     def remarks(self) -> tuple[str, ...]:
         """Say what stops without a repeat, or one instrument on a turning axis, do not tell."""
         data, out = self.data, list(self.data.notes)
+        if (few := _too_few_both_sides(data)) is not None:
+            out.append(
+                f"{few} reached from both sides: curve and reversal are not distinguished. The "
+                "same targets approached forward and backward would distinguish them."
+            )
         if len(data) == len(data.stops[0]) and np.ptp(self.readings.values):
             out.append(
                 "No target is measured twice: errors of single targets count as noise here. A "
@@ -215,18 +221,17 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
     large = data.target * (3600.0 if data.rotary else 1e3)  # in the unit of deviations
     size = large - large.mean()
     out = [linear("scale", ["ppm"], 1e-6 * size, "scale error of the axis")]
-    both = len(np.unique(d)) == 2
-    if both:
+    suffix = "deg" if data.rotary else "mm"
+    both = _both_sides(data)
+    if len(both) >= MIN_BOTH_SIDES:
         out.append(
             linear("reversal", [f"b_{unit}"], d / 2, "reversal of the axis, forward less backward")
         )
-    nodes, each = _nodes(targets, index)
-    places = [f"at_{x:.9g}_{'deg' if data.rotary else 'mm'}_{unit}" for x in nodes]
-    if both and len(targets) > 2:
-        beside = _beside(each, np.ones((len(nodes), 1)))[:, 1:]
+    if len(both) > 2:
+        beside = _beside(_hats(targets, both)[index], np.ones((len(both), 1)))[:, 1:]
         label = "reversal that depends on position"
-        columns = d[:, None] / 2 * beside
-        out.append(linear("reversal_of_position", places[1:], columns, label))
+        columns, names = d[:, None] / 2 * beside, _places(both[1:], suffix, unit)
+        out.append(linear("reversal_of_position", names, columns, label))
     if len(targets) >= MIN_WAVE_TARGETS:
         out.append(_periodic(data, targets, unit))
     if data.rotary and np.ptp(targets) >= MIN_TURN_DEG:
@@ -242,23 +247,46 @@ def _catalogue(data: Positioning, unit: str) -> list[Effect]:
         label = "thermal expansion of the axis"
         out.append(linear("expansion", [Parameter("ppm_k", "ppm/K")], 1e-6 * size * warmer, label))
     if len(targets) > 3 and len(data) >= MIN_REPEATS * len(targets):
+        nodes = _nodes(targets)
+        each = _hats(targets, nodes)[index]
         line = np.stack([np.ones(len(nodes)), nodes - nodes.mean()], axis=1)
         beside = _beside(each, line)[:, 1:-1]
         label = "repeatable curve of deviations without a name"
-        out.append(linear("curve", places[1:-1], beside, label))
+        out.append(linear("curve", _places(nodes[1:-1], suffix, unit), beside, label))
     return out
 
 
-def _nodes(targets: Floats, index: Integers) -> tuple[Floats, Floats]:
-    """Targets where a curve has a value of its own, and how much each stop takes of it (n, m).
-
-    All targets; of more than `MAX_NODES` some, with straight lines between them.
-    """
+def _nodes(targets: Floats) -> Floats:
+    """Targets where a curve has a value of its own: all; of more than `MAX_NODES` some."""
     count = min(len(targets), MAX_NODES)
-    chosen = np.round(np.linspace(0, len(targets) - 1, count)).astype(np.intp)
-    nodes = targets[chosen]
-    hats = np.stack([np.interp(targets, nodes, row) for row in np.eye(count)], axis=1)
-    return nodes, hats[index]
+    return targets[np.round(np.linspace(0, len(targets) - 1, count)).astype(np.intp)]
+
+
+def _hats(targets: Floats, nodes: Floats) -> Floats:
+    """How much each target takes of each node, with straight lines between nodes."""
+    return np.stack([np.interp(targets, nodes, row) for row in np.eye(len(nodes))], axis=1)
+
+
+def _both_sides(data: Positioning) -> Floats:
+    """Nodes about which the axis stopped in both directions: there alone is a reversal seen."""
+    targets, index = data.stops
+    nodes = _nodes(targets)
+    nearest = _hats(targets, nodes).argmax(axis=1)[index]
+    seen = [np.isin(np.arange(len(nodes)), nearest[data.direction == s]) for s in (1, -1)]
+    return np.asarray(nodes[seen[0] & seen[1]])
+
+
+def _too_few_both_sides(data: Positioning) -> str | None:
+    """Say how few targets show a reversal; None: enough, or there is one direction only."""
+    count = len(_both_sides(data))
+    if count >= MIN_BOTH_SIDES or len(np.unique(data.direction)) < 2:
+        return None
+    return f"One of {len(data.stops[0])} targets was" if count else "No target was"
+
+
+def _places(nodes: Floats, suffix: str, unit: str) -> list[str]:
+    """Names of values at nodes."""
+    return [f"at_{x:.9g}_{suffix}_{unit}" for x in nodes]
 
 
 def _beside(each: Floats, taken: Floats) -> Floats:
@@ -272,8 +300,13 @@ def _beside(each: Floats, taken: Floats) -> Floats:
 
 
 def _periodic(data: Positioning, targets: Floats, unit: str) -> Effect:
-    """A wave over the targets; a longer one than a third of their range is a curve."""
-    low = 2.0 * float(np.median(np.diff(targets)))
+    """A wave over the targets; a longer one than a third of their range is a curve.
+
+    A wave is seen in the targets of one direction: from the other it may be a reversal.
+    """
+    index = data.stops[1]
+    each = [targets[np.unique(index[data.direction == s])] for s in np.unique(data.direction)]
+    low = 2.0 * float(np.median(np.concatenate([np.diff(some) for some in each])))
     high = max(float(np.ptp(targets)) / MIN_PERIODS, 1.01 * low)
     count = max(2, int(PITCHES_PER_OCTAVE * np.log2(high / low)) + 1)
     name = "pitch_deg" if data.rotary else "pitch_mm"
