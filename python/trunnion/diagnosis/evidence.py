@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -53,7 +53,6 @@ class Evidence:
 
     search: Search
     count: int
-    _beside: dict[frozenset[int], tuple[float, Floats]] = field(default_factory=dict)
 
     @cached_property
     def odds(self) -> Mapping[int, float]:
@@ -170,11 +169,9 @@ class Evidence:
             first, many = (int(x[c.owner[b]]) for x in self._variants)
             if many < 2:
                 continue
-            rest = frozenset(blocks) - {b}
-            if rest not in self._beside:
-                self._beside[rest] = s.gains_beside(sorted(rest))
-            rss, gain = self._beside[rest]
-            left = np.maximum(rss - gain[first : first + many], s.score.least)
+            rest = sorted(set(blocks) - {b})
+            rss, gain = s.gains_beside(rest, range(first, first + many))
+            left = np.maximum(rss - gain, s.score.least)
             deviance = s.score.floor.deviance(left, c.dof)
             likely = np.exp((deviance[b - first] - deviance) / 2)
             out -= 2 * math.log(max(float(np.mean(likely)), TINY))

@@ -139,18 +139,8 @@ class Search:
         rss = float(r @ r)
         self.score = _Scorer(c.dof, floor, 1e-14 * rss)
         self.residual = c.products(r)
-        self.core = CauseBlocks(
-            width=c.width,
-            start=c.start.tolist(),
-            rank=c.rank.tolist(),
-            candidate=c.owner.tolist(),
-            penalty=c.penalty,
-            positive=np.isin(c.owner, sorted(c.positive)).tolist(),
-            dependent=c.dependent,
-            degrees_of_freedom=c.dof,
-            floor=floor.variance,
-            least=self.score.least,
-        )
+        self._positive = np.isin(c.owner, sorted(c.positive))
+        self.core = self._core(np.arange(len(c.owner)), c.start, c.width)
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
         self.bits: list[int] = [1 << j for j in c.owner.tolist()]
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
@@ -311,10 +301,38 @@ class Search:
         left, seen = (total[:, c.start + c.rank] - total[:, c.start]) / c.rank
         return left, seen
 
-    def gains_beside(self, blocks: Sequence[int]) -> tuple[float, Floats]:
-        """What a set leaves (RSS), and by how much less each block beside it would (b,)."""
-        core = self.built(blocks).core
-        return core.rss, self.core.gains(core)
+    def gains_beside(self, blocks: Sequence[int], further: range) -> tuple[float, Floats]:
+        """What a set leaves (RSS), and by how much less each of further blocks beside it would.
+
+        No columns of others have a part in it.
+        """
+        c = self.c
+        few = np.array(sorted({*blocks, *further}))
+        rank = c.rank[few]
+        ends = np.cumsum(rank)
+        at = np.arange(ends[-1]) + np.repeat(c.start[few] - ends + rank, rank)
+        core = self._core(few, ends - rank, len(at))
+        left = core.empty(self.residual[at], self.nothing.rss)
+        for b in blocks:
+            left = core.extended(left, int(np.searchsorted(few, b)), c.gram_rows(b)[:, at])
+        first = int(np.searchsorted(few, further.start))
+        return left.rss, core.gains(left)[first : first + len(further)]
+
+    def _core(self, blocks: Integers, start: Integers, width: int) -> CauseBlocks:
+        """Blocks as the core knows them; ``start``: of each its first of so many columns."""
+        c = self.c
+        return CauseBlocks(
+            width=width,
+            start=start.tolist(),
+            rank=c.rank[blocks].tolist(),
+            candidate=c.owner[blocks].tolist(),
+            penalty=c.penalty[blocks],
+            positive=self._positive[blocks].tolist(),
+            dependent=c.dependent,
+            degrees_of_freedom=c.dof,
+            floor=self.score.floor.variance,
+            least=self.score.least,
+        )
 
     def grow(self, states: list[_State], keep: int) -> list[tuple[_State, int]]:
         """Try every candidate on every state; remember all sets near the best, and the best `keep`.
