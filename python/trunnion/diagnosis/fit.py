@@ -265,8 +265,7 @@ class _Problem:
 
     def derivative(self, at: _Point) -> Array:
         """Derivative of the prediction by all parameters, all readings."""
-        parts = [self.model.jacobian(at.nuisance, at.values)]
-        parts += [self.model.effect_jacobian(at.nuisance, e, at.values[e.id]) for e in self.effects]
+        parts = self.model.derivatives(at.nuisance, self.effects, at.values)
         if self.jacobian is None and len(parts[0]) >= MANY_ROWS:
             self.jacobian = np.empty((sum(part.shape[1] for part in parts), len(parts[0]))).T
         return beside(parts, self.jacobian)

@@ -325,6 +325,13 @@ class Model:
         """Return the derivative of ``predict`` by one effect's parameters, shape (n, k)."""
         return effect.columns(values)
 
+    def derivatives(
+        self, nuisance: Floats, effects: Sequence[Effect], values: EffectValues
+    ) -> list[Floats]:
+        """Return ``jacobian`` with these effects, then ``effect_jacobian`` of each."""
+        every = [self.jacobian(nuisance, values)]
+        return every + [self.effect_jacobian(nuisance, e, values[e.id]) for e in effects]
+
     def linear_columns(
         self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
     ) -> Floats:
@@ -333,8 +340,8 @@ class Model:
         # Columns one after the other in memory, as all that is done with them needs them.
         out = np.empty((len(values), len(linear), len(self.readings)))
         for own, at in zip(out, values, strict=True):
-            rates = self.effect_jacobian(nuisance, effect, at).T
-            np.take(rates, linear, axis=0, out=own, mode="clip")
+            rates = self.effect_jacobian(nuisance, effect, at)
+            np.take(rates.T, linear, axis=0, out=own, mode="clip")
         return out
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
@@ -371,11 +378,8 @@ class Model:
 
     def location_errors(self, nuisance: Floats, effects: EffectValues) -> dict[str, float]:  # noqa: ARG002
         """Return the machine's errors (µm, arcsec, by name) for before and after."""
-        return {
-            n.name: float(v)
-            for n, v in zip(self.nuisance, nuisance, strict=True)
-            if n.owner is Owner.MACHINE
-        }
+        values = zip(self.nuisance, nuisance.tolist(), strict=True)
+        return {n.name: value for n, value in values if n.owner is Owner.MACHINE}
 
     def extended(
         self,
@@ -403,14 +407,12 @@ class OneEffect:
 
     def change(self, values: Mapping[str, float]) -> Floats:
         """Return the change, shape (n,)."""
-        start = self.model.start
-        plain = self.model.predict(start, {})
-        return np.asarray(self.model.predict(start, {self.name: values}) - plain)
+        start, predict = self.model.start, self.model.predict
+        return np.asarray(predict(start, {self.name: values}) - predict(start, {}))
 
     def jacobian(self, values: Mapping[str, float]) -> Floats:
         """Return its derivative by each parameter, shape (n, k)."""
-        effect = self.model.effect(self.name)
-        return self.model.effect_jacobian(self.model.start, effect, values)
+        return self.model.effect_jacobian(self.model.start, self.model.effect(self.name), values)
 
 
 class LinearModel(Model):
@@ -455,8 +457,7 @@ class LinearModel(Model):
         self._groups = groups
         self._replicates = replicates
         self._binder = binder
-        expected = (len(readings), len(self.nuisance))
-        if self.design.shape != expected:
+        if self.design.shape != (expected := (len(readings), len(self.nuisance))):
             raise InputError(f"design: got shape {self.design.shape}, expected {expected}")
 
     @property

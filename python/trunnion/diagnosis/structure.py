@@ -108,6 +108,15 @@ class _ModelWith:
             return effect.columns(values)
         return self.inner.effect_jacobian(nuisance, effect, values)
 
+    def derivatives(
+        self, nuisance: Floats, effects: Sequence[Effect], values: EffectValues
+    ) -> list[Floats]:
+        others = [e for e in effects if e.id != self.more.id]
+        first, *made = self.inner.derivatives(nuisance, others, self._without(values))
+        own = iter(made)
+        found = (e.columns(values[e.id]) if e.id == self.more.id else next(own) for e in effects)
+        return [first, *found]
+
     def linear_columns(
         self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
     ) -> Floats:

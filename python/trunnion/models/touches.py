@@ -119,7 +119,6 @@ class TouchDiagnosisModel(Model):
         self._columns = {
             i.id: [self._full.names.index(f"{i.id}.{p.name}") for p in i.parameters] for i in infos
         }
-        self._durations = [n for n, kind in enumerate(self._full.kinds) if kind == "duration"]
         self.nuisance = tuple(
             Nuisance(
                 name,
@@ -198,22 +197,38 @@ class TouchDiagnosisModel(Model):
         """Exact derivative by an effect's parameters."""
         if effect.id not in self._columns:
             return effect.columns(values)
-        kinds = [self._full.kinds[c] for c in self._columns[effect.id]]
-        if "duration" in kinds:
+        if "duration" in self._kinds(effect.id):
             ids, at = self._vector(nuisance, {effect.id: values})
             _, jac = self._model(ids).core.linearise(self._moves, at)
             return np.asarray(jac[:, self._plain :])
         columns = self._all_columns(nuisance)[self._columns[effect.id]]
-        if "moment" in kinds:
-            columns = columns * self._after(effect, [values])[0]
-        return columns.T
+        return self._in_force(effect, columns, values).T
+
+    def derivatives(
+        self, nuisance: Floats, effects: Sequence[Effect], values: EffectValues
+    ) -> list[Floats]:
+        """Exact derivatives of a fit; unless those of the catalogue are known, of it alone."""
+        named = {e.id for e in effects}
+        ids = tuple(i for i in self._ids if i in named and "duration" not in self._kinds(i))
+        if not ids or nuisance.tobytes() in self._at:
+            return super().derivatives(nuisance, effects, values)
+        model = self._model(ids)
+        rates = self._rates(model, nuisance)
+        found = [self.jacobian(nuisance, values)]
+        for e in effects:
+            if e.id in ids:
+                at = [model.names.index(f"{e.id}.{p.name}") for p in e.parameters]
+                columns = np.ascontiguousarray(rates[:, at].T)
+                found.append(self._in_force(e, columns, values[e.id]).T)
+            else:
+                found.append(self.effect_jacobian(nuisance, e, values[e.id]))
+        return found
 
     def linear_columns(
         self, nuisance: Floats, effect: Effect, values: Sequence[Mapping[str, float]]
     ) -> Floats:
         """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
-        own = self._columns.get(effect.id, [])
-        kinds = [self._full.kinds[c] for c in own]
+        own, kinds = self._columns.get(effect.id, []), self._kinds(effect.id)
         if not own or "duration" in kinds:
             return super().linear_columns(nuisance, effect, values)
         linear = [c for c, p in zip(own, effect.parameters, strict=True) if p.linear]
@@ -221,6 +236,16 @@ class TouchDiagnosisModel(Model):
         if "moment" in kinds:
             return columns * self._after(effect, values)
         return np.repeat(columns[None], len(values), axis=0)
+
+    def _kinds(self, name: str) -> list[str]:
+        """Kinds of the parameters of a built-in effect."""
+        return [self._full.kinds[c] for c in self._columns.get(name, [])]
+
+    def _in_force(self, effect: Effect, columns: Floats, values: Mapping[str, float]) -> Floats:
+        """Columns (k, n) of an effect from its moment on, where it has one."""
+        if "moment" not in self._kinds(effect.id):
+            return columns
+        return np.asarray(columns * self._after(effect, [values])[0])
 
     def _after(self, effect: Effect, values: Sequence[Mapping[str, float]]) -> Floats:
         """1 for touches after each moment of an effect, as if it had always been so, (v, 1, n)."""
@@ -248,13 +273,7 @@ class TouchDiagnosisModel(Model):
         """
         key = nuisance.tobytes()
         if key not in self._at:
-            values = np.zeros(len(self._full.names))
-            values[: self._plain] = self._whole(nuisance)
-            values[self._durations] = 1.0
-            for n, kind in enumerate(self._full.kinds):
-                if kind == "moment":
-                    values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
-            rows = self._full.core.linearise(self._moves, values)[1]
+            rows = self._rates(self._full, nuisance)
             jac = np.empty(rows.shape[::-1])
             for first in range(0, len(rows), ROWS_TURNED):
                 some = slice(first, first + ROWS_TURNED)
@@ -263,6 +282,17 @@ class TouchDiagnosisModel(Model):
                 del self._at[next(iter(self._at))]
             self._at[key] = jac
         return self._at[key]
+
+    def _rates(self, model: TouchModel, nuisance: Floats) -> Floats:
+        """Return the derivative by every parameter of a model, no effect acting, (n, p)."""
+        values = np.zeros(len(model.names))
+        values[: self._plain] = self._whole(nuisance)
+        for n, kind in enumerate(model.kinds):
+            if kind == "duration":
+                values[n] = 1.0
+            elif kind == "moment":
+                values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
+        return np.asarray(model.core.linearise(self._moves, values)[1])
 
     def _model(self, ids: tuple[str, ...]) -> TouchModel:
         if ids not in self._models:
