@@ -105,7 +105,7 @@ class Case:
             for j, x in self.linearised.pieces()
         )
         numbers = self.linearised.width * len(self.rows)
-        own = np.array([float(e.expected) or RARE_LEVEL * e.rare for e in self.effects])
+        own = np.array([float(e.expected) or e.level or RARE_LEVEL * e.rare for e in self.effects])
         alone = frozenset(j for j, values in enumerate(self.values) if len(values) == 1)
         found = Candidates.of_pieces(
             pieces, len(self.effects), numbers, self.plain.basis, own, self._stated(), alone

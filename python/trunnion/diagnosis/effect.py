@@ -112,6 +112,8 @@ class Effect:
         Whether it costs nothing to name: what differs from a set-up that is known to be far off.
     rare:
         Whether it is named at a level of 1e-12: what a set-up seldom has wrong.
+    level:
+        Level at which it is named; 0: its share of the level of all candidates.
     stated:
         What is known of its one parameter beforehand: zero within a standard uncertainty. It costs
         a set of causes what it contradicts of that, and its estimate is made with it.
@@ -130,6 +132,7 @@ class Effect:
     least: NamedValues | None = None
     expected: bool = False
     rare: bool = False
+    level: float = 0.0
     stated: Stated | None = None
     spread: Spread | None = None
 

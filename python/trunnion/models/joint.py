@@ -8,6 +8,8 @@ what changes with time. Each measurement keeps the noise that its own diagnosis 
 
 Measurements of one kind are of several dates, in the order given. For each error and effect that
 they share there is a further candidate: it changed before a later one ("touches 2:change_EX0C").
+Of what measurements of different kinds share there are candidates that one kind says otherwise than
+the rest ("ballbar:differs_squareness_xy"): the measurements contradict each other.
 """
 
 from __future__ import annotations
@@ -29,6 +31,9 @@ from trunnion.diagnosis.records import units_of
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
+from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
+
+UNIT_NAMES = {"µm": "um"}  # in names of parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,10 @@ class _Acts:
 
 @dataclass(frozen=True)
 class _Change:
-    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''."""
+    """A shared error or effect that changed before part ``since``; of an error ``effect`` is ''.
+
+    From the first part of its kind on: it is another in measurements of this kind.
+    """
 
     since: int
     error: str = ""
@@ -160,7 +168,8 @@ class JointModel(Model):
                     label = own.label or own.id.replace("_", " ")
                     label = label if ":" not in id_ else f"{label} ({part.name})"
                     made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
-        for effect in self._possible_changes(made):
+        self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
+        for effect in (*self._possible_changes(made), *self._possible_differences(made)):
             made[effect.id] = effect
         self.effects = tuple(made.values())
 
@@ -171,11 +180,20 @@ class JointModel(Model):
         label: str,
         owner: Owner,
         own: Effect | None = None,
+        level: float = 0.0,
     ) -> Effect:
         bound = OneEffect(self, id_)
         motion, stated = (None, None) if own is None else (own.motion, own.stated)
         return Effect(
-            id_, parameters, bound.change, bound.jacobian, label, owner, motion, stated=stated
+            id_,
+            parameters,
+            bound.change,
+            bound.jacobian,
+            label,
+            owner,
+            motion,
+            level=level,
+            stated=stated,
         )
 
     def ids_of_part(self, i: int) -> dict[str, str]:
@@ -193,7 +211,7 @@ class JointModel(Model):
                 x = self.nuisance[k]
                 id_ = f"{part.name}:change_{x.name}"
                 self._changes[id_] = _Change(i, error=x.name)
-                unit = {"µm": "um"}.get(x.unit, x.unit)
+                unit = UNIT_NAMES.get(x.unit, x.unit)
                 label = f"change of {x.name} before {part.name}"
                 yield self._effect(id_, (Parameter(f"change_{unit}", x.unit),), label, x.owner)
             for shared, acts in list(self._acts.items()):
@@ -204,6 +222,38 @@ class JointModel(Model):
                 self._changes[id_] = _Change(i, effect=shared)
                 label = f"change of {effect.label} before {part.name}"
                 yield self._effect(id_, effect.parameters, label, effect.owner)
+
+    def _possible_differences(self, made: Mapping[str, Effect]) -> Iterator[Effect]:
+        """What one kind of measurement sees otherwise than the others that share it."""
+        kinds = [part.kind for part in self.parts]
+        for kind, k in errors_apart(self.parts, self._index):
+            x = self.nuisance[k]
+            parameter = Parameter(f"differs_{UNIT_NAMES.get(x.unit, x.unit)}", x.unit)
+            change = _Change(kinds.index(kind), error=x.name)
+            yield self._difference(kind, change, (parameter,), x.name, x.owner)
+        acting = {
+            shared: [(a.part, a.effect) for a in acts]
+            for shared, acts in self._acts.items()
+            if made[shared].linear
+        }
+        for kind, shared in effects_apart(self.parts, acting):
+            change, effect = _Change(kinds.index(kind), effect=shared), made[shared]
+            yield self._difference(kind, change, effect.parameters, effect.label, effect.owner)
+
+    def _difference(
+        self,
+        kind: str,
+        change: _Change,
+        parameters: tuple[Parameter, ...],
+        label: str,
+        owner: Owner,
+    ) -> Effect:
+        """Candidate that one kind sees an error or an effect otherwise."""
+        name = change.error or change.effect
+        id_ = f"{kind}:differs_{name}"
+        self._changes[id_] = change
+        self.apart[id_] = kind, name
+        return self._effect(id_, parameters, f"{label}, other in {kind}", owner, level=LEVEL)
 
     # --- the model
 
@@ -389,11 +439,15 @@ class JointModel(Model):
             effects={k: dict(v) for k, v in effects.items()},
             owners={e.id: e.owner for e in found},
             motions={e.id: e.motion for e in found if e.motion is not None},
-            not_compensable={
-                e.id: f"it belongs to {e.id.partition(':')[0]}" for e in found if ":" in e.id
-            },
+            not_compensable={e.id: why for e in found if (why := self._idle(e.id, effects))},
             **({} if uncertainty is None else uncertainty.fields()),
         )
+
+    def _idle(self, id_: str, effects: EffectValues) -> str:
+        """Why an effect, beside the others of a set, says nothing to a compensation; or nothing."""
+        if ":" in id_:
+            return f"it belongs to {id_.partition(':')[0]}"
+        return APART if any(self.apart.get(i, ("", ""))[1] == id_ for i in effects) else ""
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

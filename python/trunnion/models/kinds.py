@@ -27,6 +27,7 @@ from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.files.table import named_columns
 from trunnion.machine.effects import EffectInfo
+from trunnion.models.agreement import with_contradictions
 from trunnion.models.joint import JointModel
 from trunnion.models.mistaken import mistake_notes, refusal_explained
 from trunnion.models.several import Measured, joined, joint_model
@@ -368,7 +369,8 @@ def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | 
     measured = _measured(data, setup, effects)
     model = _joint(measured, setup, effects)
     given = {"setup": setup, "candidates": tuple(effects)}
-    return joined(diagnose_model(model), model, measured, given)
+    found = with_contradictions(diagnose_model(model), model)
+    return joined(found, model, measured, given)
 
 
 def _measured(

@@ -1,0 +1,171 @@
+"""Whether several measurements of one machine say the same of what they share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trunnion.base.statistics import linear_fit
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.effect import Effect
+from trunnion.diagnosis.fit import grid_values, variant_columns
+from trunnion.diagnosis.records import value_in_words
+from trunnion.diagnosis.refit import Refit, refit
+from trunnion.diagnosis.result import Diagnosis
+
+if TYPE_CHECKING:
+    from trunnion.models.joint import JointModel, Part
+
+LEVEL = 1e-8
+"""At which "other in one measurement" is a candidate: no set that has the shared cause instead
+comes near one that has this, but for a difference that noise makes in less than 1 of 1000."""
+MIN_SEEN = 1e-4
+"""Of what all measurements see of a cause, squared over their noise: less tells no difference."""
+TINY = 1e-300
+APART = "the measurements contradict each other"
+
+
+def errors_apart(parts: Sequence[Part], index: Sequence[Integers]) -> Iterator[tuple[str, int]]:
+    """Kinds of measurement, each with a shared error that it may see otherwise than the others.
+
+    index: Of each part the numbers of its nuisance parameters among all of them.
+    """
+    for k in sorted({int(k) for own in index for k in own}):
+        sharing = [(i, int(np.flatnonzero(own == k)[0])) for i, own in enumerate(index) if k in own]
+        if _of_several_kinds(parts, (i for i, _ in sharing)):
+            seen = [(parts[i].kind, _seen_of_error(parts[i], own)) for i, own in sharing]
+            yield from ((kind, k) for kind in _seeing(seen))
+
+
+def effects_apart(
+    parts: Sequence[Part], acting: Mapping[str, Sequence[tuple[int, Effect]]]
+) -> Iterator[tuple[str, str]]:
+    """Kinds of measurement, each with a shared effect that it may see otherwise than the others.
+
+    acting: Id → the parts that it acts on, by number, and what acts there.
+    """
+    for name, acts in acting.items():
+        if _of_several_kinds(parts, (i for i, _ in acts)):
+            seen = [(parts[i].kind, _seen_of_effect(parts[i], own)) for i, own in acts]
+            yield from ((kind, name) for kind in _seeing(seen))
+
+
+def _of_several_kinds(parts: Sequence[Part], some: Iterable[int]) -> bool:
+    return len({parts[i].kind for i in some}) > 1
+
+
+def _seeing(seen: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """Kinds that see enough of what they share to differ in it; of one alone none."""
+    by_kind: dict[str, float] = {}
+    for kind, size in seen:
+        by_kind[kind] = by_kind.get(kind, 0.0) + size
+    least = MIN_SEEN * sum(by_kind.values())
+    kinds = tuple(kind for kind, size in by_kind.items() if size > least)
+    return kinds if len(kinds) > 1 else ()
+
+
+def _seen_of_effect(part: Part, effect: Effect) -> float:
+    """Squares of an effect's columns over the noise, one unit of each parameter."""
+    model = part.model
+    columns = variant_columns(model, effect, model.start, grid_values(effect)[:1])[0]
+    white = np.asarray(part.whiten(np.column_stack([columns, _jacobian(part)])))
+    count = columns.shape[1]
+    return _left(white[:, :count], white[:, count:], model.rank_tolerance)
+
+
+def _seen_of_error(part: Part, k: int) -> float:
+    """Squares of the column of a nuisance parameter over the noise, beside the others."""
+    white = np.asarray(part.whiten(_jacobian(part)))
+    return _left(white[:, [k]], np.delete(white, k, axis=1), part.model.rank_tolerance)
+
+
+def _jacobian(part: Part) -> Floats:
+    return part.model.jacobian(part.model.start, {})
+
+
+def _left(columns: Floats, others: Floats, tolerance: float) -> float:
+    """Sum of squares of columns beside others."""
+    if others.shape[1]:
+        basis = linear_fit(others, np.zeros(len(others)), basis=True).basis
+        left = columns - basis @ (basis.T @ columns)
+    else:
+        left = columns
+    seen, every = (np.einsum("ij,ij->j", x, x) for x in (left, columns))
+    return float(np.sum(np.where(seen > tolerance * every, seen, 0.0)))
+
+
+@dataclass(frozen=True)
+class Said:
+    """What each kind of measurement says of one quantity: value and standard error."""
+
+    name: str
+    unit: str
+    by_kind: Mapping[str, tuple[float, float]]
+
+    def sentence(self) -> str:
+        """Say it."""
+        each = (
+            f"{value_in_words(value, std, self.unit)} in {kind}"
+            for kind, (value, std) in self.by_kind.items()
+        )
+        return f"{self.name} is {', '.join(each)}"
+
+    @property
+    def distance(self) -> float:
+        """Range of the values over their standard errors."""
+        values, std = np.array(list(self.by_kind.values())).T
+        return float(np.ptp(values) / max(float(np.linalg.norm(std)), TINY))
+
+
+def with_contradictions(found: Diagnosis, model: JointModel) -> Diagnosis:
+    """Say which measurement says what of a cause that the likeliest set takes apart."""
+    names = sorted({model.apart[i][1] for i in found.named if i in model.apart})
+    if not names:
+        return found
+    said = {name: _said(found, model, name).sentence() for name in names}
+    text = f"{APART}: {'; '.join(said.values())}"
+    lost = {name: f"{APART}: {one}" for name, one in said.items() if name in found.errors_std}
+    unknown = dict.fromkeys(lost, np.inf)
+    return replace(
+        found,
+        verdict="unexplained",
+        unexplained=text if found.unexplained is None else f"{text}; {found.unexplained}",
+        errors_std={**found.errors_std, **unknown},
+        not_identifiable={**found.not_identifiable, **lost},
+        model=replace(found.model, std_errors={**found.model.std_errors, **unknown}),
+    )
+
+
+def _said(found: Diagnosis, model: JointModel, name: str) -> Said:
+    """What each kind says of a shared error or effect, fitted beside all else that was found.
+
+    Of an effect of several parameters: of the one that differs most.
+    """
+    by_kind = {kind: i for i, (kind, of) in model.apart.items() if of == name}
+    is_error = any(x.name == name for x in model.nuisance)
+    own = list(by_kind.values())[is_error:]  # of an error the first kind has the shared value
+    others = {i: v for i, v in found.effects.items() if i not in (*by_kind.values(), name)}
+    zero = {i: {p.name: 0.0 for p in model.effect(i).parameters} for i in own}
+    fitted = refit(model, {**others, **zero}, np.zeros(0, dtype=np.intp))
+    shown = []
+    for p in model.effect(own[0]).parameters:
+        terms = {
+            kind: [*([name] if is_error else []), *([f"{i}.{p.name}"] if i in own else [])]
+            for kind, i in by_kind.items()
+        }
+        values = {kind: _sum(fitted, some) for kind, some in terms.items()}
+        many = len(model.effect(own[0]).parameters) > 1
+        shown.append(Said(f"{name}.{p.name}" if many else name, p.unit, values))
+    return max(shown, key=lambda one: one.distance)
+
+
+def _sum(fitted: Refit, names: list[str]) -> tuple[float, float]:
+    """Sum of some parameters, and its standard error."""
+    at = [fitted.names.index(n) for n in names]
+    if fitted.not_identifiable[at].any():
+        return float(fitted.values[at].sum()), np.inf
+    variance = float(fitted.covariance[np.ix_(at, at)].sum())
+    return float(fitted.values[at].sum()), float(np.sqrt(max(variance, 0.0)))

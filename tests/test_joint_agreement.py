@@ -1,0 +1,76 @@
+"""Measurements of one machine that say otherwise than each other, and those that agree."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from ballbar_twin import cartesian_lengths, record
+from positioning_twin import axis
+
+Rng = np.random.Generator
+
+
+def circle(
+    rng: Rng, scale: tuple[float, float], backlash: tuple[float, float], square: float
+) -> tn.Ballbar:
+    """An XY circle: scales in ppm, backlashes in µm, squareness in arcsec."""
+    spot = rng.uniform(-200, 200, 3)
+    rec = record(spot, step_deg=8.0, arcs=(("XY", 0, 360),))
+    place = rec.points - spot
+    ahead = np.zeros_like(place)
+    along = np.column_stack([-place[:, 1], place[:, 0]]) * rec.sense[:, None]
+    ahead[:, :2] = 1e-6 * place[:, :2] * scale - 0.5e-3 * np.sign(along) * backlash
+    ahead[:, 0] -= np.pi / 648000 * square * place[:, 1]
+    lengths = cartesian_lengths(rec, rng, sigma_um=0.3, motion=lambda _: ahead)
+    return tn.Ballbar(
+        setup=rec.setup,
+        x_mm=rec.points[:, 0],
+        y_mm=rec.points[:, 1],
+        length_mm=lengths,
+        sense=rec.sense,
+        time_s=rec.time_s,
+    )
+
+
+def stops(rng: Rng, letter: str, ppm: float, backlash: float) -> tn.Positioning:
+    data = axis(rng, noise=0.5)
+    error = 1e-3 * ppm * data.target - backlash / 2 * data.direction
+    return data.with_columns(
+        measured_mm=data.measured + 1e-3 * error, axis=[letter.upper()] * len(data)
+    )
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+@pytest.mark.parametrize("size", [3.0, -5.0])
+def test_a_contradiction_is_said_with_both_values(swapped: bool, size: float) -> None:
+    rng = np.random.default_rng([61, swapped, size > 0])
+    data = [circle(rng, (0, 0), (size, 0), 0.0), stops(rng, "x", 0.0, 1.5)]
+    d = tn.diagnose(data[::-1] if swapped else data)
+    assert d.verdict == "unexplained"
+    assert d.unexplained is not None
+    assert "the measurements contradict each other: backlash_x is" in d.unexplained
+    said = dict(re.findall(r"([−\d.]+) ± [\d.]+ µm in (\w+)", d.unexplained))
+    values = {kind: float(text.replace("−", "-")) for text, kind in said.items()}
+    assert values == pytest.approx({"ballbar": size, "positioning": 1.5}, abs=0.5)
+    assert all("backlash_x" in cause for cause in d.named)
+    assert not set(d.named) & {"positioning:drift", "reversal_of_position_of_x"}
+    # neither value is handed to a compensation
+    assert d.named <= d.model.not_compensable.keys()
+    assert tn.Diagnosis.from_json(d.to_json()).to_dict() == d.to_dict()
+
+
+def test_measurements_that_agree_never_contradict_each_other() -> None:
+    """At most 1 % of pairs: of so many none or one is likely, three are not."""
+    alarms = 0
+    for k in range(100):
+        rng = np.random.default_rng([62, k])
+        scale, backlash = rng.normal(0, 8, 2), rng.normal(0, 2, 2)
+        data: list[object] = [circle(rng, tuple(scale), tuple(backlash), float(rng.normal(0, 5)))]
+        data += [stops(rng, a, scale[i], backlash[i]) for i, a in enumerate("xy"[: 1 + k % 2])]
+        d = tn.diagnose(data)
+        alarms += any("differs" in cause for causes in d.alternatives for cause in causes)
+    assert alarms <= 3
