@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import axis_log_twin as twin
 import trunnion as tn
 from measured import FOLDER, needs_files
 from trunnion import datasets
 from trunnion.base.units import unit_of
+from trunnion.contouring import Servo
 from trunnion.data.mistaken import in_radians, size_notes
 from trunnion.files.table import Table
 from trunnion.models import examples
@@ -131,6 +133,40 @@ def test_an_axis_of_a_log_in_another_unit_or_sense_is_named(
     with pytest.raises(tn.DataError) as refused:
         model_of(log.with_columns(**{axis: factor * log[axis]}), setup)
     assert said in str(refused.value)
+
+
+SERVO = tn.Setup(tn.Artefact("none"), servo=Servo.paper().to_table())
+
+
+@pytest.mark.parametrize(("axis", "ppm"), [(0, 400.0), (1, -3000.0), (2, 2e4)])
+def test_positions_recorded_at_another_scale_are_named(axis: int, ppm: float) -> None:
+    """By the twin; a gear ratio that is off was a cyclic error, a force and a resonance."""
+    rng = np.random.default_rng(40 + axis)
+    commands = tuple(twin.commanded(feed / 60) for feed in (1000, 3000))
+    sound = [twin.actual(c, twin.Cases(1))[0] for c in commands]
+    scale = np.ones(5)
+    scale[axis] += 1e-6 * ppm
+    found = tn.diagnose(twin.log(commands, [a * scale for a in sound], rng), SERVO)
+    name = f"recorded_scale_{'xyzac'[axis]}"
+    assert [c.id for c in found.causes] == [name]
+    cause = found.causes[0]
+    assert cause.parameters["scale_ppm"] == pytest.approx(
+        ppm, abs=4 * cause.std_errors["scale_ppm"]
+    )
+
+
+def test_a_scale_far_from_the_zero_of_an_axis_is_a_note() -> None:
+    """C is at 95°: all of the run is 200" off, which is no noise of a servo and no cause alone."""
+    rng = np.random.default_rng(44)
+    commands = tuple(twin.commanded(feed / 60) for feed in (1000, 3000))
+    sound = [twin.actual(c, twin.Cases(1))[0] for c in commands]
+    scale = np.array([1.0, 1.0, 1.0, 1.0, 1.0006])
+    found = tn.diagnose(twin.log(commands, [a * scale for a in sound], rng), SERVO)
+    assert "recorded positions of C go with the commanded ones at a scale that is +60" in (
+        found.summary()
+    )
+    assert not {c.id for c in found.causes} - {"recorded_scale_c"}
+    assert "at a scale" not in tn.diagnose(twin.log(commands, sound, rng), SERVO).summary()
 
 
 # --- sizes: what is said beside a diagnosis

@@ -54,6 +54,8 @@ def mistake_notes(found: Diagnosis, data: Any, setup: Any, build: Build) -> tupl
     said = [*size_notes(data)]
     if isinstance(setup, Setup) and (doubt := in_other_units(setup.machine.errors)):
         said.append(f"[machine.errors] has {doubt}")
+    if found.verdict == "unexplained" and isinstance(data, AxisLog):
+        said += getattr(build(data, setup), "scale_doubts", ())
     if found.verdict == "unexplained" and not isinstance(data, OWN_RULES):
         left = found.gain.rms_before_um, found.gain.rms_after_um
         if cause := likely_better(data, setup, scatter_by(build), *left):

@@ -35,6 +35,8 @@ ROTARY_PITCHES_DEG = tuple(float(v) for v in np.geomspace(0.5, 90.0, 110))
 RESONANCES_HZ = tuple(float(v) for v in np.geomspace(15.0, 150.0, 48))
 DAMPINGS = (0.03, 0.08, 0.2)
 MAX_DAMPING = 0.35  # beyond, nothing resonates: the response has a peak of 1.5 at most
+OF_SCALE = 0.9  # of the variance that motion leaves, from which on positions look like a scale
+MIN_SEEN = 1e-3  # of the variance of positions, that motion does not explain
 BEYOND = 1.2  # times the highest frequency that is tried, to which the best one is refined
 
 
@@ -211,6 +213,59 @@ def _resonances(axis: AxisSignal, places: Sequence[tuple[float, float]]) -> Iter
         yield axis.blocks.mean(axis.units.scale * (responses - axis.predicted), axis=1).T
 
 
+@dataclass(frozen=True)
+class RecordedScale(AxisEffect):
+    """Actual positions are recorded in a unit of another size: a gear ratio, a count of lines.
+
+    Few logs have it, and a candidate has its price: it is one where positions look like it.
+    """
+
+    id: str = "recorded_scale"
+    label: str = "scale of the recorded positions of the {axis} axis"
+
+    def applies(self, axis: AxisSignal, places: Places) -> bool:
+        """Whether positions look like it, or those of the log that the model was made of."""
+        if self.id_of(axis) not in places.found and is_scaled(axis):
+            places.found[self.id_of(axis)] = 1.0
+        return self.id_of(axis) in places.found
+
+    def build(self, axis: AxisSignal, places: Places) -> Effect:  # noqa: ARG002
+        """Return the effect on an axis of a log."""
+        moved = 1e-6 * axis.units.scale * axis.blocks.mean(axis.predicted)
+        columns = axis.blocks.place(axis.rows, moved[:, None])
+        name, label = self.id_of(axis), self.label_of(axis)
+        return linear(name, ["scale_ppm"], columns, label, owner=Owner.INSTRUMENT, rare=True)
+
+
+def is_scaled(axis: AxisSignal) -> bool:
+    """Whether the deviation from the command goes with the position, not with the motion."""
+    return scale_ppm(axis) is not None
+
+
+def scale_ppm(axis: AxisSignal) -> float | None:
+    """Scale of the deviation from the command over the position; None where it is not most of it.
+
+    Speed, acceleration and sense of travel, which a servo's errors go with, are taken out first.
+    """
+    left = axis.blocks.mean(axis.actual - axis.commanded)
+    speed = axis.kinematic(1)
+    every = np.stack([left, axis.kinematic(0), speed, axis.kinematic(2), np.sign(speed)])
+    run_of = axis.blocks.run_of[: len(left)]
+    for run in np.unique(run_of):
+        every[:, run_of == run] -= every[:, run_of == run].mean(axis=1, keepdims=True)
+    size = np.sqrt(np.einsum("ij,ij->i", every, every))
+    if not size[0] or not size[1]:
+        return None
+    left, place, *servo = (v / n for v, n in zip(every, size, strict=True) if n > 0)
+    if servo:
+        basis = np.linalg.qr(np.stack(servo, axis=1))[0]
+        left, place = (v - basis @ (basis.T @ v) for v in (left, place))
+    along, seen = float(left @ place), float(place @ place)
+    if seen <= MIN_SEEN or along**2 <= OF_SCALE * seen * float(left @ left):
+        return None
+    return 1e6 * along / seen * float(size[0] / size[1])
+
+
 AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ServoEffect(
         "gain",
@@ -289,6 +344,7 @@ AXIS_EFFECTS: tuple[AxisEffect, ...] = (
     ),
     CyclicError(),
     Resonance(),
+    RecordedScale(),
 )
 
 
@@ -348,7 +404,11 @@ def catalogue(signals: Signals, places: Places) -> list[Located]:
     out = []
     for axis in signals.axes:
         own = every[axis.channel : axis.channel + 1]
-        out += [Located(e.build(axis, places), own, e.whole_grid) for e in AXIS_EFFECTS]
+        out += [
+            Located(e.build(axis, places), own, e.whole_grid)
+            for e in AXIS_EFFECTS
+            if e.applies(axis, places)
+        ]
     made = [entry.build(entry, signals, places) for entry in LOG_EFFECTS]
     return out + [Located(effect, every) for effect in made if effect is not None]
 

@@ -24,7 +24,13 @@ from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
-from trunnion.models.axis_log.effects import Located, catalogue, changed_servo, servo_effects
+from trunnion.models.axis_log.effects import (
+    Located,
+    catalogue,
+    changed_servo,
+    scale_ppm,
+    servo_effects,
+)
 from trunnion.models.axis_log.inputs import Inputs
 from trunnion.models.axis_log.near import Point, near
 from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Run, ToolTip, runs_of
@@ -147,6 +153,16 @@ class AxisLogModel(Model):
     def remarks(self) -> tuple[str, ...]:
         """Say which further columns are no inputs."""
         return self._inputs.remarks()
+
+    @property
+    def scale_doubts(self) -> tuple[str, ...]:
+        """Ask about axes whose recorded positions look like those of another scale."""
+        return tuple(
+            f"The recorded positions of {axis.letter} go with the commanded ones at a scale that "
+            f"is {ppm:+.3g} ppm off: is it another gear ratio, count of lines or unit?"
+            for axis in self._signals.axes
+            if (ppm := scale_ppm(axis)) is not None
+        )
 
     @cached_property
     def _located(self) -> tuple[Located, ...]:

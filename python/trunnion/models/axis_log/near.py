@@ -15,7 +15,7 @@ import numpy as np
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis
-from trunnion.models.axis_log.effects import servo_effects
+from trunnion.models.axis_log.effects import is_scaled, servo_effects
 from trunnion.models.axis_log.signals import AxisSignal
 
 MIN_SHARE = 0.05  # of the variance left, that an effect explains to be taken in
@@ -64,6 +64,8 @@ class _Search:
         self.axis = axis
         # What inputs can make of the readings is taken out of everything, through the nominal loop.
         columns = [axis.mean(axis.through_loop(one)) for one in inputs]
+        if is_scaled(axis):  # a servo fitted to it would be of no machine
+            columns.append(axis.mean(axis.commanded))
         size = (len(axis.blocks), len(columns))
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
         self.entries = servo_effects(axis)

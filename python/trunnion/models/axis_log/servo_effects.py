@@ -43,6 +43,10 @@ class AxisEffect:
         """Return the label on an axis."""
         return self.label.format(axis=axis.letter)
 
+    def applies(self, axis: AxisSignal, places: Places) -> bool:  # noqa: ARG002
+        """Whether it is looked for."""
+        return True
+
     def build(self, axis: AxisSignal, places: Places) -> Effect:
         """Return the effect on an axis of a log."""
         raise NotImplementedError
