@@ -74,3 +74,44 @@ def test_measurements_that_agree_never_contradict_each_other() -> None:
         d = tn.diagnose(data)
         alarms += any("differs" in cause for causes in d.alternatives for cause in causes)
     assert alarms <= 3
+
+
+def test_a_measurement_given_twice_counts_once_and_is_said() -> None:
+    rng = np.random.default_rng(63)
+    one, other = circle(rng, (0, 0), (0, 0), 4.0), stops(rng, "x", 0.0, 0.0)
+    alone = tn.diagnose(one)
+    twice = tn.diagnose([one, one])
+    assert twice.named == alone.named == {"squareness_xy"}
+    assert twice.causes[0].std_errors == alone.causes[0].std_errors
+    assert "Measurement 2 is left out" in twice.notes[0]
+    later = one.with_columns(time_s=one["time_s"] + 3600.0)
+    beside = tn.diagnose([one, other, later[: len(later) // 2]])
+    assert "Measurement 3 is left out: measurement 1 has" in beside.notes[0]
+    assert beside.causes == tn.diagnose([one, other]).causes
+    assert not any("left out" in note for note in tn.diagnose([one, other]).notes)
+
+
+def test_rows_pasted_into_one_of_several_measurements_are_said() -> None:
+    rng = np.random.default_rng(64)
+    one, other = circle(rng, (0, 0), (0, 0), 4.0), stops(rng, "x", 0.0, 0.0)
+    pasted = tn.Ballbar.concatenate([one, one[:20]])
+    d = tn.diagnose([other, pasted])
+    assert any(n.startswith("ballbar: 20 of") and "repeat others" in n for n in d.notes)
+    plain = tn.diagnose([other, one])
+    assert d.named == plain.named == {"squareness_xy"}
+    assert d.effects["squareness_xy"] == pytest.approx(plain.effects["squareness_xy"])
+
+
+def test_two_runs_in_steps_are_two_runs() -> None:
+    """Readings in steps are often the same again: that alone is no copy."""
+    rng = np.random.default_rng(65)
+    runs = []
+    for _ in range(2):
+        run = stops(rng, "x", 0.0, 2.0)
+        target = np.tile(np.round(run.target[:22]), 5)
+        error = np.round(1e3 * (run.measured - run.target) + 0.0) * 1e-3
+        runs.append(run.with_columns(target_mm=target, measured_mm=target + error))
+    runs[1] = runs[1].with_columns(target_mm=runs[0].target)
+    d = tn.diagnose(runs)
+    assert isinstance(d.data, tuple)
+    assert not any("left out" in note for note in d.notes)

@@ -1,7 +1,8 @@
-"""Rows that are no readings of their own: pasted twice, or copied to other labels."""
+"""Rows that are no readings of their own: pasted twice, copied to other labels, given twice."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +51,36 @@ def distinct_rows(data: Any) -> Distinct:
             stands_for = np.searchsorted(own, original)[stands_for]
             first = first[own]
     return Distinct(data[first], first, stands_for, tuple(notes)) if notes else Distinct(data)
+
+
+def given_again(data: Sequence[Any]) -> dict[int, int]:
+    """Of some measurements those that another one has in every row but for times: which other.
+
+    By their numbers. Measurements of fewer rows than `MIN_COPIED` may be alike by chance.
+    """
+    kept: list[int] = []
+    out: dict[int, int] = {}
+    tables = [i for i, one in enumerate(data) if isinstance(one, Table) and len(one) >= MIN_COPIED]
+    for i in sorted(tables, key=lambda i: -len(data[i])):
+        of = next((j for j in kept if _has_every_row(data[j], data[i])), None)
+        if of is None:
+            kept.append(i)
+        else:
+            out[i] = of
+    return dict(sorted(out.items()))
+
+
+def _has_every_row(data: Table, other: Table) -> bool:
+    """Whether a table has all rows of another one, but for their times."""
+    names = [name for name in other.columns if name != "time_s"]
+    if type(data) is not type(other) or {*names} != {*data.columns} - {"time_s"}:
+        return False
+    mine, theirs = ([one.columns[name] for name in names] for one in (data, other))
+    first = np.all([a == b[0] for a, b in zip(mine, theirs, strict=True)], axis=0)
+    if not first.any():  # cheap, and enough for nearly all
+        return False
+    rows = set(zip(*(column.tolist() for column in mine), strict=True))
+    return all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True))
 
 
 def _once(data: Table) -> Integers:

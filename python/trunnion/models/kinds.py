@@ -17,7 +17,7 @@ import numpy as np
 from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import InputError, TrunnionError
-from trunnion.data.distinct import distinct_rows
+from trunnion.data.distinct import distinct_rows, given_again
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
 from trunnion.diagnosis.engine import diagnose as diagnose_model
@@ -365,20 +365,36 @@ def as_table(data: Any) -> Any:
 
 
 def _of_several(data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]) -> Diagnosis:
-    """Diagnose several measurements of one machine."""
-    measured = _measured(data, setup, effects)
-    model = _joint(measured, setup, effects)
-    given = {"setup": setup, "candidates": tuple(effects)}
-    found = with_contradictions(diagnose_model(model), model)
-    return joined(found, model, measured, given)
+    """Diagnose several measurements of one machine, each once."""
+    _at_least_two(data)
+    tables = [as_table(one) for one in data]
+    again = given_again(tables)
+    notes = tuple(
+        f"Measurement {i + 1} is left out: measurement {of + 1} has the same readings in every row "
+        "(was it given twice?)."
+        for i, of in again.items()
+    )
+    own = [one for i, one in enumerate(tables) if i not in again]
+    if len(own) == 1:
+        found = _alone(own[0], setup, effects)
+    else:
+        measured = _measured(own, setup, effects)
+        model = _joint(measured, setup, effects)
+        given = {"setup": setup, "candidates": tuple(effects)}
+        found = joined(with_contradictions(diagnose_model(model), model), model, measured, given)
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _at_least_two(data: Sequence[Any]) -> None:
+    if len(data) < 2:
+        raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
 
 
 def _measured(
     data: Sequence[Any], setup: Any, effects: Sequence[EffectLike | str]
 ) -> list[Measured]:
     """Diagnose each of several measurements alone."""
-    if len(data) < 2:
-        raise InputError(f"data: got {len(data)} measurements in a list, expected at least two")
+    _at_least_two(data)
     measured = []
     for one in map(as_table, data):
         try:
@@ -391,12 +407,12 @@ def _measured(
 
 def _one_of_several(data: Any, setup: Any, effects: Sequence[EffectLike | str]) -> Measured:
     """Explain one measurement, of which rows that repeat others count once."""
-    used, first, *_ = distinct_rows(data)
+    used, first, _, repeated = distinct_rows(data)
     model = model_of(used, setup, effects)
     left = leave(model)
     if first is not None:
         left = replace(left, outliers=tuple(int(first[row]) for row in left.outliers))
-    return Measured(kind_name(data), data, first, left, model)
+    return Measured(kind_name(data), data, first, left, model, repeated)
 
 
 def _joint(

@@ -38,6 +38,8 @@ class Measured:
         What its own diagnosis leaves.
     model
         The model that it was diagnosed with, of the distinct rows.
+    notes
+        What was left out of the rows.
     """
 
     kind: str
@@ -45,6 +47,7 @@ class Measured:
     distinct: Integers | None
     alone: Left
     model: Model
+    notes: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:
@@ -145,7 +148,8 @@ def joined(
     ]
     notes = []
     for part, one in zip(model.parts, measured, strict=True):
-        notes += [f"{part.name}: {n}" for n in (*size_notes(one.data), *time_notes(one.data))]
+        said = (*one.notes, *size_notes(one.data), *time_notes(one.data))
+        notes += [f"{part.name}: {n}" for n in said]
         if one.alone.unexplained is not None:
             notes.append(f"{part.name} alone: {one.alone.unexplained}.")
     return replace(
