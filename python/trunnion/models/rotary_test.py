@@ -224,6 +224,9 @@ class _Catalogue:
         chain = known.chain
         self._errors = chain.named_errors(None)
         self._axes = known.axes
+        # Runs go to the same positions again: what only hangs on these is worked out once in each.
+        self._stops, at_stop = np.unique(known.axes, axis=0, return_inverse=True)
+        self._at_stop = at_stop.reshape(-1)
         self._relation = known.relation(known.start)
         apart = known.apart_um(known.start, self._relation)
         self._bar = None
@@ -276,10 +279,10 @@ class _Catalogue:
         columns = []
         for one in np.eye(len(info.parameters)):
             there, back = (
-                tool_mm(self._known.chain, self._axes, self._errors, [(info.id, values)])
+                tool_mm(self._known.chain, self._stops, self._errors, [(info.id, values)])
                 for values in (one.tolist(), (-one).tolist())
             )
-            columns.append(self._moved((there - back) / 2))
+            columns.append(self._moved((there - back)[self._at_stop] / 2))
         names = [p.name for p in info.parameters]
         return linear(info.id, names, np.column_stack(columns), info.label)
 
