@@ -228,7 +228,8 @@ class Candidates:
 
     def gram_rows(self, block: int) -> Floats:
         """Inner products of a block's columns with all columns, shape (k, M)."""
-        self.prepare([block])
+        if block not in self._gram_rows:
+            self.prepare([block])
         return self._gram_rows[block]
 
     def prepare(self, blocks: Iterable[int]) -> None:

@@ -214,21 +214,22 @@ def batches(pieces: Iterable[Piece], apart: Collection[int] = ()) -> Iterator[li
     ``apart``: candidates that go apart from the others.
     """
     batch: list[Piece] = []
+    numbers = 0
     for piece in pieces:
         if not isinstance(piece[1], np.ndarray):
             if batch:
                 yield batch
             yield [piece]
-            batch = []
+            batch, numbers = [], 0
             continue
         if batch and (piece[0] in apart) != (batch[0][0] in apart):
             yield batch
-            batch = []
+            batch, numbers = [], 0
         batch.append(piece)
-        numbers = sum(v.size for _, v in batch if isinstance(v, np.ndarray))
+        numbers += piece[1].size
         if numbers >= batch_numbers(piece[1].shape[1]):
             yield batch
-            batch = []
+            batch, numbers = [], 0
     if batch:
         yield batch
 

@@ -142,6 +142,7 @@ class Search:
         self._positive = np.isin(c.owner, sorted(c.positive))
         self.core = self._core(np.arange(len(c.owner)), c.start, c.width)
         self.empty = _State(0, (), self.core.empty(self.residual, rss))
+        self._path = [self.empty]  # of the last set that was built, block by block
         self.bits: list[int] = [1 << j for j in c.owner.tolist()]
         self.nothing = Found(frozenset(), float(self.score(rss, 0, 0.0)), rss, 0, ())
         self.known = {0: self.nothing}
@@ -192,14 +193,16 @@ class Search:
         for _ in range(EXCHANGES):
             near = [f for f in self.known.values() if f.score <= self.best + self.within]
             near.sort(key=lambda f: f.score)
-            fresh = []
+            fresh: list[_State] = []
             for f in near[:EXCHANGED_SETS]:
-                for leave in range(len(f.blocks)):
+                fewer = []
+                for leave in reversed(range(len(f.blocks))):  # what they begin with stays built
                     blocks = f.blocks[:leave] + f.blocks[leave + 1 :]
                     mask = sum(self.bit(b) for b in blocks)
                     if mask not in tried:
                         tried.add(mask)
-                        fresh.append(self.built(blocks))
+                        fewer.append(self.built(blocks))
+                fresh += reversed(fewer)
             if not fresh:
                 break
             self.grow(fresh, 0)
@@ -212,18 +215,16 @@ class Search:
         none of them makes are each twenty times as large as what they explain. Where something is
         stated of a cause (a certificate), it is as likely as that allows.
         """
-        done: set[int] = set()
-        while True:
-            mask = min(self.known.keys() - done, key=lambda k: self.known[k].score, default=None)
-            least = min((self.known[k].score for k in done), default=np.inf)
-            if mask is None or self.known[mask].score > least + SETTLED:
+        least = np.inf
+        for mask in sorted(self.known, key=lambda k: self.known[k].score):
+            if self.known[mask].score > least + SETTLED:
                 break
-            done.add(mask)
             f = self.known[mask]
             more = self._cancelling(f.blocks) + self.contradicting(f.blocks, f.rss, f.columns)
             if more > 0:
                 self.known[mask] = replace(f, score=float(np.round(f.score + more, SCORE_DIGITS)))
                 self.scores[mask] = self.known[mask].score
+            least = min(least, self.known[mask].score)
         self.best = min(f.score for f in self.known.values())
 
     def _cancelling(self, blocks: Sequence[int]) -> float:
@@ -281,11 +282,13 @@ class Search:
         return _State(state.mask | self.bits[block], (*state.blocks, block), core)
 
     def built(self, blocks: Sequence[int]) -> _State:
-        """State of a set of blocks."""
-        state = self.empty
-        for b in blocks:
-            state = self.extended(state, b)
-        return state
+        """State of a set of blocks, from what it begins with like the last one that was built."""
+        path = self._path
+        while path[-1].blocks != tuple(blocks[: len(path) - 1]):
+            path.pop()
+        for b in blocks[len(path) - 1 :]:
+            path.append(self.extended(path[-1], b))
+        return path[-1]
 
     def beside(self, blocks: Sequence[int]) -> tuple[Floats, Floats]:
         """What a set leaves of the squared unit columns, and of the residuals along them.
