@@ -15,7 +15,7 @@ from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
 from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.explain import MIN_EXPLAINED, with_behind
-from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, confounded, grid_values, variant_columns
+from trunnion.diagnosis.fit import Fit, confounded, grid_values, variant_columns
 from trunnion.diagnosis.model import Model, Uncertainty
 from trunnion.diagnosis.moments import moment_errors
 from trunnion.diagnosis.records import (
@@ -31,11 +31,11 @@ from trunnion.diagnosis.remaining import remaining
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import structure_of, with_structure
+from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
 from trunnion.machine.stated import Stated, conditioned, contradiction
-from trunnion.machine.unnoticed import unnoticed
 
 LOST = "only the outliers identify it: measure them again"
 UNDETERMINED = "these data do not determine it"
@@ -125,7 +125,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
     lost = _absorbed(kept, e.candidates, std, grown)
-    weak = _unnoticed(kept, grown, std, variance)
+    others = Others.of(kept, grown, variance) if std or is_small(kept) else None
+    weak = unnoticed_of(kept, grown, std, others)
     contributions, ladder = contributions_of(kept, case.given or plain, grown, rows)
     return Diagnosis(
         verdict=verdict,
@@ -153,6 +154,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or case.plain, f, rows),
         reservation=model.reservation,
+        too_little=too_little(kept, others),
         notes=(*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
         contributions=contributions,
         ladder=ladder,
@@ -273,7 +275,7 @@ def _not_identifiable(case: Case, plain: Fit, f: Fit, std: dict[str, float]) -> 
     kept, every = (_errors_std(case.model, of, 1.0) for of in (plain, case.plain))
     why = {k: UNDETERMINED for k, s in std.items() if np.isinf(s)}
     for row in f.combinations:
-        members = named_combination(_names(case.model, f), row)
+        members = named_combination(names_of(case.model, f), row)
         if len(members) > 1:
             text = f"{combined(members)} change no reading"
             why.update((k, text) for k in members if k in why)
@@ -317,21 +319,6 @@ def _absorbed(case: Case, candidates: Candidates, std: dict[str, float], f: Fit)
         elif bias and not what:
             out[effect.id] = f"{PARTLY_ABSORBED}: {bias}"
     return out
-
-
-def _unnoticed(case: Case, f: Fit, std: dict[str, float], variance: float) -> dict[str, str]:
-    """Effects beside a fit that may be there unnoticed, and what they would do to an error."""
-    others = [e for e in case.effects if e.linear and e.id not in f.effects]
-    if not others or not std or variance <= 0:
-        return {}
-    columns: dict[str, Floats] = {}
-    for effect in others:
-        x = variant_columns(case.model, effect, f.nuisance, grid_values(effect)[:1])[0]
-        white = case.white(x) / np.sqrt(variance)
-        columns |= {f"{effect.id}.{p.name}": white[:, i] for i, p in enumerate(effect.parameters)}
-    jacobian = case.white(f.jacobian) / np.sqrt(variance)
-    names = _names(case.model, f)
-    return unnoticed(jacobian, f.covariance * variance, names, columns, std, ABSORBED_SHARE)
 
 
 def _alternatives(case: Case, e: Explanation) -> list[Alternative]:
@@ -393,7 +380,7 @@ def _doubts(
 
 def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float) -> Uncertainty:
     """Uncertainty of a fit with the doubt between the sets, and what it comes from."""
-    names = _names(case.model, f)
+    names = names_of(case.model, f)
     std = replace(f, covariance=doubt.covariance).std()
     rounding = sigma * float(np.sqrt(min(case.floor.variance / max(variance, TINY), 1.0)))
     own, unit = doubt.covariance - doubt.between, units_of(case.model.readings)[0]
@@ -411,11 +398,6 @@ def _uncertainty(case: Case, f: Fit, doubt: Doubt, sigma: float, variance: float
         f.dof,
         tuple(sources),
     )
-
-
-def _names(model: Model, f: Fit) -> tuple[str, ...]:
-    """Names of all parameters of a fit."""
-    return (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
 
 
 def _unexplained(e: Explanation) -> str | None:

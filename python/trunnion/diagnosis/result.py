@@ -102,6 +102,11 @@ class Diagnosis(Result):
         What else a reader should know, in sentences.
     reservation:
         Why the data may say nothing of the machine, in a sentence; first in the summary.
+    too_little:
+        That the measurement is too small for its verdict, in a sentence, or None: more than half
+        of the causes looked for would stay unnoticed (3.5 standard errors) even at ten times the
+        size that is otherwise assumed (50 µm, 50 arcsec, 100 ppm), so that "none acts" would
+        mostly be said of causes that these readings cannot show. First in the summary.
     contributions:
         What each named cause explains, and what it had biased, in descending order.
     ladder:
@@ -155,6 +160,7 @@ class Diagnosis(Result):
     residuals: Residuals | None = None
     notes: tuple[str, ...] = ()
     reservation: str | None = None
+    too_little: str | None = None
     contributions: tuple[Contribution, ...] = ()
     ladder: Ladder | None = None
     none_probability: float = 0.0
@@ -338,7 +344,8 @@ class Diagnosis(Result):
         """Verdict and ids."""
         named = ", ".join(c.id for c in self.causes[:MAX_SETS])
         out = f"{len(self.outliers)} outliers" if self.outliers else ""
-        return "; ".join(part for part in (self.verdict, named, out) if part)
+        small = "too little measured" if self.too_little else ""
+        return "; ".join(part for part in (self.verdict, small, named, out) if part)
 
     def sentences(self) -> tuple[str, ...]:
         """Say the verdict first, then what carries it."""

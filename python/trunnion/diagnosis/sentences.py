@@ -58,7 +58,7 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
     weak = (f"{labelled(k, d.labels.get(k, ''))}: {v}" for k, v in d.unnoticed.items())
     small = "; ".join(weak)
     return (
-        *(() if d.reservation is None else (d.reservation,)),
+        *(first for first in (d.reservation, d.too_little) if first is not None),
         *lines,
         *_left_out(d),
         *((f"Not excluded: {small}.",) if small else ()),

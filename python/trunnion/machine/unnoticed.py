@@ -12,6 +12,8 @@ MIN_SHIFT = 1.0  # standard errors of a location error; a smaller shift of it is
 MAX_STATED = 3
 MORE = 1.0 + 1e-9  # of two parameters that shift as much, the first is named
 AT_ONCE = 16  # columns
+LARGE = 10.0
+"""Assumed sizes of a large effect; effects of one such size many a good measurement misses."""
 
 
 def unnoticed(
@@ -66,6 +68,27 @@ def unnoticed(
         moved = f"{names[place]} by {f'{shift:+.2g} {unit_of(names[place])}'.rstrip()}"
         out[effect] = f"{amount} can stay unnoticed and would shift {moved}"
     return out
+
+
+def unnoticed_if_large(
+    jacobian: Floats, cofactor: Floats, columns: Mapping[str, Floats], absorbed: float
+) -> tuple[str, ...]:
+    """Return the effects that would stay unnoticed even if they were large.
+
+    Arguments as of :func:`unnoticed`. None of the parameters of such an effect is noticed at
+    :data:`LARGE` times its assumed size.
+    """
+    seen: dict[str, bool] = {}
+    for parameter, _, left, whole in _beside(jacobian, cofactor, columns):
+        effect, name = parameter.split(".", 1)
+        noticed = left > absorbed * whole and left * large(unit_of(name)) >= NOTICED
+        seen[effect] = noticed or seen.get(effect, False)
+    return tuple(effect for effect, noticed in seen.items() if not noticed)
+
+
+def large(unit: str) -> float:
+    """Return the size at which an effect of this unit is large."""
+    return LARGE * ASSUMED_SIZE.get(unit, 1.0)
 
 
 def _beside(

@@ -23,7 +23,12 @@ EXPANDED = " ± is U (k = 2)."
 
 
 def verdict_of_diagnosis(found: Found) -> str:
-    """Say what a diagnosis found, with sizes and probabilities."""
+    """Say what a diagnosis found, with sizes and probabilities; first if it can say little."""
+    said = _verdict(found)
+    return said if found.d.too_little is None else f"{found.d.too_little} {said}"
+
+
+def _verdict(found: Found) -> str:
     d = found.d
     if d.verdict == "consistent":
         size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
@@ -34,7 +39,11 @@ def verdict_of_diagnosis(found: Found) -> str:
                 *_located(found),
             )
         )
-    parts = _found(found) if d.causes else [d.sentences()[0]]
+    parts = (
+        _found(found)
+        if d.causes
+        else [next(x for x in d.sentences() if x not in (d.reservation, d.too_little))]
+    )
     if d.unexplained and d.causes:
         parts.append(f"Not explained: {d.unexplained}.")
     if d.structure is not None:

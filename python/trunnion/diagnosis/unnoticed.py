@@ -1,0 +1,87 @@
+"""Causes that readings would not show: how much of one can stay, and when that is most of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from trunnion.base.units import Floats
+from trunnion.diagnosis.case import Case
+from trunnion.diagnosis.fit import ABSORBED_SHARE, Fit, grid_values, variant_columns
+from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.records import labelled, with_unit
+from trunnion.machine.unnoticed import large, unnoticed, unnoticed_if_large
+
+MOST = 0.5
+"""Share of the causes looked for, beyond which more stay unnoticed than could be found."""
+READINGS_A_CAUSE = 10
+"""Of more readings, what stays unnoticed is for want of other places, not of readings."""
+MAX_MISSED = 5
+
+
+@dataclass(frozen=True)
+class Others:
+    """Linear effects beside a fit: derivatives of the readings over their noise.
+
+    columns: By "id.parameter". jacobian, cofactor: Of what is fitted, (n, p), (p, p).
+    """
+
+    columns: Mapping[str, Floats]
+    jacobian: Floats
+    cofactor: Floats
+
+    @classmethod
+    def of(cls, case: Case, f: Fit, variance: float) -> Others | None:
+        """Return those beside a fit; None where there are none, or readings without noise."""
+        others = [e for e in case.effects if e.linear and e.id not in f.effects]
+        if not others or variance <= 0:
+            return None
+        columns: dict[str, Floats] = {}
+        for effect in others:
+            x = variant_columns(case.model, effect, f.nuisance, grid_values(effect)[:1])[0]
+            white = case.white(x) / np.sqrt(variance)
+            names = [f"{effect.id}.{p.name}" for p in effect.parameters]
+            columns |= {name: white[:, i] for i, name in enumerate(names)}
+        jacobian = case.white(f.jacobian) / np.sqrt(variance)
+        return cls(columns, jacobian, f.covariance * variance)
+
+
+def unnoticed_of(
+    case: Case, f: Fit, std: dict[str, float], others: Others | None
+) -> dict[str, str]:
+    """Effects beside a fit that may be there unnoticed, and what they would do to an error."""
+    if others is None or not std:
+        return {}
+    names = names_of(case.model, f)
+    return unnoticed(others.jacobian, others.cofactor, names, others.columns, std, ABSORBED_SHARE)
+
+
+def is_small(case: Case) -> bool:
+    """Whether there are few readings for the causes looked for."""
+    return len(case.model.readings) <= READINGS_A_CAUSE * len(case.effects)
+
+
+def too_little(case: Case, others: Others | None) -> str | None:
+    """Say that most causes would stay unnoticed even if they were large, if so."""
+    if others is None or not is_small(case):
+        return None
+    ids = unnoticed_if_large(others.jacobian, others.cofactor, others.columns, ABSORBED_SHARE)
+    looked_for = [e for e in case.effects if e.linear]
+    if len(ids) <= MOST * len(looked_for):
+        return None
+    missed = [e for e in looked_for if e.id in ids]
+    units = dict.fromkeys(p.unit for e in missed for p in e.parameters if p.unit)
+    sizes = ", ".join(with_unit(f"{large(unit):g}", unit) for unit in units)
+    named = ", ".join(labelled(e.id, e.label) for e in missed[:MAX_MISSED])
+    more = f" and {len(missed) - MAX_MISSED} more" if len(missed) > MAX_MISSED else ""
+    return (
+        f"Too little is measured to say which causes act: {len(ids)} of {len(looked_for)} would "
+        f"stay unnoticed even at {sizes}: {named}{more}."
+    )
+
+
+def names_of(model: Model, f: Fit) -> tuple[str, ...]:
+    """Names of all parameters of a fit."""
+    return (*(x.name for x in model.nuisance), *(f"{i}.{name}" for i, name in f.names))
