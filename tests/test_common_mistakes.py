@@ -97,6 +97,13 @@ def test_a_mirrored_sense_of_a_rotary_test_is_named(axis: str) -> None:
         model_of(data.with_columns(**{axis: -data[axis]}), setup)
 
 
+def test_an_identification_of_rotary_axes_names_it_too() -> None:
+    data, setup = examples.rotary_test()
+    radians, _ = times((data, setup), np.pi / 180, "deg", readings=False, positions=True)
+    with pytest.raises(tn.DataError, match="a_deg and c_deg are in radians"):
+        tn.identify_rotary_test(radians, setup)
+
+
 def test_a_mirrored_reading_is_a_note() -> None:
     """A sensor that counts the other way is less than 5 mm: nothing refuses it."""
     setup = tn.read_setup(tn.sample_path("rotary/setup.toml"))

@@ -18,6 +18,7 @@ from trunnion.base.errors import InputError
 from trunnion.base.report import Table, plus_minus
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
+from trunnion.data.meant import meant_named
 from trunnion.data.rotary_test import READINGS, RotaryTest
 from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
@@ -266,8 +267,19 @@ def identify_rotary_test(
     >>> round(tn.identify_rotary_test(made, setup)["EX0C"], 4)
     12.0
     """
-    problem = RotaryReadings.of(data, setup, ball_mm, tool_is_known=tool_is_known)
-    stated = RotaryTestSettings.from_setup(setup).repeatability_um
+
+    def solve(data: RotaryTest, setup: Setup) -> RotaryTestIdentification:
+        return _solve(
+            RotaryReadings.of(data, setup, ball_mm, tool_is_known=tool_is_known), sigma_um
+        )
+
+    with meant_named(data, setup, lambda other, known: solve(other, known).rms_um):
+        return solve(data, setup)
+
+
+def _solve(problem: RotaryReadings, sigma_um: float | None) -> RotaryTestIdentification:
+    """Gauss-Newton from where the set-up has everything."""
+    stated = RotaryTestSettings.from_setup(problem.setup).repeatability_um
     known = stated if sigma_um is None else positive("sigma_um", sigma_um)
     x = problem.start
     converged = False
