@@ -83,6 +83,10 @@ power-coverage: build  ## do uncertainties of location errors hold: 2,000 cases,
 power-ticks: build  ## the same for readings on a servo's grid, half an hour, into docs/results/power-ticks.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.ticks --out ../docs/results/power-ticks.md
 
+.PHONY: power-steps
+power-steps: build  ## is a sound machine found sound by repeats in steps, ten minutes, into docs/results/power-steps.md
+	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.steps --out ../docs/results/power-steps.md
+
 .PHONY: power-positioning
 power-positioning: build  ## the same for positioning and levels, by other formulas, two minutes, into docs/results/power-positioning.md
 	cd tests && OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 ../$(BIN)/python -m power.positioning --out ../docs/results/power-positioning.md

@@ -58,7 +58,7 @@ class Repeats:
     """
 
     def __init__(self, variance: Floats, shared: Floats, label: Integers) -> None:
-        self.variance, self.shared = variance, shared
+        self.variance, self.shared, self.label = variance, shared, label
         self._repeated = label >= 0
         self.rows = np.flatnonzero(self._repeated)
         self.index, self.count = repeated(label)
@@ -103,6 +103,20 @@ class Repeats:
             total = np.add.reduceat(own[order], start, axis=0)
             flat[self.rows] = own - (total * (self.shrink / self.count)[:, None])[self.index]
         return np.asarray(flat.reshape(columns.shape))
+
+
+def within_groups(label: Integers, groups: Integers) -> Integers:
+    """Labels of repeats of one group, -1 for readings that have none there, (n,)."""
+    both = np.where(label >= 0, label * (int(groups.max(initial=0)) + 1) + groups, -1)
+    return several(np.unique(both, return_inverse=True)[1].reshape(-1) - int(np.any(both < 0)))
+
+
+def several(label: Integers) -> Integers:
+    """Keep the labels that several readings have."""
+    if not np.any(label >= 0):
+        return label
+    count = np.bincount(label[label >= 0], minlength=int(label.max()) + 1)
+    return np.where((label >= 0) & (count[np.maximum(label, 0)] > 1), label, -1)
 
 
 def repeated(label: Integers) -> tuple[Integers, Integers]:

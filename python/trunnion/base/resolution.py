@@ -29,6 +29,7 @@ from trunnion.base.repeats import (
     Repeats,
     noise_beside,
     repeated,
+    several,
 )
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
@@ -156,16 +157,18 @@ class Grid:
         values: Floats,
         step: Floats,
         jacobian: Floats,
-        groups: Integers,
+        repeats: Integers | None,
         recorded: Sequence[Floats] = (),
         coordinates: Coordinates | None = None,
     ) -> "Grid":
-        """Find the repeats: readings on one grid and of one group that depend alike on everything.
+        """Find which repeats are on one grid, and depend alike on everything that is fitted.
 
         Parameters
         ----------
-        values, step, groups:
+        values, step:
             Of each reading, shape (n,).
+        repeats:
+            Equal labels for repeats of a reading, -1 for one without, shape (n,); None: no repeats.
         jacobian:
             Derivative of the readings, shape (n, p).
         recorded, coordinates:
@@ -173,13 +176,15 @@ class Grid:
         """
         size = np.abs(jacobian).max(axis=0)
         rows = np.floor(jacobian / np.where(size > 0, size * SAME_ROW, 1.0) + OFF_EDGE)
-        label, first = equal_rows([*rows.T, step, groups])
+        again = np.full(len(values), -1) if repeats is None else repeats
+        label, first = equal_rows([*rows.T, step, again])
         places, parts = values[:, None], None
         if coordinates is not None and coordinates.on(step, (values, *recorded)):
             places, parts = coordinates.places, coordinates.parts
         off = (places - places[first][label]) / np.where(step > 0, step, np.inf)[:, None]
-        alike = np.all(np.abs(off - np.round(off)) < SAME_PHASE_STEPS, axis=1) & (step > 0)
-        return cls(step, _several(np.where(alike, label, -1)), parts)
+        alike = np.all(np.abs(off - np.round(off)) < SAME_PHASE_STEPS, axis=1)
+        alike &= (step > 0) & (again >= 0)
+        return cls(step, several(np.where(alike, label, -1)), parts)
 
     def correlation(self, steps: Floats) -> Floats:
         """Correlation of the errors of rounding of repeats with so much noise, in steps (n,)."""
@@ -233,7 +238,7 @@ class Grid:
         """Return the grid when these readings are left out: they repeat no other."""
         label = self.label.copy()
         label[bad] = -1
-        return replace(self, label=_several(label))
+        return replace(self, label=several(label))
 
     def noise(
         self, residuals: Floats, dof: int, jacobian: Floats, weights: Floats | float = 1.0
@@ -411,11 +416,3 @@ def _left(
     kept = 1 - 2 * weights[used] * np.sum(own * jacobian[used], axis=1)
     brought = jacobian.T @ ((weights**2 * variance)[:, None] * jacobian)
     return float(kept @ variance[used] + np.sum((own @ brought) * own))
-
-
-def _several(label: Integers) -> Integers:
-    """Keep the labels that several readings have."""
-    if not np.any(label >= 0):
-        return label
-    count = np.bincount(label[label >= 0], minlength=int(label.max()) + 1)
-    return np.where((label >= 0) & (count[np.maximum(label, 0)] > 1), label, -1)

@@ -1,20 +1,35 @@
-"""Rows that are no readings of their own: pasted twice, copied to other labels, given twice."""
+"""Rows that are no readings of their own: pasted twice, copied to other labels, given twice.
+
+Readings in steps that were taken again may be the same without being copies. Where all repeats of
+readings agree they say no more than one of them, copied or not. Where some differ, these show how
+often honest repeats would agree: rows are copies where so many agree hardly by chance.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc
 
-from trunnion.base.units import Integers
+from trunnion.base.recognition import recognised
+from trunnion.base.rows import equal_rows
+from trunnion.base.units import Floats, Integers
 from trunnion.files.table import Table
 
 LABELS = ("cycle", "pass", "run")
 """Columns that number what was measured again; a copy has others, and other times."""
 MIN_COPIED = 6
 """Rows of a block: fewer may repeat others by chance where readings are in steps."""
+MAX_CHANCE = 1e-6
+"""That so many honest repeats agree, below which they are copies."""
+NEXT_STEP = 1.2
+"""Rms of the differences of repeats that differ, in steps, up to which most may agree."""
+OFTEN = 0.5
+"""Share of agreeing repeats times that rms: 0.4 of normal noise of some steps."""
 
 
 class Distinct(NamedTuple):
@@ -33,14 +48,21 @@ class Distinct(NamedTuple):
 
 
 def distinct_rows(data: Any) -> Distinct:
-    """Return the data without rows that are no readings of their own, which rows, and notes."""
+    """Return the data without rows that are no readings of their own, which rows, and notes.
+
+    Rows of which others repeat the commands and differ are readings of their own, unless so many
+    agree hardly by chance.
+    """
     if not isinstance(data, Table) or len(data) < 2:
         return Distinct(data)
     first, notes = np.arange(len(data)), []
     stands_for = first
     for found, what in (
-        (_once, "in every column (were they pasted twice?)"),
-        (_without_copies, f"to the last digit under another {_label(data)} (were they copied?)"),
+        (_once, "in every column (pasted twice, or alike in steps?)"),
+        (
+            _without_copies,
+            f"to the last digit under another {_label(data)} (copied, or alike in steps?)",
+        ),
     ):
         some = first if len(first) < len(data) else slice(None)
         original = found(data[some])
@@ -93,7 +115,41 @@ def _once(data: Table) -> Integers:
     codes = [np.unique(v, return_inverse=True)[1].reshape(-1) for v in data.columns.values()]
     table = np.column_stack(codes)
     _, first, same = np.unique(table, axis=0, return_index=True, return_inverse=True)
-    return np.asarray(first[same.reshape(-1)], dtype=np.intp)
+    original = np.asarray(first[same.reshape(-1)], dtype=np.intp)
+    return np.arange(len(data)) if _by_chance(data, original) else original
+
+
+def _by_chance(data: Table, original: Integers) -> bool:
+    """Whether honest repeats of readings in steps would agree as often as these rows do.
+
+    original: Of each row the first that is as it is in every column.
+    """
+    rows, readings = np.arange(len(data)), data.readings
+    given = [v for name, v in data.columns.items() if name in data.kinds and name not in readings]
+    if not readings or not given:
+        return False
+    command, first = equal_rows([np.unique(v, return_inverse=True)[1].reshape(-1) for v in given])
+    again = rows != first[command]
+    alike = again & (original != rows)
+    if np.array_equal(again, alike):
+        return False  # all agree
+    other, one = rows[again & ~alike], first[command][again & ~alike]
+    chance = np.prod([_agreeing(v[other] - v[one], v) for v in readings.values()])
+    return bool(bdtrc(alike.sum() - 1, again.sum(), chance) > MAX_CHANCE)
+
+
+def _agreeing(off: Floats, values: Floats) -> float:
+    """Share of honest repeats that agree, at most, by the differences ``off`` of some.
+
+    values: All readings of the column, which may lie on a grid.
+    """
+    step, off = recognised(values), off[off != 0]
+    if not len(off):
+        return 1.0
+    if not step > 0:
+        return 0.0
+    size = float(np.sqrt(np.mean(off**2))) / step
+    return 1.0 if size < NEXT_STEP else min(1.0, OFTEN / size)
 
 
 def _label(data: Table) -> str:
@@ -110,14 +166,33 @@ def _without_copies(data: Table) -> Integers:
     blocks = [rows[number == i] for i in range(number.max() + 1)]
     if len(blocks) < 2:
         return rows
-    compared = [v for k, v in data.columns.items() if k not in (name, "time_s")]
-    kept: dict[bytes, Integers] = {}
+    known = {name, "time_s", *data.readings}
+    given = [v for k, v in data.columns.items() if k not in known]
+    groups: dict[bytes, list[Integers]] = {}  # blocks with the same commands
     for block in blocks:
-        signature = b"".join(_bytes(v[block]) for v in compared)
+        alike = b"".join(_bytes(v[block]) for v in given) + bytes(str(len(block)), "ascii")
         if len(block) < MIN_COPIED:
-            signature += bytes(str(block[0]), "ascii")
-        rows[block] = kept.setdefault(signature, block)
+            alike += bytes(f"|{block[0]}", "ascii")
+        groups.setdefault(alike, []).append(block)
+    for same in groups.values():
+        own = [np.stack([v[b] for v in data.readings.values()] or [0 * b]) for b in same]
+        for block, first in zip(same, _first_alike(own), strict=True):
+            rows[block] = same[first]
     return rows
+
+
+def _first_alike(blocks: Sequence[NDArray[Any]]) -> list[int]:
+    """Of each of some blocks (r, n) of the same commands the first that it is a copy of, or itself.
+
+    Those that are not alike show how often rows of honest repeats agree.
+    """
+    known: dict[bytes, int] = {}
+    first = [known.setdefault(b.tobytes(), i) for i, b in enumerate(blocks)]
+    apart = [blocks[i] for i in known.values()]
+    agree = [np.all(a == b, axis=0) for a, b in pairwise(apart)]
+    count = len(blocks)
+    honest = float(np.mean(agree)) ** blocks[0].shape[1] * count * count / 2 if agree else 0.0
+    return list(range(count)) if honest > MAX_CHANCE else first
 
 
 def _bytes(values: NDArray[Any]) -> bytes:

@@ -5,10 +5,11 @@ parameters (the ball centre of a set-up that is left out) is fitted to the group
 do not identify of an effect stays zero. Time is linear in readings, whatever the count of groups.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trunnion.base.repeats import Repeats, within_groups
 from trunnion.base.statistics import MANY_ROWS, linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import DEPENDENT
@@ -28,7 +29,7 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
     labels = np.asarray(model.groups)[rows]
     order = np.argsort(labels, kind="stable")
-    problem, start = _Problem.of(rows, f, whiten).in_groups(labels, order)
+    problem, start = _Problem.of(rows, *_in_groups(model, rows, f, whiten)).in_groups(labels, order)
     gram = problem.white.T @ problem.white
     rhs = problem.white.T @ problem.y
     frame = _frame(gram[: problem.p, : problem.p])
@@ -44,6 +45,16 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     errors = np.empty(len(rows))
     errors[order] = ordered
     return errors
+
+
+def _in_groups(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> tuple[Fit, Whiten]:
+    """Return the fit and its whitener with repeats of one group only: others predict it."""
+    groups = np.asarray(model.groups)
+    if not isinstance(whiten, Repeats) or whiten.within(groups):
+        return f, whiten
+    apart = whiten.with_labels(within_groups(whiten.label, groups))
+    white = np.asarray(apart(f.jacobian))[rows] @ f.directions.T
+    return replace(f, basis=np.asarray(np.linalg.qr(white)[0])), apart
 
 
 def better(model: Model, rows: Integers, whiten: Whiten, plain: Fit, f: Fit) -> bool:

@@ -113,17 +113,20 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
         settled = _to_first_order(about, other[1].fit)
         if choice is None or (settled and _score(case, about, other) < _score(case, case, choice)):
             case, choice = about, other
+    scores: dict[frozenset[str], float] = {}  # of the sets found
     for _ in range(MAX_ROUNDS if case.grid is not None else 0):
         # What was found was in the noise that the errors of rounding were weighed against.
         again = _with_noise_of(case, choice) if choice[1].sets or len(choice[2]) else None
         if again is None:
             break
-        before = set(choice[1].fit.effects)
+        before = frozenset(choice[1].fit.effects)
+        scores[before] = choice[0]
         del choice  # columns of many rows: not those of both cases at a time
         case = again
         choice = _choose(case)
-        if set(choice[1].fit.effects) == before:
-            break
+        named = frozenset(choice[1].fit.effects)
+        if named == before or (choice[0] <= scores[before] and named in scores):
+            break  # of two sets that lead to each other the better one
     case, choice = _with_scatter(case, choice)
     if _worse(case, choice):
         case, choice = _without_causes(case, choice)

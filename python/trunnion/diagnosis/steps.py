@@ -45,9 +45,8 @@ def grid_of(model: Model, residuals: Floats, dof: int, jacobian: Floats) -> Grid
     readings, step = model.readings, steps_of(model, residuals, dof)
     if not np.any(step > 0):
         return None
-    groups = np.asarray(model.groups)
     recorded, coordinates = readings.recorded, readings.coordinates
-    return Grid.of(readings.values, step, jacobian, groups, recorded, coordinates)
+    return Grid.of(readings.values, step, jacobian, model.replicates, recorded, coordinates)
 
 
 def white_beside(grid: Grid, noise: float) -> Whiten:

@@ -1,0 +1,91 @@
+"""Readings in steps that were taken several times: what is a copy, and what is found in noise."""
+
+import numpy as np
+import pytest
+
+import trunnion as tn
+from power.steps import RATIOS, ROWS, Read, plate, stops, tally
+from promise import kept, needed_runs
+from trunnion.base.repeats import within_groups
+from trunnion.data.distinct import distinct_rows
+
+
+def plates(noise: float, step: float, seed: int = 3) -> tn.Points:
+    """A plate measured three times; nothing is rounded where the step is small."""
+    return plate(Read(np.random.default_rng(seed), noise / step, step), placed_once=True)
+
+
+def together(*tables: tn.Points) -> tn.Points:
+    return tn.Points({k: np.concatenate([t.columns[k] for t in tables]) for k in tables[0].columns})
+
+
+# --- copies
+
+
+@pytest.mark.parametrize("noise", [0.03, 0.1, 0.3, 1.0])
+def test_repeats_that_agree_in_steps_are_kept_where_others_differ(noise: float) -> None:
+    partly = 0
+    for seed in range(6):
+        data = plates(noise, 1.0, seed)
+        own = len(np.unique(np.stack([*data.columns.values()]), axis=1).T)
+        found = distinct_rows(data)
+        assert len(found.data) == (49 if own == 49 else len(data))  # placed far from all edges
+        assert bool(found.notes) == (own == 49)
+        partly += 49 < own < len(data)
+    assert partly > 2
+
+
+def test_rows_pasted_twice_are_copies_beside_honest_repeats() -> None:
+    """To 1 nm no repeats agree by chance; in steps of a tenth of the noise hardly so many."""
+    for step in (1e-3, 0.1):
+        data = plates(1.0, step)
+        found = distinct_rows(together(data, data[:60]))
+        assert len(found.data) == len(data)
+        assert "60 of 207 rows repeat others in every column" in found.notes[0]
+
+
+def test_repeats_that_all_agree_count_once() -> None:
+    found = distinct_rows(plates(0.0, 1.0))
+    assert len(found.data) == 49
+    assert "98 of 147 rows" in found.notes[0]
+
+
+@pytest.mark.parametrize(("noise", "step", "kept_rows"), [(0.1, 1.0, 110), (1.0, 0.1, 88)])
+def test_a_cycle_that_is_another_is_a_copy_where_the_others_differ(
+    noise: float, step: float, kept_rows: int
+) -> None:
+    """Of five cycles the third is the second: of those that agree row by row, by chance."""
+    made = stops(Read(np.random.default_rng(0), noise / step, step), off_grid=False)
+    measured = np.array(made.measured_mm)
+    measured[44:66] = measured[22:44]
+    found = distinct_rows(made.with_columns(measured_mm=measured))
+    assert len(found.data) == kept_rows
+
+
+# --- what repeats share
+
+
+def test_labels_within_groups() -> None:
+    label, groups = np.array([0, 0, 0, 1, 1, -1]), np.array([0, 0, 1, 0, 1, 1])
+    found = within_groups(label, groups)
+    assert found[0] == found[1] >= 0
+    assert np.all(found[2:] == -1)
+
+
+def test_nothing_is_found_in_repeats_in_steps() -> None:
+    """All kinds and ratios of noise and step together; each by itself is in `make power-steps`."""
+    cells = [(name, ratio) for name in ROWS for ratio in RATIOS]
+    each = -(-needed_runs(0.95) // len(cells))
+    seen = [tally(name, ratio, each, seed=11) for name, ratio in cells]
+    runs = sum(t.runs for t in seen)
+    assert kept(runs - sum(t.false for t in seen), runs, 0.95)
+    assert kept(runs - sum(t.loud for t in seen), runs, 0.95)
+
+
+@pytest.mark.power
+@pytest.mark.parametrize("name", list(ROWS))
+def test_nothing_is_found_in_repeats_of_a_kind(name: str) -> None:
+    each = -(-needed_runs(0.95) // len(RATIOS))
+    seen = [tally(name, ratio, each, seed=12) for ratio in RATIOS]
+    runs = sum(t.runs for t in seen)
+    assert kept(runs - sum(t.false for t in seen), runs, 0.95)
