@@ -82,6 +82,20 @@ def test_an_empty_row_between_others(tmp_path: Path) -> None:
     assert said.endswith(":6:1: target_mm: got an empty field, expected a finite number")
 
 
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_separator_at_the_end_of_every_line(tmp_path: Path, mark: str) -> None:
+    """It is left out and said; where one line lacks it, a field may be missing: refused."""
+    lines = [line.replace(",", mark) + mark for line in SAMPLE.splitlines()]
+    path = tmp_path / "ends.csv"
+    path.write_text("\n".join(lines))
+    data = tn.read(path)
+    assert data == tn.read_positioning(tn.sample_path("positioning/axis.csv"))
+    assert "Every line ends with a separator, which was left out." in data.recognised.notes
+    path.write_text("\n".join([*lines[:4], lines[4].rstrip(mark), *lines[5:]]))
+    with pytest.raises(tn.FileFormatError, match=r"got an empty field, expected the name"):
+        tn.read(path)
+
+
 def test_the_log_of_a_probing_program_is_no_data_yet(tmp_path: Path) -> None:
     """What makes data of it is named."""
     said = refusal(tmp_path, "trunnion-touches 1 plan=p hash=0123456789ab touches=2 from=1\n")

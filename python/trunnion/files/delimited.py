@@ -68,6 +68,7 @@ class Delimited:
         # a field: in quotes or plain, with spaces around it, then a separator or the end
         self._field = re.compile(rf'{space}(?:("(?:[^"]|"")*"){space}|([^"{mark}]*))({mark}|\Z)')
         self.header_line, self.data_lines = numbers[0], self._data_lines(numbers[1:])
+        self._without_ends()
         self.header = [known(name) for name in self.fields(self.header_line)]
         self.decimal = "."
         self._decimal = dialect.decimal
@@ -98,6 +99,18 @@ class Delimited:
         if kept < len(numbers):
             self.notes.append(f"{len(numbers) - kept} empty lines at the end were left out.")
         return numbers[:kept]
+
+    def _without_ends(self) -> None:
+        """Leave out the separator that the header and every line of data end with."""
+        mark, lines = self.separator, [self.header_line, *self.data_lines]
+        ends = [self.lines[i].rstrip(" ").endswith(mark) for i in lines[:2]]
+        if len(lines) < 2 or not all(ends):
+            return
+        if all(self.lines[i].rstrip(" ").endswith(mark) for i in lines):
+            self.lines = list(self.lines)
+            for i in lines:
+                self.lines[i] = self.lines[i].rstrip(" ").removesuffix(mark)
+            self.notes.append("Every line ends with a separator, which was left out.")
 
     def columns(self, numeric: Callable[[str], bool] = lambda _: False) -> dict[str, NDArray[Any]]:
         """Return the fields as text by column name, decimal marks as points.
