@@ -250,6 +250,28 @@ def test_measured_files_are_not_asked_about(name: str) -> None:
     assert size_notes(datasets.load(name, FOLDER)) == ()
 
 
+def test_a_second_rotation_in_a_sweep_is_no_unit() -> None:
+    """Smaller readings would be within any limit of a refusal: this is no evidence."""
+    there = np.arange(0.0, 360.0, 1.0)
+    angle = np.concatenate([there, there[::-1]])
+    tilt = np.where(np.arange(720) < 360, 0.0, 0.0015)
+    turn = np.radians(angle)
+    x, y, z = 200 * np.cos(turn), 200 * np.sin(turn), 200 * tilt * np.cos(3 * turn)
+    data = tn.Sweep(angle_deg=angle, target=np.ones(720, int), x_mm=x, y_mm=y, z_mm=z)
+    with pytest.raises(tn.DataError) as refused:
+        model_of(data)
+    assert "Likely cause" not in str(refused.value)
+
+
+def test_another_place_of_a_ball_is_no_unit() -> None:
+    data, setup = examples.rotary_bars()
+    off = tn.Setup(setup.artefact, rotary_test={"balls_mm": [(130.0, -20.0, 60.0)] * 3})
+    with pytest.raises(tn.DataError) as refused:
+        model_of(data, off)
+    assert "are in" not in str(refused.value)
+    assert "too large" not in str(refused.value)
+
+
 def test_degrees_are_not_taken_for_radians() -> None:
     rng = np.random.default_rng(2)
     for _ in range(500):

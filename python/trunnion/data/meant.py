@@ -5,7 +5,7 @@ Nothing is tried unless data are refused or not explained, and no number is chan
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import combinations
@@ -33,6 +33,8 @@ MAX_RELATIVE = 1e-3
 """Of positions: the same. Smaller positions would scatter less whatever was wrong with them."""
 RIVAL_FACTOR = 2.0
 """Guesses that leave up to so many times the scatter of the best are named beside it."""
+TOO_LARGE = {"mm": 6e4, "µm": 2e3}
+"""Readings beyond these are of another unit."""
 MAX_RIVALS = 4
 MAX_ROWS = 500
 
@@ -100,7 +102,8 @@ def likely_meant(
 
 def _fits(guess: Guess, left: float) -> bool:
     """Whether data that are refused as they are would be of a machine."""
-    places = [np.abs(v).max() for n, v in guess.data.readings.items() if unit_of(n) == "mm"]
+    columns = {**guess.data.readings, **guess.data.set_positions}
+    places = [np.abs(v).max() for n, v in columns.items() if unit_of(n) == "mm"]
     return left <= min(MAX_LEFT, MAX_RELATIVE * 1e3 * max(places, default=np.inf))
 
 
@@ -144,7 +147,10 @@ def _scaled(
         some = [name for name in names if unit_of(name) == unit]
         if both and len({name in data.readings for name in some}) < 2:
             continue
+        smaller_fits = _smaller_is_told(data, some)
         for said, factor in factors(unit).items():
+            if factor < 1 and not smaller_fits:
+                continue
             with suppress(TrunnionError):  # too far for positions
                 meant = data.with_columns(**{name: factor * data[name] for name in some})
                 if len(some) == 1:
@@ -152,6 +158,18 @@ def _scaled(
                 text = f"if {listed(some)} {said} (× {factor:.4g})"
                 scale = factor if some[0] in data.readings else 1.0
                 yield Guess(text, meant, setup, scale, listed(some), factor)
+
+
+def _smaller_is_told(data: Table, names: Sequence[str]) -> bool:
+    """Whether a model, or their size, tells smaller values of columns from those given.
+
+    Smaller readings are nearer to any model that no column of their unit ties down.
+    """
+    unit = unit_of(names[0])
+    others = {*data.readings, *data.set_positions} - set(names)
+    tied = any(unit_of(name) == unit for name in others)
+    size = max(float(np.abs(data[name]).max()) for name in names)
+    return not set(names) & set(data.readings) or tied or size > TOO_LARGE.get(unit, np.inf)
 
 
 def _deviations(data: Table, setup: Any) -> Iterator[Guess]:
