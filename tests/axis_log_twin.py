@@ -85,43 +85,28 @@ def actual(command: Array, cases: Cases, substeps: int = SUBSTEPS) -> Array:
     n, m = len(command), cases.m
     dt = PERIOD / substeps
     y, v = np.tile(command[0], (m, 1)), np.zeros((m, 5))
-    q, qv = y.copy(), np.zeros((m, 5))
     play = y.copy()
-    level = cases.friction * cases.gain
-    rubs = bool((level > 0).any())
-    omega = 2 * np.pi * cases.frequency
-    swings = bool((omega > 0).any())
-    late = np.floor(cases.delay / dt + 1e-9).astype(int)
-    part = np.clip(cases.delay / dt - late, 0.0, 1.0)  # of a sub-step
-    history = np.zeros((int(late.max()) + 3, m, 5))
+    # Axes with friction, with a structure that resonates, with a delay: the others need no more.
+    rubs, swings, lags = (np.nonzero(x) for x in (cases.friction, cases.frequency, cases.delay))
+    level = (cases.friction * cases.gain)[rubs]
+    load = Structure(cases, swings, y[swings])
+    late = Delay(cases.delay[lags], dt)
+    held = np.exp(-dt / cases.tau)
     out = np.empty((n, m, 5))
-    tick = 0
     for k in range(n):
-        load = np.where(omega > 0, q, y) if swings else y
-        play = np.clip(play, load - cases.backlash / 2, load + cases.backlash / 2)
+        at = y.copy()
+        at[swings] = load.q
+        play = np.clip(play, at - cases.backlash / 2, at + cases.backlash / 2)
         out[k] = play + cases.cyclic * np.sin(2 * np.pi * y / cases.pitch + cases.phase)
-        w_now = cases.gain * (command[k] - y)
+        now = cases.gain * (command[k] - y)
         for _ in range(substeps):
-            history[tick % len(history)] = w_now
-            w = (1 - part) * _earlier(history, tick - late)
-            w += part * _earlier(history, tick - late - 1)
-            tick += 1
-            if rubs:
-                y_new, v_new = _rubbed(y, v, w, level, cases.tau, dt)
-            else:
-                y_new, v_new = _moved(y, v, w, cases.tau, dt)
-            if swings:
-                # leapfrog in steps of dt / 8, motor position linear over a sub-step
-                h = dt / 8
-                for i in range(8):
-                    motor = y + (y_new - y) * (i + 0.5) / 8
-                    force = omega**2 * (motor - (q + h / 2 * qv)) - 2 * cases.damping * omega * qv
-                    middle = qv + h / 2 * force
-                    acceleration = (
-                        omega**2 * (motor - (q + h / 2 * qv)) - 2 * cases.damping * omega * middle
-                    )
-                    q = q + h * (qv + h / 2 * acceleration)
-                    qv = qv + h * acceleration
+            w = now.copy()
+            w[lags] = late(now[lags])
+            y_new, v_new = _moved(y, v, w, cases.tau, dt, held)
+            y_new[rubs], v_new[rubs] = _rubbed(
+                y[rubs], v[rubs], w[rubs], level, cases.tau[rubs], dt
+            )
+            load.follow(y[swings], y_new[swings], dt)
             y, v = y_new, v_new
     logged = out.transpose(1, 0, 2)
     t = np.arange(n) * PERIOD
@@ -131,9 +116,11 @@ def actual(command: Array, cases: Cases, substeps: int = SUBSTEPS) -> Array:
     return logged
 
 
-def _moved(y: Array, v: Array, w: Array, tau: Array, dt: Array | float) -> tuple[Array, Array]:
-    """Position and speed after a time dt of a constant speed command w."""
-    e = np.exp(-dt / tau)
+def _moved(
+    y: Array, v: Array, w: Array, tau: Array, dt: Array | float, e: Array | None = None
+) -> tuple[Array, Array]:
+    """Position and speed after a time dt of a constant speed command w; ``e``: exp(-dt / tau)."""
+    e = np.exp(-dt / tau) if e is None else e
     return y + tau * (1 - e) * (v - w) + w * dt, e * v + (1 - e) * w
 
 
@@ -147,18 +134,51 @@ def _rubbed(
     """
     driven = np.where(np.abs(w) > level, w - np.sign(w) * level, 0.0)  # from rest
     slowed = np.where(v != 0, w - np.sign(v) * level, driven)
-    turns = (level > 0) & (v * slowed < 0)
-    against = np.where(turns, -v / np.where(turns, slowed, 1.0), 0.0)
-    stop = tau * np.log1p(against)
+    turns = v * slowed < 0
+    stop = tau * np.log1p(np.where(turns, -v, 0.0) / np.where(turns, slowed, 1.0))
     until = np.where(turns & (stop < dt), stop, dt)
     y, reached = _moved(y, v, slowed, tau, until)
     return _moved(y, np.where(until < dt, 0.0, reached), driven, tau, dt - until)
 
 
-def _earlier(history: Array, tick: NDArray[np.int64]) -> Array:
-    """What a ring of the last values held at ticks (m, 5); 0 before the first."""
-    then = np.take_along_axis(history, tick[None] % len(history), axis=0)[0]
-    return np.where(tick >= 0, then, 0.0)
+class Structure:
+    """Loads on springs, which follow their motors: position q and speed of each, (k,)."""
+
+    def __init__(self, cases: Cases, some: tuple[NDArray[np.intp], ...], start: Array) -> None:
+        self.q, self.speed = start.copy(), np.zeros_like(start)
+        self.omega = 2 * np.pi * cases.frequency[some]
+        self.drag = 2 * cases.damping[some] * self.omega
+
+    def follow(self, before: Array, after: Array, dt: float) -> None:
+        """Advance by a sub-step in which the motors move at constant speed: leapfrog, dt / 8."""
+        if not len(self.q):
+            return
+        h = dt / 8
+        for i in range(8):
+            motor = before + (after - before) * (i + 0.5) / 8
+            pull = self.omega**2 * (motor - (self.q + h / 2 * self.speed))
+            middle = self.speed + h / 2 * (pull - self.drag * self.speed)
+            acceleration = pull - self.drag * middle
+            self.q = self.q + h * (self.speed + h / 2 * acceleration)
+            self.speed = self.speed + h * acceleration
+
+
+class Delay:
+    """Commands of some while ago, a sub-step at a time; 0 before the first."""
+
+    def __init__(self, delay: Array, dt: float) -> None:
+        self.late = np.floor(delay / dt + 1e-9).astype(int)
+        self.part = np.clip(delay / dt - self.late, 0.0, 1.0)  # of a sub-step
+        self.last = np.zeros((int(self.late.max(initial=0)) + 2, len(delay)))  # newest first
+        self.each = np.arange(len(delay))
+
+    def __call__(self, now: Array) -> Array:
+        """Take what is commanded now; return what arrives in this sub-step, its mean."""
+        if not len(now):
+            return now
+        self.last = np.concatenate([now[None], self.last[:-1]])
+        one, other = self.last[self.late, self.each], self.last[self.late + 1, self.each]
+        return np.asarray((1 - self.part) * one + self.part * other)
 
 
 KINDS = (
