@@ -1,6 +1,6 @@
 """How often a sound machine is found sound by readings in steps that were taken several times.
 
-python -m power.steps [--runs 20] [--seed 1] [--out ../docs/results/power-steps.md]
+python -m power.steps [--runs 40] [--seed 1] [--out ../docs/results/power-steps.md]
 
 A measurement of each kind with repeats, made here by formulas of its own, of a machine with nothing
 wrong but what is always fitted (a placement, a centre, an inclination) or stated in its row. The
@@ -230,7 +230,7 @@ of its own.
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", nargs="*", default=[], help="parts of names of rows")
