@@ -14,8 +14,10 @@ C: covariance of their sizes together, C_j: of one beside the others, I_j: the m
 of one, that of a normal distribution about its estimate. So causes that cancel, of sizes many times
 what they explain together, and causes of many columns are worth what they leave to chance.
 
-Terms of structure and causes that are expected have their penalty instead: nothing is assumed of
-their sizes.
+A term of structure is weighed as a cause is: of one among all terms, and of sizes as they are. Were
+its sizes free, it would take the place of causes of the same columns that are large.
+
+Causes that are expected have their penalty instead: nothing is assumed of their sizes.
 """
 
 from __future__ import annotations
@@ -88,7 +90,7 @@ class Evidence:
         The latter of blocks that have a penalty only, else 0, and the reverse; shapes (b,).
         """
         c = self.search.c
-        free = (c.penalty == 0) | (c.owner >= self.count)
+        free = c.penalty == 0
         chance = c.chance
         # what is gained by chance may be more
         own = c.penalty - chance - 2 * np.log(c.level / NAMING_LEVEL)[c.owner]

@@ -141,6 +141,8 @@ def _explained(case: Case) -> Explanation:
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
     least = min(best.score, chances.search.top.score)
+    if not (terms or case.dependent) and chances.is_near(frozenset()):
+        named = [*named, chances.search.nothing]
     sets = _alternatives(case, named, least) if demanded else []
     behind = partial(_behind, case, least, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)
@@ -289,14 +291,16 @@ def best_score(case: Case) -> float:
 
 
 def _alternatives(case: Case, named: Sequence[Found], least: float) -> Sets:
-    """List all sets within reach of the best score, the named one first."""
+    """List what may be instead, candidates and their variants, the named set first.
+
+    least: The best score.
+    """
     sets: Sets = []
     for f in named:
-        if case.dependent and f.members > named[0].members:
+        if case.dependent and (f.members > named[0].members or f.score > least + WITHIN):
             continue  # readings that are not independent demand no more than the named set
-        if f.score <= least + WITHIN:
-            distance = max(f.score - least, 0.0)
-            sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
+        distance = max(f.score - least, 0.0)
+        sets += [(m, distance, f.rss) for m in _expand(case.candidates, f)]
     return sets
 
 

@@ -31,10 +31,11 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.evidence import SIZES, Evidence
-from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
+from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, WITHIN, Found, Search
 
 Members = frozenset[int]
 
+NEAR_ODDS = math.exp(WITHIN / 2)  # 20: as near in odds as sets are in score
 HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
 MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 
@@ -117,10 +118,22 @@ class Probabilities:
 
     @cached_property
     def likeliest(self) -> list[Found]:
-        """Sets near the best score, the most probable first; none is empty."""
+        """Sets near the best score or about as probable as these, the most probable first.
+
+        None is empty.
+        """
+        near = {_mask(f.members) for f in self.search.found}
+        least = max((self._weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS
+        near |= {m for m, w in self._weights.items() if m in self.search.known and w > least}
         # Sets that explain the same are ordered by the catalogue, not by rounding.
-        weight = {m: round(w, SCORE_DIGITS) for m, w in self._weights.items()}
-        return sorted(self.search.found, key=lambda f: -weight.get(_mask(f.members), 0.0))
+        ranked = [(-round(self._weights.get(m, 0.0), SCORE_DIGITS), m) for m in near if m]
+        found = self.search.known
+        return [found[m] for _, m in sorted(ranked, key=lambda one: (one[0], found[one[1]].score))]
+
+    def is_near(self, members: Members) -> bool:
+        """Whether just these causes are about as probable as the likeliest set of a good score."""
+        first = max((self.of_set(f.members) for f in self.search.found), default=0.0)
+        return self.of_set(members) > first / NEAR_ODDS
 
     def of_set(self, members: Members) -> float:
         """Probability that just these causes of the catalogue act."""

@@ -415,7 +415,7 @@ def alternatives_table(
     known = labels or {}
     rows = [
         (
-            " + ".join(known.get(i) or i for i in sorted(a.causes)) or "no further cause",
+            " + ".join(known.get(i) or i for i in sorted(a.causes)) or "no cause",
             Shown(a.probability, percent(a.probability)),
             round(a.distance, 1) + 0.0,
             significant(a.rms_um),

@@ -90,13 +90,15 @@ def _ambiguous(d: Diagnosis) -> list[str]:
         for a in d.evidence[1 : MAX_SETS + 1]
     ]
     more = len(d.alternatives) - 1 - len(others)
+    none = "no further cause" if certain else "no cause"
     doubt = "; or ".join(
-        f"{text or 'no further cause'} ({percent(a.probability)})"
+        f"{text or none} ({percent(a.probability)})"
         for text, a in zip((first, *others), d.evidence, strict=False)
     )
     if more:
         doubt += f"; or one of {more} more sets"
-    rest = 1.0 - d.none_probability - sum(a.probability for a in d.evidence)
+    apart = 0.0 if frozenset() in d.alternatives else d.none_probability
+    rest = 1.0 - apart - sum(a.probability for a in d.evidence)
     if rest > WORTH_SAYING:
         doubt += f"; or a set that is not listed ({percent(rest)})"
     return [
