@@ -95,7 +95,7 @@ def state(kind: str, number: int, seed: int) -> Stated:
     d = diagnose(case.data, case.setup)
     spent = time.process_time() - began
     sets = [(d.none_probability, not case.hidden)]
-    sets += [(a.probability, a.causes == case.hidden) for a in d.evidence]
+    sets += [(a.probability, a.causes == case.hidden) for a in d.evidence if a.causes]
     causes = tuple((c.probability, c.id in case.hidden) for c in d.causes)
     return Stated(kind, number, case.unknown, d.verdict, tuple(sets), causes, spent)
 

@@ -140,9 +140,13 @@ def _explained(case: Case) -> Explanation:
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
+    if demanded and not (terms or case.dependent) and chances.is_near(frozenset()):
+        nothing = chances.search.nothing
+        if chances.none > chances.of_set(best.members):
+            named, best, extended = [nothing, *named], nothing, plain
+        else:
+            named = [*named, nothing]
     least = min(best.score, chances.search.top.score)
-    if not (terms or case.dependent) and chances.is_near(frozenset()):
-        named = [*named, chances.search.nothing]
     sets = _alternatives(case, named, least) if demanded else []
     behind = partial(_behind, case, least, sets) if sets and not terms else None
     note, p_scatter = scatter(case, extended)

@@ -309,7 +309,8 @@ def alternatives_picture(d: Diagnosis) -> Picture | None:
     if len(sets) < 2:
         return None
     shared = frozenset.intersection(*(a.causes for a in sets))
-    names = tuple(" + ".join(_called(d, a.causes - shared)) or "no further cause" for a in sets)
+    none = "no further cause" if shared else "no cause"
+    names = tuple(" + ".join(_called(d, a.causes - shared)) or none for a in sets)
     also = f"In all of them: {'; '.join(_called(d, shared))}." if shared else ""
     chances = [a.probability for a in sets]
     colours = bars([100 * p for p in chances], colour=GREEN)

@@ -39,11 +39,8 @@ def _verdict(found: Found) -> str:
                 *_located(found),
             )
         )
-    parts = (
-        _found(found)
-        if d.causes
-        else [next(x for x in d.sentences() if x not in (d.reservation, d.too_little))]
-    )
+    own = [x for x in d.sentences() if x not in (d.reservation, d.too_little)]
+    parts = _found(found) if d.causes else own[: 2 if d.verdict == "ambiguous" else 1]
     if d.unexplained and d.causes:
         parts.append(f"Not explained: {d.unexplained}.")
     if d.structure is not None:
