@@ -31,11 +31,11 @@ import numpy as np
 from trunnion.base.units import Floats
 from trunnion.diagnosis.candidates import NAMING_LEVEL, Candidates
 from trunnion.diagnosis.evidence import SIZES, Evidence
-from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, WITHIN, Found, Search
+from trunnion.diagnosis.selection import SCORE_DIGITS, TINY, Found, Search
 
 Members = frozenset[int]
 
-NEAR_ODDS = math.exp(WITHIN / 2)  # 20: as near in odds as sets are in score
+NEAR_ODDS = 5.0  # of the likeliest set of a good score over one that may be instead of it
 HIDDEN = 0.25  # left of a squared unit column, below which a set hides a cause
 MIN_WEIGHT = 0.01  # of a set, by which causes are asked for that it hides
 
@@ -118,7 +118,7 @@ class Probabilities:
 
     @cached_property
     def likeliest(self) -> list[Found]:
-        """Sets near the best score or about as probable as these, the most probable first.
+        """Sets near the best score, or not much less probable than these, the likeliest first.
 
         None is empty.
         """
@@ -131,7 +131,7 @@ class Probabilities:
         return [found[m] for _, m in sorted(ranked, key=lambda one: (one[0], found[one[1]].score))]
 
     def is_near(self, members: Members) -> bool:
-        """Whether just these causes are about as probable as the likeliest set of a good score."""
+        """Whether just these causes are not much less probable than the likeliest near set."""
         first = max((self.of_set(f.members) for f in self.search.found), default=0.0)
         return self.of_set(members) > first / NEAR_ODDS
 

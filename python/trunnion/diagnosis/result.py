@@ -67,7 +67,7 @@ class Diagnosis(Result):
     causes:
         Strongest first.
     evidence:
-        Every set of causes within 6 of the best in penalised -2 ln L, or more than a twentieth as
+        Every set of causes within 6 of the best in penalised -2 ln L, or more than a fifth as
         probable as the likeliest of these, with distance and rms, the named set first; the empty
         set, that nothing acts, is one of them by the same rule.
     gain:
