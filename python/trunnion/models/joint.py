@@ -79,8 +79,8 @@ class _Acts:
 
     def values(self, joint: Mapping[str, float]) -> Values:
         """Return the part's values for those of the joint effect."""
-        names = (p.name for p in self.effect.parameters)
-        return Values(zip(names, (self.signs * list(joint.values())).tolist(), strict=True))
+        sizes = zip(self.effect.parameters, joint.values(), strict=True)
+        return Values({p.name: float(self.sign * v if p.linear else v) for p, v in sizes})
 
 
 @dataclass(frozen=True)
