@@ -20,7 +20,8 @@ def alternating(rng: np.random.Generator, *, shared: int = 0, cycles: int = 5) -
     change = rng.uniform(3, 10, 16)[plain.stops[1]] * rng.choice([-1, 1], 16)[plain.stops[1]]
     data = plain.with_columns(measured_mm=plain.measured + 1e-3 * change)
     number = data.stops[1]
-    return data[(number < shared) | ((-1.0) ** number == data.direction)]
+    kept: tn.Positioning = data[(number < shared) | ((-1.0) ** number == data.direction)]
+    return kept
 
 
 @pytest.mark.parametrize(("shared", "said"), [(0, "No target was"), (1, "One of ")])
