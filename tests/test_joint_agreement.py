@@ -115,3 +115,20 @@ def test_two_runs_in_steps_are_two_runs() -> None:
     d = tn.diagnose(runs)
     assert isinstance(d.data, tuple)
     assert not any("left out" in note for note in d.notes)
+
+
+def test_labels_of_the_machine_are_those_of_their_ids_in_any_order() -> None:
+    rng = np.random.default_rng(66)
+    data = [
+        stops(rng, "x", 10.0, 2.0),
+        stops(rng, "y", -12.0, 0.0),
+        circle(rng, (10, -12), (2, 0), 6.0),
+    ]
+    for some in (data, data[::-1], data[:2]):
+        d = tn.diagnose(some)
+        assert {"scale_x", "scale_y", "backlash_x"} <= d.named
+        assert d.labels["scale_x"] == "scale of the X axis"
+        assert d.labels["scale_y"] == "scale of the Y axis"
+        assert d.labels["backlash_x"] == "backlash of the X axis"
+        assert d.effects["backlash_x"]["b_um"] == pytest.approx(2.0, abs=0.4)
+        assert d.labels.get("squareness_xy", "squareness of Y to X") == "squareness of Y to X"

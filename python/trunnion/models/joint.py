@@ -32,6 +32,7 @@ from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
+from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
 
@@ -166,7 +167,7 @@ class JointModel(Model):
                 self._acts.setdefault(id_, []).append(_Acts(i, own, sign))
                 if id_ not in made:
                     label = own.label or own.id.replace("_", " ")
-                    label = label if ":" not in id_ else f"{label} ({part.name})"
+                    label = shared_label(id_, label) if ":" not in id_ else f"{label} ({part.name})"
                     made[id_] = self._effect(id_, own.parameters, label, own.owner, own)
         self.apart: dict[str, tuple[str, str]] = {}  # which kind differs in what, by candidate
         for effect in (*self._possible_changes(made), *self._possible_differences(made)):

@@ -147,3 +147,18 @@ def called(name: str) -> str:
         verb = "tilt of the axis about" if match[1] else "offset of the axis along"
         label = f"{verb} {match[2].upper()}"
     return name if label == name else f"{label} ({name})"
+
+
+def shared_label(id_: str, label: str) -> str:
+    """What people call an error of the machine that several measurements know by this id.
+
+    label: What one of them calls it, which stands where the id alone does not say it; of an effect
+    of one axis ("curve_of_x") with the axis.
+    """
+    kind, _, axes = id_.rpartition("_")
+    letters = axes.upper()
+    if kind in ("scale", "backlash") and axes in ("x", "y", "z"):
+        return f"{kind} of the {letters} axis"
+    if kind == "squareness" and axes in ("xy", "xz", "yz"):
+        return f"squareness of {letters[1]} to {letters[0]}"
+    return f"{label} ({letters})" if kind.endswith("_of") and label else label
