@@ -106,10 +106,13 @@ class Input:
 
 
 def root(covariance: Floats) -> Floats:
-    """R with R Rᵀ = covariance, columns of nothing left out."""
+    """R with R Rᵀ = covariance, columns of nothing left out; of each the largest is positive."""
     values, vectors = np.linalg.eigh(covariance)
     some = values > 1e-14 * max(float(values.max(initial=0.0)), 0.0)
-    return np.asarray(vectors[:, some] * np.sqrt(values[some]))
+    found = vectors[:, some] * np.sqrt(values[some])
+    # The sign of an eigenvector hangs on rounding.
+    largest = np.take_along_axis(found, np.abs(found).argmax(axis=0)[None], axis=0)
+    return np.asarray(found * np.sign(largest))
 
 
 def of_readings(
