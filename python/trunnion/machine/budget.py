@@ -110,6 +110,8 @@ def root(covariance: Floats) -> Floats:
     values, vectors = np.linalg.eigh(covariance)
     some = values > 1e-14 * max(float(values.max(initial=0.0)), 0.0)
     found = vectors[:, some] * np.sqrt(values[some])
+    if not found.size:
+        return np.asarray(found)
     # The sign of an eigenvector hangs on rounding.
     largest = np.take_along_axis(found, np.abs(found).argmax(axis=0)[None], axis=0)
     return np.asarray(found * np.sign(largest))
