@@ -52,6 +52,18 @@ def test_a_rich_plan_gets_the_right_set(seed: int) -> None:
     assert not d.outliers
 
 
+@pytest.mark.parametrize("plan", ["rich", "paper"])
+def test_exact_touches_of_a_machine_without_causes_say_so(plan: str) -> None:
+    """What is left of them is the rounding of the arithmetic, which no test may judge."""
+    rng = np.random.default_rng([6, *plan.encode()])
+    made, twin, _, read = ground(plan)
+    truth = Truth(errors=random_errors(rng), placement=random_placement(rng), effects={})
+    m = measure(made, twin, truth, noise_um=0.0, tick_um=0.0, seed=1)
+    setup = replace(read, probe=replace(read.probe, tick_um=0.0))
+    d = tn.diagnose(tn.Touches(m.columns), setup)
+    assert (d.verdict, d.p_value, d.none_probability) == ("consistent", 1.0, 1.0)
+
+
 @pytest.mark.parametrize("seed", range(9))
 def test_a_short_plan_gets_the_sets_that_fit_exactly(seed: int) -> None:
     """The paper's plan does not distinguish a ball radius from a delay: every set fits exactly."""

@@ -33,12 +33,15 @@ EXPECTED_P = 0.05  # of an effect that costs nothing to name
 MIN_EXPLAINED = 0.05  # of what is left, that a cause explains beside an incomplete model
 UNDETERMINED_P = 0.5  # of an effect beside the others of its set, times the candidates
 MAX_SUMS = 64  # of causes of a set that are compared with terms, those of few first
+NOTHING = Only(frozenset({frozenset()}), none=1.0)
 HIDDEN_SIZES = (1.0, 2.0, 4.0)  # times its least size, an effect that may hide behind causes
 
 
 def explain(case: Case) -> Explanation:
     """Find the sets of causes, and structure that none of them makes."""
     found = _explained(case)
+    if case.exact(case.plain):  # what is left is rounding: no test of it says anything
+        return replace(found, alarm=1.0, probabilities=NOTHING)
     # A set may be next to exact as linearised, or when its moments and durations are fitted.
     near = min(found.least, found.fit.rss) < LINEAR_ERROR**2 * case.plain.rss
     return (_exactly(case) if near else None) or found
