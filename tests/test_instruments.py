@@ -36,6 +36,24 @@ def test_what_one_does_not_see_is_told(third: bool, whose: str) -> None:
     assert kept(good, runs, 0.95)
 
 
+@pytest.mark.parametrize(("third", "whose"), [(False, "undecided"), (True, "axis")])
+def test_what_an_instrument_is_too_coarse_for_it_does_not_confirm(third: bool, whose: str) -> None:
+    """A scale of 3 µm that a laser with 30 µm of noise can neither see nor deny."""
+    runs, good = needed_runs(0.9), 0
+    for seed in range(runs):
+        rng = np.random.default_rng([8, seed])
+        plain = axis(np.random.default_rng(5), targets=6, cycles=3)
+        actual = plain.target + 1e-5 * (plain.target - 250)
+        noise = 1e-3 * rng.standard_normal((3, len(plain)))
+        columns = {"measured_mm": actual + 0.2 * noise[0], "laser_mm": actual + 30 * noise[1]}
+        if third:
+            columns["encoder_mm"] = actual + 0.2 * noise[2]
+        found = tn.whose_error(plain.with_columns(**columns))
+        scales = [a.whose for a in found.attributions if a.id == "scale"]
+        good += scales == [whose] and "not there: laser (" in found.summary()
+    assert kept(good, runs, 0.9)
+
+
 def test_each_has_its_own_scatter() -> None:
     """By differences, which are free of the scatter of the axis."""
     found = [tn.whose_error(stops(s, third=True)).scatter for s in range(12)]

@@ -41,9 +41,10 @@ class Attribution:
     id, label
         Of the cause.
     whose
-        "axis" (all instruments see it alike), the name of one instrument (only that one shows it,
-        of three and more), "between" (of two instruments: one of them, or what lies between them),
-        or "several" (more than one instrument has its own).
+        "axis" (two instruments or more see it alike), the name of one instrument (only that one
+        shows it, of three and more), "between" (of two: one of them, or what lies between them),
+        "several" (more than one instrument has its own), or "undecided" (one instrument sees it,
+        and the others are too uncertain to agree or to differ).
     rms, std_error
         Instrument → what the cause does to its deviations, rms, and its standard uncertainty.
     differences
@@ -121,8 +122,12 @@ class InstrumentComparison(Result):
         text = f"{what}, rms {self.unit}: {sizes}. "
         seen = " and ".join(a.seen_by) or "none"
         match a.whose:
-            case "axis":
+            case "axis" if len(a.seen_by) == len(self.instruments):
                 return text + "All instruments see it alike: it is the axis'."
+            case "axis":
+                return f"{text}{_capital(seen)} see it alike: it is the axis'.{self._too_coarse(a)}"
+            case "undecided":
+                return f"{text}Only {seen} sees it: whose it is, is open.{self._too_coarse(a)}"
             case "between":
                 return (
                     f"{text}The two differ by {next(iter(a.differences.values())):.3g}; seen by "
@@ -134,6 +139,12 @@ class InstrumentComparison(Result):
         if a.whose not in a.seen_by:
             return f"{text}Only {a.whose} does not show it: it is behind what {a.whose} looks at."
         return f"{text}Only {a.whose} differs from the others, which agree: it is its own."
+
+    def _too_coarse(self, a: Attribution) -> str:
+        """Say which instruments neither see a cause nor differ from those that do."""
+        others = [n for n in self.instruments if n not in a.seen_by]
+        sizes = " and ".join(f"{n} ({a.rms[n]:.2g} ± {a.std_error[n]:.2g})" for n in others)
+        return f" Too uncertain to see it, or that it is not there: {sizes}."
 
     def tables(self) -> tuple[Table, ...]:
         """Return causes by instrument, and the scatter."""
@@ -152,6 +163,10 @@ class InstrumentComparison(Result):
         )
         own = [(name, significant(s), self.unit) for name, s in self.scatter.items()]
         return causes, Table.of("Scatter", ("", "1 σ", "unit"), own)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _shown(value: float, std: float) -> Shown:
@@ -271,7 +286,7 @@ def _attribution(
     seen = tuple(n for n in names if sizes[n][id_][2])
     whose = "several"
     if not differing:
-        whose = "axis"
+        whose = "axis" if len(seen) > 1 else "undecided"
     elif len(names) == 2:
         whose = "between"
     else:
