@@ -61,7 +61,7 @@ def read(
 def _mapping(texts: list[str] | None) -> dict[str, str | float] | None:
     """Return ``["x_cmd_mm=Ref [m]", "turn_deg=180.0"]`` as columns of `tn.read`.
 
-    What is a number with a decimal point is a value; "1" is a channel.
+    What is a number with a decimal point is a value; "1" is a channel where there is one.
     """
     if not texts:
         return None

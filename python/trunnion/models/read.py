@@ -18,7 +18,13 @@ from trunnion.base.checks import choose
 from trunnion.base.errors import FileFormatError, InputError, TrunnionError
 from trunnion.base.units import conversion, unit_of
 from trunnion.data.linuxcnc_log import refuse_probe_log
-from trunnion.files.columns import ColumnError, is_numeric, scaled, shown_field
+from trunnion.files.columns import (
+    ColumnError,
+    is_numeric,
+    parse_number,
+    scaled,
+    shown_field,
+)
 from trunnion.files.csv_file import Options, options_in_force, read_table
 from trunnion.files.delimited import Delimited
 from trunnion.files.foreign import FORMATS, Channels
@@ -113,6 +119,8 @@ def read(
     if period_s is not None and channels.time_s is None:
         times = period_s * np.arange(len(channels.lines), dtype=np.float64)
         channels = replace(channels, time_s=times, clock=f"period_s = {period_s:g}")
+    if columns is not None:
+        columns = {t: _number_unless(g, channels.columns) for t, g in columns.items()}
     name = found.NAME if found else "CSV"
     if columns is None:
         raise FileFormatError(
@@ -312,6 +320,14 @@ class _Mapped:
         if self.channels.time_s is not None or "time_s" in {*self.columns, *self.channels.columns}:
             return ""
         return " (no times were found: period_s= gives the time between two samples)"
+
+
+def _number_unless(given: Any, there: Mapping[str, Any]) -> Any:
+    """Return the number that a text is, unless there is a channel of this name."""
+    if not isinstance(given, str) or given in there:
+        return given
+    value = parse_number(given)
+    return given if value is None else int(value) if value.is_integer() else value
 
 
 def _name_in(given: Any, there: Mapping[str, Any] | None = None) -> str | None:

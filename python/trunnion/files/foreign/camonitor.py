@@ -38,6 +38,7 @@ def read(source: Source, wanted: Sequence[str] | None, period_s: float | None) -
     posts, names, skipped = _posts(source)
     if wanted is None:
         return Channels({name: np.array([v[0][1]]) for name, v in posts.items()}, [1])
+    wanted = [name for name in wanted if name in posts or parse_number(name) is None]
     for name in wanted:
         choose(f"{source.name}:1:1: channel", name, names)
     series = {name: np.array(sorted(set(posts.get(name, [])))) for name in wanted}
