@@ -13,6 +13,7 @@ import typer
 import trunnion as tn
 from trunnion.cli.command import Answer, Html, command, group_of, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
+from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values
 
@@ -74,7 +75,8 @@ def results(
         more.append(found.compensation_table())
     values = found.to_dict()
     values |= {type(one).__name__.lower(): one.to_dict() for one in more}
-    said = (*more[:1], found, *more[1:]) if tolerance else (found, *more)
+    read = said_of(data)
+    said = (*more[:1], *read, found, *more[1:]) if tolerance else (*read, found, *more)
     if comp_file is not None:
         from trunnion.controls import measured_comp_file
 

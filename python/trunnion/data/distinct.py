@@ -32,6 +32,10 @@ OFTEN = 0.5
 """Share of agreeing repeats times that rms: 0.4 of normal noise of some steps."""
 
 
+_WHERE_PASTED = "in every column (pasted twice, or alike in steps?)"
+_PASTED = f"{{}} of {{}} rows repeat others {_WHERE_PASTED}: each counts once."
+
+
 class Distinct(NamedTuple):
     """Rows that are readings of their own.
 
@@ -58,7 +62,7 @@ def distinct_rows(data: Any) -> Distinct:
     first, notes = np.arange(len(data)), []
     stands_for = first
     for found, what in (
-        (_once, "in every column (pasted twice, or alike in steps?)"),
+        (_once, _WHERE_PASTED),
         (
             _without_copies,
             f"to the last digit under another {_label(data)} (copied, or alike in steps?)",
@@ -103,6 +107,12 @@ def _has_every_row(data: Table, other: Table) -> bool:
         return False
     rows = set(zip(*(column.tolist() for column in mine), strict=True))
     return all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True))
+
+
+def once_each(data: Table) -> tuple[Integers, str]:
+    """Return the rows that are not as an earlier one in every column, and what to say of others."""
+    rows = np.unique(_once(data))
+    return rows, _PASTED.format(len(data) - len(rows), len(data)) if len(rows) < len(data) else ""
 
 
 def _once(data: Table) -> Integers:

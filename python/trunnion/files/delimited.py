@@ -137,6 +137,7 @@ class Delimited:
                 "got no line of data, expected at least one below the header",
             )
         columns = self._split()
+        self._note_cut_end(columns)
         if index:
             del columns[""]
             self.notes.append("The first column has no name and counts rows: it was left out.")
@@ -144,6 +145,19 @@ class Delimited:
         if any(sign in self.lines[i] for i in self.data_lines):
             self._with_points(columns, numeric)
         return columns
+
+    def _note_cut_end(self, columns: Mapping[str, NDArray[Any]]) -> None:
+        """Note a last line without its end whose last number is shorter than those above it."""
+        last = self.data_lines[-1]
+        if not self.source.encoding.startswith("UTF") or last < len(self.lines) - 1:
+            return
+        *others, text = columns[self.header[-1]].tolist()
+        numbers = [t for t in others if _POINT.fullmatch(t) or _COMMA.fullmatch(t)]
+        if len(numbers) == len(others) > 0 and len(text) < min(map(len, numbers)):
+            self.notes.append(
+                f"Line {last + 1} has no end, and its last number {text!r} is shorter than all "
+                "others of its column: was the file cut off?"
+            )
 
     def _has_index(self) -> bool:
         """Whether the first column is without a name and counts up, as pandas writes it."""
