@@ -14,7 +14,7 @@ from trunnion.diagnosis.candidates import Candidates
 from trunnion.diagnosis.case import Case, Explanation, Sets
 from trunnion.diagnosis.effect import Effect, Values
 from trunnion.diagnosis.fit import Fit, fit
-from trunnion.diagnosis.probability import Behind, Only, Probabilities
+from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
 
@@ -143,12 +143,11 @@ def _explained(case: Case) -> Explanation:
             demanded = bool(best.members)
             named = [best] if terms else [best, *(f for f in named if f.members != best.members)]
 
-    if demanded and not (terms or case.dependent) and chances.is_near(frozenset()):
-        nothing = chances.search.nothing
-        if chances.none > chances.of_set(best.members):
-            named, best, extended = [nothing, *named], nothing, plain
-        else:
-            named = [*named, nothing]
+    noise = chances.of_noise(best) if demanded and not (terms or case.dependent) else 0.0
+    if noise > 1:
+        named, best, extended = [chances.search.nothing, *named], chances.search.nothing, plain
+    elif noise > 1 / NEAR_ODDS:
+        named = [*named, chances.search.nothing]
     least = min(best.score, chances.search.top.score)
     sets = _alternatives(case, named, least) if demanded else []
     behind = partial(_behind, case, least, sets) if sets and not terms else None

@@ -130,10 +130,10 @@ class Probabilities:
         found = self.search.known
         return [found[m] for _, m in sorted(ranked, key=lambda one: (one[0], found[one[1]].score))]
 
-    def is_near(self, members: Members) -> bool:
-        """Whether just these causes are not much less probable than the likeliest near set."""
-        first = max((self.of_set(f.members) for f in self.search.found), default=0.0)
-        return self.of_set(members) > first / NEAR_ODDS
+    def of_noise(self, named: Found) -> float:
+        """How many times as probable as a set it is that nothing acts, no structure either."""
+        own = self._weights.get(_mask(named.members), 0.0)
+        return self._weights.get(0, 0.0) / own if own > 0 else math.inf
 
     def of_set(self, members: Members) -> float:
         """Probability that just these causes of the catalogue act."""
