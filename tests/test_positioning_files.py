@@ -28,7 +28,8 @@ def test_pasted_rows_count_once(tmp_path: Path) -> None:
     assert twice.accuracy_um == once.accuracy_um
     assert twice.repeatability_um == once.repeatability_um
     assert twice.notes == (
-        "22 of 132 rows repeat others in every column (pasted twice, or alike in steps?): each counts once.",
+        "22 of 132 rows repeat others in every column (pasted twice, or alike in steps?): "
+        "each counts once.",
     )
     path = tmp_path / "stops.csv"
     pasted.to_csv(path)
