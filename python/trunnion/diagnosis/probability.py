@@ -118,17 +118,22 @@ class Probabilities:
 
     @cached_property
     def likeliest(self) -> list[Found]:
-        """Sets near the best score, or not much less probable than these, the likeliest first.
+        """Sets near the best score, the likeliest first, then others about as probable as it.
 
         None is empty.
         """
         near = {_mask(f.members) for f in self.search.found}
         least = max((self._weights.get(m, 0.0) for m in near), default=math.inf) / NEAR_ODDS
-        near |= {m for m, w in self._weights.items() if m in self.search.known and w > least}
+        more = {m for m, w in self._weights.items() if m in self.search.known and w > least}
         # Sets that explain the same are ordered by the catalogue, not by rounding.
-        ranked = [(-round(self._weights.get(m, 0.0), SCORE_DIGITS), m) for m in near if m]
+        ranked = [
+            (m not in near, -round(self._weights.get(m, 0.0), SCORE_DIGITS), m)
+            for m in near | more
+            if m
+        ]
         found = self.search.known
-        return [found[m] for _, m in sorted(ranked, key=lambda one: (one[0], found[one[1]].score))]
+        ranked.sort(key=lambda one: (*one[:2], found[one[2]].score))
+        return [found[m] for *_, m in ranked]
 
     def of_noise(self, named: Found) -> float:
         """How many times as probable as a set it is that nothing acts, no structure either."""
