@@ -2,7 +2,13 @@
 
 Conformity is proved where the value keeps the tolerance by a guard band g = k u, non-conformity
 where it exceeds it by as much; between the two nothing is proved. k is that of the chance of a
-wrong decision (one-sided normal law; 1.645 at the standard's default of 95 %).
+wrong decision by a normal law: at the standard's default of 95 %, 1.645 where one limit can be
+exceeded. Where u is not small against the width of the tolerance both can, and k of conformity
+solves
+
+    Φ((U - x) / u) - Φ((L - x) / u) = 95 %  at  x = U - k u,
+
+up to 1.960 in the middle of a tolerance U - L = 2 · 1.960 u. In a narrower one nothing conforms.
 """
 
 from __future__ import annotations
@@ -11,7 +17,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from scipy.special import ndtri
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri
 
 from trunnion.base.checks import choose, numbers
 from trunnion.base.errors import InputError
@@ -29,11 +36,29 @@ class Decision(StrEnum):
     UNDECIDED = "undecided"
 
 
-def guard_factor(probability: float) -> float:
-    """Return k of the guard band, by the probability of conformity that is asked for."""
+def guard_factor(probability: float, width: float = float("inf")) -> float:
+    """Return k of the guard band, by the probability of conformity that is asked for.
+
+    width: Of the tolerance, in standard uncertainties; inf: it has one limit.
+    """
     if not 0.5 <= probability < 1:
         raise InputError(f"probability: got {probability:g}, expected 0.5 to below 1")
-    return float(ndtri(probability))
+    one_limit, both_limits = float(ndtri(probability)), float(ndtri((1 + probability) / 2))
+    if width <= 2 * both_limits:
+        return both_limits
+
+    def lacking(k: float) -> float:
+        return float(ndtr(k) - ndtr(k - width)) - probability
+
+    # What the far limit takes may be less than rounding.
+    if lacking(one_limit) >= 0:
+        return one_limit
+    return float(brentq(lacking, one_limit, width / 2))
+
+
+def guard_band(std: float, width: float, probability: float = PROBABILITY) -> float:
+    """Return the guard band inside a tolerance of this width; 0 without uncertainty."""
+    return guard_factor(probability, width / std) * std if std > 0 else 0.0
 
 
 def decide(
@@ -48,10 +73,12 @@ def decide(
 
     An uncertainty that is not known (inf) proves nothing.
     """
-    guard = guard_factor(probability) * std
+    guard = guard_band(std, upper - lower, probability)
     if lower + guard <= value <= upper - guard:
         return Decision.PASS
-    if value >= upper + guard or value <= lower - guard:
+    # Beyond one limit the other is farther still.
+    beyond = guard_factor(probability) * std
+    if value >= upper + beyond or value <= lower - beyond:
         return Decision.FAIL
     return Decision.UNDECIDED
 
@@ -67,7 +94,7 @@ class Judged:
     value, std_error
         Size of the quantity, and its standard uncertainty.
     tolerance, guard
-        Largest size allowed, and the guard band.
+        Largest size allowed (the limits are ± the tolerance), and the guard band inside it.
     decision
         "pass", "fail" or "undecided".
     label
@@ -130,8 +157,8 @@ class Conformity(Result):
             if not tolerance > 0:
                 raise InputError(f"{name}: got {tolerance:g}, expected a tolerance above 0")
             size, std = abs(values[name]), float((std_errors[name] ** 2 + more**2) ** 0.5)
-            guard = guard_factor(probability) * std
-            decision = decide(size, std, upper=tolerance, probability=probability)
+            guard = guard_band(std, 2 * tolerance, probability)
+            decision = decide(size, std, upper=tolerance, lower=-tolerance, probability=probability)
             out.append(
                 Judged(
                     name, size, std, float(tolerance), guard, decision, (labels or {}).get(name, "")

@@ -70,7 +70,7 @@ def figures_table(
                 row += [None, NO_DECISION]
             else:
                 std = np.inf if f.std is None else f.std
-                decisions.append(decide(abs(f.value), std, upper=limit))
+                decisions.append(decide(f.value, std, upper=limit, lower=-limit))
                 row += [Shown(limit, f"± {limit:g}"), str(decisions[-1])]
         rows.append(row)
     heads = [
