@@ -47,6 +47,36 @@ def test_repeats_that_look_alike_count_where_nothing_numbers_them() -> None:
     assert not one.iso230_2().notes
 
 
+def test_a_cycle_copied_to_another_number_counts_once() -> None:
+    """A copy has no scatter of its own: with it repeatability would come out too small."""
+    data = axis(np.random.default_rng(4)).with_columns(time_s=None)
+    last = data[data.cycle == 5]
+    copied = tn.Positioning.concatenate(
+        [data, *(last.with_columns(cycle=np.full(len(last), k)) for k in (6, 7, 8))]
+    )
+    once, again = data.iso230_2(), copied.iso230_2()
+    assert again.repeatability_um == once.repeatability_um
+    assert again.std_errors == once.std_errors
+    assert again.notes == (
+        "66 of 176 rows repeat others to the last digit under another cycle (copied, or alike in "
+        "steps?): each counts once.",
+    )
+    # Honest repeats in steps agree in many stops, and stay.
+    coarse = data.with_columns(measured_mm=np.round(data.measured / 2e-3) * 2e-3)
+    assert not coarse.iso230_2().notes
+
+
+def test_cycles_that_are_all_alike_show_no_repeatability() -> None:
+    data = axis(np.random.default_rng(4)).with_columns(time_s=None)
+    first = data[data.cycle == 1]
+    copied = tn.Positioning.concatenate(
+        [first.with_columns(cycle=np.full(len(first), k)) for k in (1, 2, 3)]
+    )
+    found = copied.iso230_2()
+    assert found.spread_forward == pytest.approx(0.0, abs=1e-9)
+    assert "Every cycle repeats the first to the last digit" in found.notes[0]
+
+
 @pytest.mark.parametrize("cut", [2, 5, 6, 7])
 def test_a_file_cut_in_its_last_number(cut: int, tmp_path: Path) -> None:
     """The last target is near 0: its number has 7 characters or 8, of 500.00200 it has 9."""

@@ -32,8 +32,13 @@ OFTEN = 0.5
 """Share of agreeing repeats times that rms: 0.4 of normal noise of some steps."""
 
 
+MIN_CYCLES = 2
+"""Of repeats."""
+ALL_ALIKE = (
+    "Every {0} repeats the first to the last digit (copied, or alike in steps?): the readings show "
+    "no repeatability."
+)
 _WHERE_PASTED = "in every column (pasted twice, or alike in steps?)"
-_PASTED = f"{{}} of {{}} rows repeat others {_WHERE_PASTED}: each counts once."
 
 
 class Distinct(NamedTuple):
@@ -109,10 +114,24 @@ def _has_every_row(data: Table, other: Table) -> bool:
     return all(row in rows for row in zip(*(column.tolist() for column in theirs), strict=True))
 
 
-def once_each(data: Table) -> tuple[Integers, str]:
-    """Return the rows that are not as an earlier one in every column, and what to say of others."""
-    rows = np.unique(_once(data))
-    return rows, _PASTED.format(len(data) - len(rows), len(data)) if len(rows) < len(data) else ""
+def own_cycles(data: Table) -> Distinct:
+    """Return the cycles that are no copies, as `distinct_rows`, for what is made of repeats.
+
+    Of one cycle all that is alike may be repeats that an instrument shows alike. Where every cycle
+    is as the first, they stay, and a note says of what the results are.
+    """
+    if _cycles(data) < MIN_CYCLES:
+        return Distinct(data)
+    own = distinct_rows(data)
+    if not own.notes or _cycles(own.data) >= MIN_CYCLES:
+        return own
+    return Distinct(data, notes=(ALL_ALIKE.format(_label(data)),))
+
+
+def _cycles(data: Table) -> int:
+    """Count of repetitions."""
+    name = _label(data)
+    return len(np.unique(data.columns[name])) if name else 1
 
 
 def _once(data: Table) -> Integers:

@@ -13,7 +13,7 @@ from trunnion.base.checks import choose, nearest
 from trunnion.base.errors import DataError
 from trunnion.base.recognition import displayed
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.data.distinct import once_each
+from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.data.places import LEAST, Places
 from trunnion.files.columns import (
@@ -151,11 +151,12 @@ class Positioning(Table):
             One direction only, or fewer than two stops at a target from one direction.
         """
         self.check_units()
-        rows, pasted = once_each(self)
-        # of one cycle all that is alike may be repeats that an instrument shows alike
-        if pasted and len(np.unique(self.cycle)) > 1:
-            result = self[rows].iso230_2()
-            return replace(result, notes=(pasted, *result.notes))
+        own = own_cycles(self)
+        result = own.data._results()
+        return replace(result, notes=(*own.notes, *result.notes))
+
+    def _results(self) -> Any:
+        """Return the results of stops that are all readings of their own."""
         targets, index = self.stops
         found: dict[int, list[Floats]] = {}
         for sense in (1, -1):
