@@ -120,7 +120,8 @@ class Diagnosis(Result):
         Id of an effect that is not named → how much of it can stay unnoticed, and what it would do
         to the location error that it shifts most; the worst three, worst first.
     none_probability:
-        That no cause of the catalogue acts: noise, or structure that none of them makes.
+        That no cause of the catalogue acts of a size that the readings would show: noise, or
+        structure that none of them makes. Smaller ones may act.
     structure:
         Unexplained structure as it is in the extended model, or None. What a model that is not
         complete leaves (`unexplained` says so) is stated and not part of the model.

@@ -29,8 +29,8 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
         case "consistent":
             lines = [
                 "Consistent: the model explains the data, the residual is noise of "
-                f"{_noise(d)} ({chance(d.p_value)}); that no known cause acts: "
-                f"{percent(d.none_probability)}."
+                f"{_noise(d)} ({chance(d.p_value)}); that no known cause acts that these readings "
+                f"would show: {percent(d.none_probability)}."
             ]
         case "explained" if len(said) == 1:
             lines = [f"Explained by one cause: {said[0]}."]

@@ -35,7 +35,8 @@ def _verdict(found: Found) -> str:
         return " ".join(
             (
                 f"The model explains the readings, what is left is noise of {size}. That nothing "
-                f"else acts, of all causes looked for: {percent(d.none_probability)}.",
+                "else acts that these readings would show, of all causes looked for: "
+                f"{percent(d.none_probability)}.",
                 *_located(found),
             )
         )
