@@ -41,8 +41,9 @@ def test_the_moment_of_a_slip_lies_within_its_uncertainty() -> None:
 
 
 def kinked(size_um_m: float, seed: int) -> tn.Levels:
-    """Levels along a line with a kink at 312.5 mm."""
+    """Levels at uneven places of a line, with a kink between 300 and 325 mm."""
     place = np.arange(0.0, 1000.0, 25.0)
+    place[20:] += 10.0
     noise = np.random.default_rng(seed).normal(0.0, 2.0, len(place))
     slope = np.where(place > 312.5, size_um_m, 0.0)
     return tn.Levels({"position_mm": place, "along_um_m": slope + noise})
@@ -54,3 +55,22 @@ def test_the_place_of_a_kink_is_between_two_readings() -> None:
     assert abs(cause.parameters["at_mm"] - 312.5) < 12.5
     np.testing.assert_allclose(cause.std_errors["at_mm"], 25 / np.sqrt(12), rtol=0.1)
     assert "not identifiable" not in cause.size()
+
+
+def test_the_place_of_a_kink_below_a_level_lies_within_its_uncertainty() -> None:
+    """A level that stands astride it reads a part of it: as a chain, its feet are 50 mm apart."""
+    runs, inside, std = needed_runs(COVERED), 0, []
+    for seed in range(runs):
+        rng = np.random.default_rng([seed, 3])
+        middle = np.tile(25.0 + 50.0 * np.arange(20), 2)
+        sense = np.repeat([1.0, -1.0], 20)
+        joint, angle = rng.uniform(200.0, 800.0), rng.uniform(10.0, 60.0)
+        front, back = (np.maximum(middle + d - joint, 0.0) for d in (25.0, -25.0))
+        read = sense * (30.0 + angle * (front - back) / 50.0) + rng.standard_normal(40)
+        turn = np.where(sense > 0, 0, 180)
+        d = tn.diagnose(tn.Levels(position_mm=middle, along_um_m=read, turn_deg=turn))
+        (kink,) = (c for c in d.causes if c.id == "kink")
+        std.append(kink.std_errors["at_mm"])
+        inside += abs(kink.parameters["at_mm"] - joint) < 2 * std[-1]
+    assert kept(inside, runs, COVERED)
+    assert np.median(std) < 5.0

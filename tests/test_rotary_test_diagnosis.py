@@ -13,6 +13,7 @@ import pytest
 
 import trunnion as tn
 from promise import kept, needed_runs
+from rotary_test_twin import ball_less_tool, conditions
 from trunnion.base.units import Floats
 from trunnion.models.kinds import kind_name, model_of
 from twin import forward
@@ -25,35 +26,14 @@ THERE = np.arange(0.0, 360.0, 20.0)
 TURNS = {"A": np.repeat([0.0, 55.0, -40.0, 80.0], 36), "C": np.tile([*THERE, *THERE[::-1]], 4)}
 
 
-def sense(values: Floats) -> Floats:
-    """Sense of the last move before each row, 0 before the first."""
-    found, last = np.zeros(len(values)), 0.0
-    for row in range(1, len(values)):
-        last = np.sign(values[row] - values[row - 1]) or last
-        found[row] = last
-    return found
-
-
 def twin_displacement(
     plan: tn.RotaryTest, effects: Mapping[str, Mapping[str, float]], errors: Mapping[str, float]
 ) -> Floats:
     """Ball on the twin's table minus the tool's point, (n, 3), µm."""
-    zero = np.zeros(len(plan))
-    at = forward.Conditions(
-        np.asarray(plan.a_deg),
-        np.asarray(plan.c_deg),
-        np.column_stack([sense(x) for x in plan.position_mm.round(4).T]),
-        zero,
-        zero if plan.time_s is None else np.asarray(plan.time_s),
-        sense(np.asarray(plan.a_deg)),
-        sense(np.asarray(plan.c_deg)),
-    )
-    truth = forward.Truth(errors, effects=effects)
-    table = forward._table_pose(at, forward.Setup(), truth)
-    lam, delta = forward.recorded_to_actual(at, effects)
-    tool = plan.position_mm @ (np.eye(3) + lam).T + delta
-    ball = np.einsum("nij,j->ni", table[:, :3, :3], BALL) + table[:, :3, 3]
-    return np.asarray(1e3 * (ball - tool))
+    time = np.zeros(len(plan)) if plan.time_s is None else np.asarray(plan.time_s)
+    at = conditions(np.asarray(plan.a_deg), np.asarray(plan.c_deg), plan.position_mm, time)
+    ball = np.tile(BALL, (len(plan), 1))
+    return ball_less_tool(at, plan.position_mm, ball, forward.Truth(errors, effects=effects))
 
 
 @cache

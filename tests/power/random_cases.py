@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 import axis_log_twin
 import ballbar_study
+import levels_twin
 import positioning_twin
+import rotary_test_twin
 import trunnion as tn
 import turning_blind
 from power.measured_twin import POINT_EFFECTS, SPACE_EFFECTS, SWEEP_EFFECTS, make_points, make_sweep
@@ -27,10 +29,13 @@ from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
 
 Rng = np.random.Generator
+Left = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 UNKNOWN_SHARE = 1 / 8
 COUNTS = (0.25, 0.35, 0.25, 0.15)  # of no cause, one, two, three
 BATCH = 20
 LEFT = (5.0, 50.0)  # a cause alone is named from about 3.5 on
+SMOOTH = 2.0  # times that: a smooth shape without a name, which has a dozen parameters
+VISIBLE = 0.1  # of a cause is left at least, beside what is always fitted
 HYBRID = (*ballbar_study.HYBRID, *ballbar_study.HYBRID_DRIFTS)
 
 
@@ -57,6 +62,28 @@ def _left(rng: Rng, count: int) -> list[float]:
 def _some(rng: Rng, names: tuple[str, ...]) -> tuple[str, ...]:
     count = int(rng.choice(len(COUNTS), p=COUNTS))
     return tuple(map(str, rng.choice(names, min(count, len(names)), replace=False)))
+
+
+def _unlike(
+    rng: Rng, made: Mapping[str, NDArray[np.float64]], left: Left, noise: float
+) -> tuple[frozenset[str], NDArray[np.float64] | float]:
+    """Scale what causes change in the readings, to leave so much as is drawn; names and sum.
+
+    left: what is left of a change beside what is always fitted. One of which hardly anything is, or
+    that looks like another, is not taken.
+    """
+    kept: dict[str, NDArray[np.float64]] = {}
+    change: NDArray[np.float64] | float = 0.0
+    for (name, own), want in zip(made.items(), _left(rng, len(made)), strict=True):
+        seen = left(own)
+        long = float(np.linalg.norm(seen))
+        if long < VISIBLE * np.linalg.norm(own):
+            continue
+        if all(abs(seen @ o) < ALIKE * long * np.linalg.norm(o) for o in kept.values()):
+            kept[name] = seen
+            more = SMOOTH if name == "field" else 1.0
+            change = change + own * (more * want * noise / long)
+    return frozenset(kept), change
 
 
 def touches_of(rng: Rng, name: str) -> tuple[Drawn, Truth]:
@@ -156,6 +183,36 @@ def positioning(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
     return Drawn(data, None, frozenset(hidden), unknown)
 
 
+def levels(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """A line or a grid, read twice with the level turned in between."""
+    way = levels_twin.drawn_way(rng)
+    laws = levels_twin.ON_A_GRID if way.grid else levels_twin.ON_A_LINE
+    noise = size(rng, 0.3, 3.0)
+    made = {name: laws[name](way, rng) for name in _some(rng, tuple(laws))}
+    hidden, change = _unlike(rng, made, way.left, noise)
+    read = way.sense[:, None] * rng.uniform(-60, 60, 2) + change
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    if unknown:
+        read = read + _unlike(rng, {"": levels_twin.unknown(way, rng)}, way.left, noise)[1]
+    return Drawn(way.data(read + noise * rng.standard_normal(read.shape)), None, hidden, unknown)
+
+
+def rotarytest(rng: Rng, number: int) -> Drawn:  # noqa: ARG001
+    """An R-test, or bars in five directions, about balls on a tilting rotary table."""
+    test = rotary_test_twin.drawn_test(rng)
+    noise = size(rng, 0.2, 2.0)
+    names = _some(rng, tuple(rotary_test_twin.causes_of(test)))
+    made = {name: rotary_test_twin.cause(test, name, rng) for name in names}
+    hidden, change = _unlike(rng, made, test.left, noise)
+    unknown = bool(rng.random() < UNKNOWN_SHARE)
+    if unknown:
+        extra = {"": rotary_test_twin.unknown(test, rng)}
+        change = change + _unlike(rng, extra, test.left, noise)[1]
+    read = test.readings(rotary_test_twin.Hidden(random_errors(rng), {})) + change
+    data = test.data(read + noise * rng.standard_normal(read.shape))
+    return Drawn(data, test.setup(), hidden, unknown)
+
+
 @cache
 def _commands() -> list[NDArray[np.float64]]:
     return [axis_log_twin.commanded(1000 / 60), axis_log_twin.commanded(3000 / 60)]
@@ -236,6 +293,8 @@ KINDS: Mapping[str, Callable[[Rng, int], Drawn]] = {
     "ballbar": ballbar,
     "hybrid ballbar": hybrid_ballbar,
     "positioning": positioning,
+    "levels": levels,
+    "rotarytest": rotarytest,
     "axislog": axislog,
 }
 

@@ -17,6 +17,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes
 from trunnion.base.units import Flags, Floats
+from trunnion.data.flatness import SAME_STEP
 from trunnion.data.levels import COMPONENTS, Levels
 from trunnion.diagnosis.effect import (
     Effect,
@@ -44,6 +45,7 @@ MIN_PLACES = 4
 LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
 SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
+SAME_PLACE = 1e-9  # feet
 MAX_DEGREE = 4
 PLACES_PER_DEGREE = 4
 MIN_APART = 0.05  # of the variance of time, beside the place, from which a drift is looked for
@@ -319,7 +321,11 @@ def _of_shape(rows: _Rows, frame: _Frame) -> list[Effect]:
 
 
 def _kinks(rows: _Rows) -> list[Effect]:
-    """A step of the slope: of a line in both components, of a grid along x or along y."""
+    """A step of the slope: of a line in both components, of a grid along x or along y.
+
+    A level that is moved by the distance of its feet stands astride it at one place, and reads a
+    part of it there.
+    """
     data, out = rows.data, []
     for axis in range(rows.place.shape[1]):
         if data.grid and COMPONENTS[axis] not in data.components:
@@ -328,7 +334,8 @@ def _kinks(rows: _Rows) -> list[Effect]:
         between = (places[1:] + places[:-1]) / 2
         if len(between) < 5:
             continue
-        inner = between[1:-1]
+        feet = _chained(places)
+        inner = np.sort(np.append(between[1:-1], places[2:-2])) if feet else between[1:-1]
         some = np.unique(np.linspace(0, len(inner) - 1, min(len(inner), MAX_KINKS)).round())
         at = Parameter("at_mm", grid=tuple(map(float, inner[some.astype(np.intp)])))
         if data.grid:
@@ -338,25 +345,40 @@ def _kinks(rows: _Rows) -> list[Effect]:
         else:
             id_, names = "kink", [f"{c}_um_m" for c in data.components]
             enters, label = rows.each(rows.sense), "kink of the line"
-        shape = _Step(rows.place[:, axis], enters)
+        shape = _Step(rows.place[:, axis], enters, feet)
         out.append(gridded(id_, [*names, at], shape.columns, label, slopes=shape.slopes))
     return out
 
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """Columns from a place on; the place lies between readings."""
+    """Columns from a place on: at once between readings, or over the distance of the feet (mm)."""
 
     place: Floats
     enters: Floats
+    feet: float
 
     def columns(self, values: Mapping[str, float]) -> Floats:
         """Columns of the step, (N, k)."""
-        return np.where(self.place[:, None] >= values["at_mm"], self.enters, 0.0)
+        beyond = self.place - values["at_mm"]
+        share = np.clip(beyond / self.feet + 0.5, 0.0, 1.0) if self.feet else beyond >= 0
+        return np.asarray(share[:, None] * self.enters)
 
-    def slopes(self, _: Mapping[str, float]) -> Floats:
-        """No derivative by the place, (N, 1)."""
-        return np.zeros((len(self.place), 1))
+    def slopes(self, values: Mapping[str, float]) -> Floats:
+        """Derivative by the place, (N, 1), of all columns together."""
+        if not self.feet:
+            return np.zeros((len(self.place), 1))
+        beyond = np.abs(self.place - values["at_mm"]) / self.feet - 0.5
+        astride = np.where(np.abs(beyond) < SAME_PLACE, 0.5, beyond < 0) / self.feet
+        sizes = [v for name, v in values.items() if name != "at_mm"]
+        return np.asarray(-(astride * (self.enters @ sizes))[:, None])
+
+
+def _chained(places: Floats) -> float:
+    """Distance of the feet of a level that stands where its neighbours do; 0: it does not."""
+    steps = np.diff(places)
+    feet = float(np.median(steps))
+    return feet if np.all(np.abs(steps - feet) <= SAME_STEP * feet) else 0.0
 
 
 def build(data: Levels, _: Any = None, effects: Sequence[EffectLike | str] = ()) -> LevelsModel:
