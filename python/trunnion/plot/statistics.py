@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from textwrap import fill
 from types import MappingProxyType
 
 import numpy as np
@@ -27,8 +26,8 @@ from trunnion.plot.picture import (
     points,
 )
 
-MAX_CODE, MAX_LINE = 6, 26
-"""Characters of names that are codes; of a line of others."""
+MAX_CODE = 6
+"""Characters of names that are codes."""
 ROOM = 0.14
 """Of the length of the longest bar, for the number beside it."""
 
@@ -88,9 +87,12 @@ def correlation_picture(names: Sequence[str], covariance: Floats) -> Picture:
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     correlation = covariance * np.outer(scale, scale)
     down = across = tuple(names)
-    if max(map(len, names)) > MAX_CODE:  # words stand once, under numbers
-        down = tuple(fill(f"{k} {name}", MAX_LINE) for k, name in enumerate(names, 1))
-        across = tuple(f"{k}" for k in range(1, len(names) + 1))
+    said = ""
+    if max(map(len, names)) > MAX_CODE:  # words are longer than a row is high: below, by number
+        numbered = [(str(k), name) for k, name in enumerate(names, 1)]
+        down = tuple(f"{k} {name}" if len(name) <= MAX_CODE else k for k, name in numbered)
+        across = tuple(k for k, _ in numbered)
+        said = f" {'; '.join(f'{k}: {name}' for k, name in numbered if len(name) > MAX_CODE)}."
     upper = np.triu(np.abs(correlation), 1)
     first, second = map(int, np.unravel_index(int(np.argmax(upper)), upper.shape))
     strongest = f"{names[first]} and {names[second]}: {correlation[first, second]:+.2f}"
@@ -100,7 +102,8 @@ def correlation_picture(names: Sequence[str], covariance: Floats) -> Picture:
         Axis(names=down),
         (heat(correlation),),
         Kind.MAP,
-        note=f"Strongest: {strongest.replace('-', '−')}. Near ±1 the data hardly tell them apart.",
+        note=f"Strongest: {strongest.replace('-', '−')}. Near ±1 the data hardly tell them apart."
+        f"{said}",
     )
 
 

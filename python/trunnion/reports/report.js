@@ -2,7 +2,9 @@
 (() => {
   const data = JSON.parse(document.getElementById("report-data").textContent);
   const plots = [...document.querySelectorAll(".plot")];
-  const config = { responsive: true, displaylogo: false,
+  // Without a pointer that hovers the tools would stay over legends.
+  const hovers = window.matchMedia("(hover: hover)").matches;
+  const config = { responsive: true, displaylogo: false, displayModeBar: hovers ? "hover" : false,
     modeBarButtonsToRemove: ["select2d", "lasso2d", "toImage", "sendDataToCloud"] };
   let chosen = null;  // rows that are highlighted, or null
 
