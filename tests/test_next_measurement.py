@@ -1,15 +1,15 @@
-"""The further test that is recommended settles the doubt, measured by independent formulas."""
+"""The further test that is recommended settles the doubt, measured by independent formulas.
+
+The whole table is docs/results/power-further.md, made by ``make power-further``.
+"""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pytest
 
-import from_twin
 import trunnion as tn
+from power.further import Machine, again, done, left_of_doubt
 from power.study import draw_effects, ground
 from promise import kept, needed_runs
 from twin.forward import Truth
@@ -29,58 +29,15 @@ GROUPS = (
 )
 """Under the short plan others of the catalogue do much the same."""
 Rng = np.random.Generator
-Values = Mapping[str, Mapping[str, float]]
-
-
-def moved(place: np.ndarray, sense: np.ndarray, hidden: Values) -> np.ndarray:
-    """How far a three-axis machine misses a commanded place, mm, by the notes' formulas, (n, 3)."""
-    size = {name: next(iter(values.values())) for name, values in hidden.items()}
-    out = np.zeros_like(place)
-    for i, axis in enumerate("xyz"):
-        out[:, i] += 1e-6 * size.get(f"scale_{axis}", 0.0) * place[:, i]
-        out[:, i] -= 1e-3 * size.get(f"backlash_{axis}", 0.0) / 2 * sense[:, i]
-    for (i, j), name, sign in (((0, 1), "xy", -1), ((0, 2), "xz", 1), ((1, 2), "yz", -1)):
-        out[:, i] += sign * np.radians(size.get(f"squareness_{name}", 0.0) / 3600) * place[:, j]
-    return out
-
-
-def done(test: tn.NextMeasurement, truth: Truth, rng: Rng) -> Any:
-    """Do the test: what its instrument reads on the machine with the hidden causes."""
-    made = test.plan
-    hidden = truth.effects
-    if isinstance(made, tn.Touches):
-        setup = ground("paper")[1]
-        seed = int(rng.integers(1 << 31))
-        way = from_twin.twin_plan(made)
-        return tn.Touches(measure(way, setup, truth, noise_um=NOISE_UM, seed=seed).columns)
-    noise = 0.5e-3 * rng.standard_normal(len(made))
-    if isinstance(made, tn.Positioning):
-        i = "XYZ".index(made.columns["axis"][0])
-        place, sense = np.zeros((2, len(made), 3))
-        place[:, i], sense[:, i] = made.target, made.direction
-        return made.with_columns(
-            measured_mm=made.target + moved(place, sense, hidden)[:, i] + noise
-        )
-    place = np.asarray(made.position_mm)
-    step = np.sign(np.round(np.gradient(place, axis=0), 9))
-    tip = place + moved(place, step, hidden) - rng.uniform(-0.02, 0.02, 3)
-    return made.with_columns(length_mm=np.linalg.norm(tip, axis=1) + noise)
 
 
 def settled(d: tn.Diagnosis, test: tn.NextMeasurement, truth: Truth, rng: Rng) -> bool:
     """Whether the hidden set alone is left of those that were in doubt."""
-    more = done(test, truth, rng)
-    if isinstance(more, tn.Touches):
-        names = [name for name in d.data.columns if name in more.columns]
-        both = {n: np.concatenate([d.data.columns[n], more.columns[n]]) for n in names}
-        try:
-            again = tn.diagnose(tn.Touches(both), d.setup)
-        except tn.DataError:  # a touch beside its face, as the artefact stands: nothing is settled
-            return False
-    else:
-        again = tn.diagnose([d.data, more], d.setup)
-    left = {frozenset(i.removeprefix("touches:") for i in causes) for causes in again.alternatives}
-    return left & set(d.alternatives) == {frozenset(truth.effects)}
+    try:
+        both = again(d, done(test.plan, Machine(truth, NOISE_UM), rng))
+    except tn.DataError:  # a touch beside its face, as the artefact stands: nothing is settled
+        return False
+    return left_of_doubt(d, both) == {frozenset(truth.effects)}
 
 
 def recommended(seed: int) -> tuple[tn.Diagnosis, tn.NextMeasurement, Truth, Rng] | None:

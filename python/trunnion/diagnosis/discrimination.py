@@ -107,7 +107,7 @@ class Discrimination:
                     grown = np.sum(miss * miss, axis=0) - own
                     clear &= rival.distance - h.distance + grown > WITHIN
             total += float(self.weight[i] * np.mean(clear))
-        return total
+        return min(total, 1.0)
 
     def distances(self, chosen: Integers) -> list[float]:
         """How far each set predicts these readings from the first, in sigma of its own."""

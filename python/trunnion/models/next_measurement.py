@@ -3,8 +3,8 @@
 Every set of causes that is left is fitted to the measurement and predicts the readings of further
 tests: a repeat in reversed order, chosen touches, a touches pass, a circle of a ball-bar, a
 positioning run of a linear axis. A test of another instrument joins the measurement as in a joint
-diagnosis (:mod:`.joint`); what only that instrument has (its length, its probe, its drift) may take
-any size, so that it cannot settle what it could imitate.
+diagnosis (:mod:`.joint`); what only that test shows (its instrument's length or drift, the scale of
+a further axis) may take any size, so that it cannot settle what it could imitate.
 """
 
 from __future__ import annotations
@@ -167,8 +167,8 @@ def next_measurement(
     Notes
     -----
     Readings of another instrument are supposed to have a noise of 0.5 µm. The probability is that,
-    whichever set is true, every other ends more than 6 in -2 ln L from it; causes that only the
-    further test shows are not foreseen.
+    whichever set is true, every other ends more than 6 in -2 ln L from it, whatever the size of
+    causes that only the further test shows.
 
     Examples
     --------
@@ -313,9 +313,10 @@ def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
         n = len(new.readings)
         part = Part(name, kind, new, np.arange(n), Scaling(np.full(n, noise)))
         both = JointModel([*model.parts, part])
-        own = [e for e in both.effects if e.id.startswith(f"{name}:") and e.linear]
         # What the machine itself has changed, or is said to differ in, is no freedom of the test.
-        own = [e for e in own if e.id not in both.apart and not e.id.startswith(f"{name}:change_")]
+        known = {e.id for e in model.effects} | set(both.apart)
+        own = [e for e in both.effects if e.linear and e.id not in known]
+        own = [e for e in own if not e.id.startswith(f"{name}:change_")]
         yield _Test(
             label,
             kind,
