@@ -193,9 +193,8 @@ def _ordinary(model: Model) -> tuple[Case, Choice | None, bool]:
     exact = _to_first_order(case, found.fit)
     if (found.terms or not exact) and model.near() is not model:
         return case, None, False
-    # Where what is left has a structure, it may be what sums of chords are not.
-    known = not found.terms or _is_linear(case, found.fit)
-    if known or (about := model.near(always=True)) is model:
+    # What sums of chords are not may order sets otherwise, or be what is left.
+    if _is_linear(case, found.fit) or (about := model.near(always=True)) is model:
         return case, choice, True
     again = case_of(about)
     other = _choose(again)

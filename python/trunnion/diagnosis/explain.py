@@ -207,14 +207,14 @@ def _demanded(case: Case) -> tuple[Probabilities, Fit, Alarm]:
         ):
             return chances, plain, alarm
         extended = _fit_set(case, candidates, chances.likeliest[0])
-        bad = _undetermined(case, extended)
+        bad = _undetermined(case, extended, searched)
         if not bad:
             return chances, extended, alarm
         candidates.ban(bad)
 
 
-def _undetermined(case: Case, f: Fit) -> set[int]:
-    """Effects of a fit that might as well not be in it."""
+def _undetermined(case: Case, f: Fit, searched: Search) -> set[int]:
+    """Effects of a fit that might as well not be in it; ``searched``: where its set is from."""
     variance = float(case.floor.noise(f.rss, f.dof))
     if not case.dependent:  # errors of rounding make some sizes far less certain
         growth = case.growth(f, variance)
@@ -244,7 +244,7 @@ def _undetermined(case: Case, f: Fit) -> set[int]:
     # What is expected to differ gives way last, and first what can take its place.
     return (
         {j for j in out if not case.effects[j].expected}
-        or {other for j in out if (other := _stand_in(case, f, j)) is not None}
+        or {other for j in out if (other := _stand_in(case, f, j)) in _redundant(searched)}
         or out
     )
 
@@ -265,6 +265,12 @@ def _part_of_wander(case: Case, f: Fit) -> set[int]:
             if float(own @ own) < least:
                 worst, least = {j}, float(own @ own)
     return worst
+
+
+def _redundant(searched: Search) -> set[int]:
+    """Causes of the best set without which, and none in their place, it explains about as well."""
+    best = searched.top.members
+    return {j for f in searched.found if f.members < best for j in best - f.members}
 
 
 def _stand_in(case: Case, f: Fit, expected: int) -> int | None:

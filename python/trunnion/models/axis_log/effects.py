@@ -37,6 +37,8 @@ DAMPINGS = (0.03, 0.08, 0.2)
 MAX_DAMPING = 0.35  # beyond, nothing resonates: the response has a peak of 1.5 at most
 OF_SCALE = 0.9  # of the variance that motion leaves, from which on positions look like a scale
 MIN_SEEN = 1e-3  # of the variance of positions, that motion does not explain
+DELAY_STEP_MS = 0.01  # over which a delay of the log is differenced
+LOG_DELAY = "log_delay"
 BEYOND = 1.2  # times the highest frequency that is tried, to which the best one is refined
 
 
@@ -360,9 +362,11 @@ def _log_delay(entry: LogEffect, signals: Signals, places: Places) -> Effect:
         parts = [axis.mean(axis.earlier(delay_ms)) for axis in signals.axes]
         return blocks.place(rows, np.concatenate(parts))
 
-    column = places.chord(entry.id, 0.1, change)[rows, None]
-    placed = blocks.place(rows, column)
-    return linear(entry.id, ["delay_ms"], placed, entry.label, owner=Owner.INSTRUMENT)
+    if entry.id in places.about:
+        column = (change(DELAY_STEP_MS) - change(-DELAY_STEP_MS)) / (2 * DELAY_STEP_MS)
+    else:
+        column = places.chord(entry.id, 10 * DELAY_STEP_MS, change)
+    return linear(entry.id, ["delay_ms"], column[:, None], entry.label, owner=Owner.INSTRUMENT)
 
 
 def _rotary_centre(entry: LogEffect, signals: Signals, places: Places) -> Effect | None:  # noqa: ARG001
@@ -377,7 +381,7 @@ def _rotary_centre(entry: LogEffect, signals: Signals, places: Places) -> Effect
 
 
 LOG_EFFECTS = (
-    LogEffect("log_delay", "delay of the log", _log_delay),
+    LogEffect(LOG_DELAY, "delay of the log", _log_delay),
     LogEffect("rotary_centre", "location of the rotary axes", _rotary_centre),
 )
 

@@ -25,6 +25,7 @@ from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings
 from trunnion.models.axis_log.effects import (
+    LOG_DELAY,
     Located,
     catalogue,
     changed_servo,
@@ -207,7 +208,8 @@ class AxisLogModel(Model):
             if name in point.effects:
                 servo = entry.added(servo, axis, point.effects[name])
         rest = np.zeros((len(axis.runs), 2))
-        return replace(axis, servo=servo, starts=point.starts.get(axis.letter, rest))
+        starts, delay_ms = point.starts.get(axis.letter, rest), point.effects.get(LOG_DELAY, 0.0)
+        return replace(axis, servo=servo, starts=starts, log_delay_ms=delay_ms)
 
     def _without_point(self, point: Point) -> Readings:
         """Readings less the plain model's: to what the point leaves, what it holds is added."""
@@ -237,7 +239,7 @@ class AxisLogModel(Model):
 
     def _point_of(self, nuisance: Floats, effects: EffectValues) -> Point:
         starts = np.asarray(nuisance).reshape(len(self.axes), len(self.runs), 2)
-        known = {name for axis in self._signals.axes for name in servo_effects(axis)}
+        known = {name for axis in self._signals.axes for name in servo_effects(axis)} | {LOG_DELAY}
         amounts = {n: float(next(iter(v.values()))) for n, v in effects.items() if n in known}
         return Point(amounts, dict(zip(self.axes, starts, strict=True)))
 

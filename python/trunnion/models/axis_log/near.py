@@ -5,25 +5,39 @@ gain is 20 % off is not the sum of both. So strong effects are fitted to each ax
 simulation, jointly and with the state at the start of each run, by least squares: the effect that
 explains most is taken in, then all are fitted anew, while one explains `MIN_SHARE` of what is left.
 The catalogue is then built about this point. Which effects are causes is not decided here.
+
+A delay of the log is one of all axes. Each axis alone mistakes a part of it for its servo's, so it
+is sought with the strong effects of each first. The one that fits all axes best is kept if they are
+explained better with it than without any.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from trunnion.base.errors import InputError
 from trunnion.base.units import Floats
 from trunnion.contouring.servo import Axis
-from trunnion.models.axis_log.effects import is_scaled, servo_effects
+from trunnion.models.axis_log.effects import (
+    DELAY_STEP_MS,
+    LOG_DELAY,
+    is_scaled,
+    servo_effects,
+)
+from trunnion.models.axis_log.servo_effects import ServoEffect
 from trunnion.models.axis_log.signals import AxisSignal
 
 MIN_SHARE = 0.05  # of the variance left, that an effect explains to be taken in
 MAX_TAKEN = 8
+MAX_ROUNDS = 3  # of taking in effects beside a delay of the log
+SAME = 0.01  # of the variance of noise, by which a step of the log's delay still gains
 MAX_STEPS = 12
 MAX_HALVINGS = 5
 SETTLED = 1e-6  # of the variance left, by which a step still gains
 DEPENDENT = 1e-6  # of a squared unit column
+TINY = 1e-300
 NONLINEAR = 1.0  # of the rms left, by which chords are off from the exact response
 
 
@@ -31,7 +45,7 @@ NONLINEAR = 1.0  # of the rms left, by which chords are off from the exact respo
 class Point:
     """Where a log's model is linearised.
 
-    effects: Id → amount, of servo effects that are in.
+    effects: Id → amount, of servo effects that are in, and of a delay of the log.
     starts: Letter → position (µm, arcsec) and speed (µm/ms) at the start of each run, (runs, 2).
     """
 
@@ -44,23 +58,74 @@ def near(axes: Iterable[AxisSignal], inputs: Iterable[Floats]) -> tuple[Point, b
 
     ``inputs``: further columns of the log, (rows,) each, that may act on each axis.
     """
+    axes, inputs = list(axes), list(inputs)
+    found = [_Search(axis, inputs) for axis in axes]
+    if delays := [one.log_delay() for one in found if LOG_DELAY in one.taken]:
+        without = [_Search(axis, inputs, 0.0) for axis in axes]
+        found = min(without, _delayed(axes, inputs, float(np.median(delays))), key=_cost)
     effects: dict[str, float] = {}
-    starts: dict[str, Floats] = {}
-    far = False
-    inputs = list(inputs)
-    for axis in axes:
-        found = _Search(axis, inputs)
-        found.take_in()
-        far = far or found.nonlinear()
-        effects |= dict(zip(found.taken, found.at[: len(found.taken)].tolist(), strict=True))
-        starts[axis.letter] = found.starts()
-    return Point(effects, starts), far
+    for one in found:
+        effects |= zip(one.taken, one.at[: len(one.taken)].tolist(), strict=True)
+    starts = {one.axis.letter: one.starts() for one in found}
+    return Point(effects, starts), any(one.nonlinear() for one in found)
+
+
+def _delayed(
+    axes: Sequence[AxisSignal], inputs: Sequence[Floats], log_delay_ms: float
+) -> list["_Search"]:
+    """Searches with the delay of the log that fits all axes best; ``log_delay_ms``: near it."""
+    for _ in range(MAX_ROUNDS):
+        found = [_Search(axis, inputs, log_delay_ms) for axis in axes]
+        before = log_delay_ms
+        for _ in range(MAX_STEPS):
+            along, sizes = np.sum([one.pull() for one in found], axis=0)
+            log_delay_ms += float(along / max(sizes, TINY))
+            for one in found:
+                one.hold(log_delay_ms)
+            if along**2 <= SAME * sizes:
+                break
+        if abs(log_delay_ms - before) <= DELAY_STEP_MS:
+            break
+    return found
+
+
+def _cost(found: Sequence["_Search"]) -> float:
+    """-2 ln L of all axes, with what taken effects and a delay of the log cost (Schwarz 1978)."""
+    taken = len({name for one in found for name in one.taken})
+    count = sum(len(one.y) for one in found)
+    sizes = [len(one.y) * np.log(max(float(one.left @ one.left), TINY)) for one in found]
+    return float(sum(sizes) + taken * float(np.log(count)))
+
+
+@dataclass(frozen=True)
+class _LogDelay:
+    """A delay of the log as an entry beside those of the servo."""
+
+    signed: ClassVar[bool] = True
+    expected: ClassVar[bool] = False
+
+    def lowest(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the smallest amount."""
+        return -np.inf
+
+    def least(self, axis: AxisSignal) -> float:  # noqa: ARG002
+        """Return the amount from which its size is sought, ms."""
+        return 10 * DELAY_STEP_MS
+
+    def added(self, servo: Axis, axis: AxisSignal, amount: float) -> Axis:  # noqa: ARG002
+        """Return the servo of an axis, which knows of no delay of the log."""
+        return servo
 
 
 class _Search:
-    """Effects of one axis taken in one after the other."""
+    """Effects of one axis taken in one after the other.
 
-    def __init__(self, axis: AxisSignal, inputs: Sequence[Floats]) -> None:
+    ``log_delay_ms``: of the log, as it is known; None: it may be taken in like any other.
+    """
+
+    def __init__(
+        self, axis: AxisSignal, inputs: Sequence[Floats], log_delay_ms: float | None = None
+    ) -> None:
         self.axis = axis
         # What inputs can make of the readings is taken out of everything, through the nominal loop.
         columns = [axis.mean(axis.through_loop(one)) for one in inputs]
@@ -68,14 +133,18 @@ class _Search:
             columns.append(axis.mean(axis.commanded))
         size = (len(axis.blocks), len(columns))
         self.acted = np.linalg.qr(np.reshape(columns, size[::-1]).T)[0]
-        self.entries = servo_effects(axis)
-        self.taken: list[str] = []
+        self.held = frozenset({LOG_DELAY} if log_delay_ms else ())
+        self.entries: dict[str, ServoEffect | _LogDelay] = {**servo_effects(axis)}
+        if log_delay_ms != 0.0:
+            self.entries[LOG_DELAY] = _LogDelay()
+        self.taken = list(self.held)
         self.dropped: set[str] = set()
         self.runs = len(axis.runs)
         self.y = self.rest(axis.mean(axis.units.scale * (axis.actual - axis.commanded)))
         self.run_of = axis.blocks.run_of[: len(axis.blocks)]
-        self.at = np.zeros(2 * self.runs)
+        self.at = np.concatenate([[log_delay_ms] * len(self.held), np.zeros(2 * self.runs)])
         self.left = self.y - self.predicted([self.at])[0]
+        self.take_in()
 
     def starts(self) -> Floats:
         """State at the start of each run, (runs, 2)."""
@@ -93,7 +162,13 @@ class _Search:
         k = len(self.taken)
         servos = [self.servo(self.taken, p[:k]) for p in points]
         starts = np.stack([p[k:].reshape(self.runs, 2) for p in points])
-        return self.rest(self.axis.readings_of(servos, starts))
+        delays = [self.log_delay(p) for p in points]
+        return self.rest(self.axis.readings_of(servos, starts, delays))
+
+    def log_delay(self, point: Floats | None = None) -> float:
+        """Delay of the log at a point, by default the present one, ms."""
+        at = self.at if point is None else point
+        return float(at[self.taken.index(LOG_DELAY)]) if LOG_DELAY in self.taken else 0.0
 
     def rest(self, values: Floats) -> Floats:
         """Values (..., blocks) less what inputs can make of them."""
@@ -114,7 +189,8 @@ class _Search:
         rise = self.predicted(moved) - (self.y - self.left)
         out = np.zeros((len(self.y), len(self.at)))
         for j, name in enumerate(self.taken):
-            out[:, j] = rise[j] / self.step(name)
+            if name not in self.held:
+                out[:, j] = rise[j] / self.step(name)
         for i in range(2):
             of_run = np.arange(self.runs) == self.run_of[:, None]
             out[:, k + i :: 2] = np.where(of_run, rise[k + i][:, None] / 0.1, 0.0)
@@ -153,8 +229,9 @@ class _Search:
 
     def take_in(self) -> None:
         """Take in what is expected to be off, then what explains most, as long as it is enough."""
-        self.taken = [name for name, entry in self.entries.items() if entry.expected]
-        self.at = np.insert(self.at, 0, np.zeros(len(self.taken)))
+        expected = [name for name, entry in self.entries.items() if entry.expected]
+        self.at = np.insert(self.at, len(self.taken), np.zeros(len(expected)))
+        self.taken += expected
         basis = self.fit()
         while len(self.taken) < MAX_TAKEN and (name := self.best(basis)):
             self.at = np.insert(self.at, len(self.taken), 0.0)
@@ -182,7 +259,7 @@ class _Search:
         k = len(self.taken)
         values = (self.at * size)[:k]
         lost = values**2 / np.maximum(np.einsum("ij,ij->i", inverse, inverse)[:k], 1e-300)
-        lost[[self.entries[n].expected for n in self.taken]] = np.inf
+        lost[[self.entries[n].expected or n in self.held for n in self.taken]] = np.inf
         i = int(np.argmin(lost))
         return self.taken[i] if lost[i] < MIN_SHARE * float(left @ left) else ""
 
@@ -191,10 +268,11 @@ class _Search:
         others = [n for n in self.entries if n not in self.taken and n not in self.dropped]
         if not others:
             return ""
-        here = self.servo(self.taken, self.at[: len(self.taken)])
+        here, delay = self.servo(self.taken, self.at[: len(self.taken)]), self.log_delay()
         servos = [self.entries[n].added(here, self.axis, self.step(n)) for n in others]
+        delays = [delay + (self.step(n) if n == LOG_DELAY else 0.0) for n in others]
         starts = np.broadcast_to(self.starts(), (len(others), self.runs, 2))
-        rise = (self.rest(self.axis.readings_of(servos, starts)) - (self.y - self.left)).T
+        rise = (self.rest(self.axis.readings_of(servos, starts, delays)) - (self.y - self.left)).T
         size = np.einsum("ij,ij->j", rise, rise)
         rise = rise - basis @ (basis.T @ rise)
         own = np.einsum("ij,ij->j", rise, rise)
@@ -204,6 +282,25 @@ class _Search:
         gain = np.where(seen, along**2 / np.where(seen, own, 1.0), 0.0)
         enough = gain.max(initial=0.0) > MIN_SHARE * float(self.left @ self.left)
         return others[int(np.argmax(gain))] if enough else ""
+
+    def pull(self) -> Floats:
+        """Inner products of the log's delay, beside all that is fitted: with what is left, its own.
+
+        In the variance that is left.
+        """
+        slopes = self.slopes()
+        at, delay_ms = self.at.copy(), self.step(LOG_DELAY)
+        at[self.taken.index(LOG_DELAY)] += delay_ms
+        rise = (self.predicted([at])[0] - (self.y - self.left)) / delay_ms
+        own = rise - slopes @ np.linalg.lstsq(slopes, rise, rcond=DEPENDENT**0.5)[0]
+        variance = max(float(self.left @ self.left) / len(self.y), TINY)
+        return np.array([own @ self.left, own @ own]) / variance
+
+    def hold(self, log_delay_ms: float) -> None:
+        """Fit anew with another delay of the log."""
+        self.at[self.taken.index(LOG_DELAY)] = log_delay_ms
+        self.left = self.y - self.predicted([self.at])[0]
+        self.fit()
 
     def nonlinear(self) -> bool:
         """Whether chords, one an effect, are off by more than what is left."""

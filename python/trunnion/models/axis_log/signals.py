@@ -161,6 +161,7 @@ class AxisSignal:
     starts: How far each run begins ahead of its first command, and its speed then, µm (arcsec) and
         µm/ms, shape (runs, 2); None: at rest.
     command_step: Step that was taken off the commanded positions, mm or deg; 0: none.
+    log_delay_ms: Actual positions are recorded as those of so much earlier.
     """
 
     letter: str
@@ -174,6 +175,7 @@ class AxisSignal:
     blocks: Blocks
     starts: Floats | None = None
     command_step: float = 0.0
+    log_delay_ms: float = 0.0
 
     @property
     def units(self) -> Units:
@@ -189,7 +191,7 @@ class AxisSignal:
 
     @cached_property
     def predicted(self) -> Floats:
-        """Positions under the set-up's parameters, mm or deg, shape (rows,)."""
+        """Positions recorded under these parameters, mm or deg, shape (rows,)."""
         return self.response(self.servo)
 
     def response(self, servo: Axis, feedback: Feedback | None = None) -> Floats:
@@ -205,12 +207,16 @@ class AxisSignal:
             some = servos[start : start + batch]
             yield self._follow(some, feedback or self.feedback, self._fine_commands, self.starts)
 
-    def readings_of(self, servos: Sequence[Axis], starts: Floats) -> Floats:
+    def readings_of(
+        self, servos: Sequence[Axis], starts: Floats, delays_ms: Sequence[float]
+    ) -> Floats:
         """Readings as positions under each of m parameters from starts (m, runs, 2): (m, blocks).
 
-        In µm or arcsec, less the commanded positions.
+        In µm or arcsec, less the commanded positions. ``delays_ms``: of the log, for each.
         """
-        y = self._follow(servos, self.feedback, self._fine_commands, starts)
+        y = self._moved(servos, self.feedback, self._fine_commands, starts)
+        for i, delay_ms in enumerate(delays_ms):
+            y[i] = self._earlier(y[i], delay_ms)
         return self.blocks.mean(self.units.scale * (y - self.commanded), axis=1)
 
     def change(self, servo: Axis) -> Floats:
@@ -248,10 +254,21 @@ class AxisSignal:
         fine: Sequence[Floats],
         starts: Floats | None = None,
     ) -> Floats:
-        """Load positions for commands by control period, shape (servos, rows).
+        """Recorded load positions for commands by control period, shape (servos, rows).
 
         ``starts``: of all servos (runs, 2), or of each, (servos, runs, 2).
         """
+        y = self._moved(servos, feedback, fine, starts)
+        return self._earlier(y, self.log_delay_ms)
+
+    def _moved(
+        self,
+        servos: Sequence[Axis],
+        feedback: Feedback,
+        fine: Sequence[Floats],
+        starts: Floats | None,
+    ) -> Floats:
+        """The same, as they are at the time of each row."""
         each = numbers(servos)
         out = np.empty((len(servos), len(self.commanded)))
         some = np.zeros((len(self.runs), 2)) if starts is None else starts * [1.0, 1e3]
@@ -292,21 +309,28 @@ class AxisSignal:
 
     def earlier(self, delay_ms: float) -> Floats:
         """Change of the log if it shows positions of so much earlier, µm or arcsec, by row."""
-        out = np.empty(len(self.commanded))
+        return self.units.scale * (self._earlier(self.predicted, delay_ms) - self.predicted)
+
+    def _earlier(self, positions: Floats, delay_ms: float) -> Floats:
+        """Positions (..., rows) of so much earlier; before a run and after it at constant speed."""
+        if not delay_ms:
+            return positions
+        out = np.empty_like(positions)
         for run in self.runs:
-            y = self.predicted[run.rows]
-            t = np.arange(run.count) * run.period_s
-            shifted = np.clip(t - delay_ms * 1e-3, 0.0, None)
-            inside = np.minimum(shifted, t[-1])
-            beyond = (shifted - inside) * (y[-1] - y[-2]) / run.period_s
-            out[run.rows] = self.units.scale * (CubicSpline(t, y)(inside) + beyond - y)
+            y = positions[..., run.rows]
+            at = np.arange(run.count) - delay_ms * 1e-3 / run.period_s
+            inside = np.clip(at, 0, run.count - 1)
+            speed = np.where(at < 0, y[..., 1:2] - y[..., :1], y[..., -1:] - y[..., -2:-1])
+            within = CubicSpline(np.arange(run.count), y, axis=-1)(inside)
+            out[..., run.rows] = within + (at - inside) * speed
         return out
 
     def sense_and_speed(self) -> tuple[Floats, Floats]:
         """Sense of travel and speed of the modelled motion by row; rest keeps the last sense."""
         sense, speed = np.zeros(len(self.commanded)), np.zeros(len(self.commanded))
+        moved = self._moved([self.servo], self.feedback, self._fine_commands, self.starts)[0]
         for run in self.runs:
-            v = np.gradient(self.predicted[run.rows], run.period_s)
+            v = np.gradient(moved[run.rows], run.period_s)
             s = np.sign(np.where(np.abs(v) < 1e-6 * np.abs(v).max(initial=1e-30), 0.0, v))
             kept = np.maximum.accumulate(np.where(s != 0, np.arange(len(s)), 0))
             sense[run.rows], speed[run.rows] = s[kept], np.abs(v)
