@@ -245,6 +245,25 @@ def test_standard_errors_hold_beside_forces_that_no_model_knows() -> None:
     assert all(kept(count, runs, 0.92) for count in inside.values()), inside
 
 
+def test_rounding_makes_nothing_more_certain_beside_forces_that_no_model_knows() -> None:
+    """Steps of 20 µm are dither of a residual with a memory, not a reason to take it for white."""
+    random = np.random.default_rng(5)
+    memory = np.exp(-rig.PERIOD / 0.04)
+    white = np.sqrt(1 - memory**2) * random.standard_normal(len(command()))
+    forces = 5.0 * signal.lfilter([1.0], [1.0, -memory], white)
+    one = replace(rig.Rig(), static=rig.Rig().coulomb)
+    position = rig.actual(one, command(), forces)
+    nominal = setup(120.0, 11.0)
+    fine = tn.diagnose(rig.as_log(command(), position), nominal)
+    step = 20e-3
+    coarse = tn.diagnose(rig.as_log(command(), step * np.round(position / step)), nominal)
+    errors = [{c.id: next(iter(c.std_errors.values())) for c in d.causes} for d in (fine, coarse)]
+    for name in ("gain_x", "friction_x"):
+        assert errors[1][name] > 0.5 * errors[0][name]
+    for cause, error in errors[1].items():
+        assert abs(next(iter(coarse.effects[cause].values()))) > error
+
+
 # --- logs that cannot tell
 
 

@@ -63,6 +63,8 @@ class Channel:
         How many readings that depend on each other count as one.
     white:
         Whether its noise is taken as white, for nothing is known of its memory: ``growth`` counts.
+    memory:
+        Of such noise, readings that may count as one: what has a longer memory is no such noise.
     """
 
     rows: IntArray
@@ -72,6 +74,7 @@ class Channel:
     rounding: Array | None = None
     growth: float = 1.0
     white: bool = False
+    memory: float = np.inf
 
     def noisy(self, residuals: Array) -> Array:
         """Residuals (n,) with white noise of the same size in place of what rounding makes."""
@@ -154,17 +157,19 @@ def whitener(
         mark = ""
         if sum(float(x @ x) for x in series) < len(y) * least**2:
             noise = Autoregression(sizes=(least,))  # what is left is no evidence of a memory
-        elif channel.white:
+        elif channel.white and length(series) <= channel.memory:
             size = sum(float(x @ x) for x in series) / max(len(y) - q.shape[1], 1)
             noise = Autoregression(sizes=(size**0.5,))
-        elif all_dependent:
+        elif all_dependent or channel.white:
             noise, mark = _long_run_noise(series, q.shape[1]), DEPENDENT
         else:
             noise, mark = _noise(y, q, channel, segments, unnamed)
         if mark:
             marked[mark] += range(len(filters), len(filters) + len(segments))
-        if channel.growth > 1.0:
-            sizes = tuple(channel.growth**0.5 * size for size in noise.sizes)
+        # What is dependent counts as fewer readings already.
+        growth = channel.growth / (length(series) if mark == DEPENDENT else 1.0)
+        if growth > 1.0:
+            sizes = tuple(growth**0.5 * size for size in noise.sizes)
             noise = Autoregression(noise.predictors, sizes)
         filters += [(channel.rows[s], noise) for s in segments]
     return Whitener(tuple(filters), tuple(marked[DEPENDENT]), tuple(marked[WANDERING]))

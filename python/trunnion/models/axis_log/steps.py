@@ -26,6 +26,7 @@ from trunnion.base.resolution import (
     machines,
 )
 from trunnion.base.units import Floats
+from trunnion.diagnosis.dependence import length
 from trunnion.diagnosis.noise import Channel, basis_beside
 from trunnion.models.axis_log.signals import AxisSignal, Run
 
@@ -37,6 +38,7 @@ MIN_SHARE = 0.01  # of the variance of readings, that rounded commands make befo
 NOISES = (MIN_NOISE_STEPS, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0)
 MAX_PACE = 2.5  # steps a sample, of an axis that goes up stairs
 MAX_ROUGH = 0.25  # noise, in steps, below which the size of errors changes with the position
+LONGER = 2.0  # times the longest memory of simulated rounding, from which on it is another's
 FEW_DRAWS = 8
 EXPECTED_DRAWS = 32
 GROWTH_DRAWS = 128
@@ -71,6 +73,8 @@ class Rounded:
     growth:
         How many times more its errors may change what is estimated from its readings than white
         noise of the same size, in variance.
+    memory:
+        Readings that count as one, at most, where rounding alone makes them depend on each other.
     """
 
     signal: AxisSignal
@@ -79,6 +83,7 @@ class Rounded:
     noise: float
     expected: Floats
     growth: float = 1.0
+    memory: float = np.inf
 
     @classmethod
     def of(cls, signal: AxisSignal, channel: Channel) -> "Rounded | None":
@@ -110,8 +115,18 @@ class Rounded:
         if noise >= MAX_SIMULATED_STEPS * actual and not by_command:
             return None
         own = replace(free, commanded=commanded if by_command else 0.0, noise=noise)
-        expected = own.of_actual(fitted, noise, rng, EXPECTED_DRAWS).mean(axis=1)
-        return replace(own, expected=expected, growth=own._growth(fitted, q))
+        errors = own.of_actual(fitted, noise, rng, EXPECTED_DRAWS)
+        expected, growth = errors.mean(axis=1), own._growth(fitted, q)
+        errors += own.of_command(rng, EXPECTED_DRAWS)
+        return replace(own, expected=expected, growth=growth, memory=own._memory(errors, q))
+
+    def _memory(self, errors: Floats, basis: Floats) -> float:
+        """Readings that may count as one by errors (blocks, draws) beside what is estimated."""
+        left = errors - errors.mean(axis=1, keepdims=True)
+        left -= basis @ (basis.T @ left)
+        groups = self.signal.blocks.groups[self.signal.rows]
+        each = [left[groups == g] for g in np.unique(groups)]
+        return LONGER * max(length([x[:, i] for x in each]) for i in range(left.shape[1]))
 
     def _growth(self, fitted: Floats, basis: Floats) -> float:
         """Largest variance that errors have along a combination of what is estimated, over white's.
@@ -200,7 +215,13 @@ class LogSteps(Grid):
         for axis in self.axes:
             if axis.signal.channel == number:
                 white = axis.commanded > 0 or axis.noise < MAX_ROUGH * axis.actual
-                return replace(channel, rounding=axis.expected, growth=axis.growth, white=white)
+                return replace(
+                    channel,
+                    rounding=axis.expected,
+                    growth=axis.growth,
+                    white=white,
+                    memory=axis.memory,
+                )
         return channel
 
     def noise(self, *_: object) -> float:
