@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, TypeAlias
@@ -112,6 +112,11 @@ class MachineErrors:
             placement={name: finite(name, value) for name, value in (placement or {}).items()},
             ignored=ignored,
         )
+
+    def only(self, ids: Container[str]) -> MachineErrors:
+        """Return the location errors with those effects of the machine that have these ids."""
+        effects = {name: values for name, values in self.effects.items() if name in ids}
+        return MachineErrors(errors=self.errors, effects=effects)
 
     def core(
         self,

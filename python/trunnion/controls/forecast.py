@@ -125,17 +125,6 @@ def _interval(
     ).max_um  # fmt: skip
 
 
-def location_settings(known: MachineErrors, where: str) -> list[Setting]:
-    """Location errors as they are, µm and arcsec."""
-    return [
-        Setting(
-            name, where, unit_of(name), 0.0, value,
-            f"{'offset' if name[1] in 'XYZ' else 'tilt'} of the {name[3]} axis", SIGNS[name[1]],
-        )
-        for name, value in known.errors.items()
-    ]  # fmt: skip
-
-
 def table_settings(tables: Sequence[AxisTable], names: Mapping[str, str]) -> list[Setting]:
     """Each table as its largest value: people see where it goes and over which range it holds."""
     made = []

@@ -78,10 +78,6 @@ def heidenhain_files(
         **{name: _text(listed, said) for name, listed in by_file.items()},
         **_com(found, int(said.get("com_sign", "1"))),
     }
-    ids = set(found.held)
-    held = MachineErrors(
-        errors=known.errors, effects={k: v for k, v in known.effects.items() if k in ids}
-    )
     where = {t.name: f"{t.over.lower()}.com" for t in found.tables}
     count = sum(1 for one in settings if one.name.split()[1] in "XYZABC")
     notes = (
@@ -95,8 +91,9 @@ def heidenhain_files(
     )
     return control_files(
         setup, estimate, known, control, files,
-        [*settings, *table_settings(found.tables, where)], held, reasons=found.left,
-        between=left_between(found.tables, 0.5 * 10.0**-PLACES), notes=notes, seed=seed,
+        [*settings, *table_settings(found.tables, where)], known.only(found.held),
+        reasons=found.left, between=left_between(found.tables, 0.5 * 10.0**-PLACES),
+        notes=notes, seed=seed,
     )  # fmt: skip
 
 

@@ -102,7 +102,7 @@ def isg_files(
         )
         for key, value in values.items()
     ]  # fmt: skip
-    held = _held(known, {*SQUARENESS, *found.held})
+    held = known.only({*SQUARENESS, *found.held})
     return control_files(
         setup, estimate, known, f"ISG kernel (TF5280, {layout})",
         {**listed, **_lists(found, chain.letters)},
@@ -129,7 +129,7 @@ def twincat_files(
     known = known_errors(setup, estimate, any_size=any_size)
     found = _screws(setup, known)
     left = [f"{name} (axis tables have no place for location errors)" for name in known.errors]
-    held = MachineErrors(effects=_held(known, set(found.held)).effects)
+    held = MachineErrors(effects=known.only(found.held).effects)
     return control_files(
         setup, estimate, known, "TwinCAT CNC (axis tables)", _lists(found, Chain(setup).letters),
         table_settings(found.tables, _names(found)), held, reasons=found.left, left_out=left,
@@ -140,11 +140,6 @@ def twincat_files(
 
 def _screws(setup: Setup, known: MachineErrors) -> AxisTables:
     return axis_tables(setup, known.effects, max_rows=MAX_POINTS, scales=True, squareness=False)
-
-
-def _held(known: MachineErrors, ids: set[str]) -> MachineErrors:
-    effects = {name: values for name, values in known.effects.items() if name in ids}
-    return MachineErrors(errors=known.errors, effects=effects)
 
 
 def _values(setup: Setup, known: MachineErrors, said: Mapping[str, str]) -> dict[str, float]:

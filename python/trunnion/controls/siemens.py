@@ -75,10 +75,6 @@ def siemens_files(
         **holder.files(carrier, said),
         **_tables(found, int(said.get("cec_sign", "1"))),
     }
-    ids = set(found.held)
-    held = MachineErrors(
-        errors=known.errors, effects={k: v for k, v in known.effects.items() if k in ids}
-    )
     notes = (
         *holder.notes(),
         "Tables load with $MA_ENC_COMP_ENABLE and $MA_CEC_ENABLE 0 only; set them 1 afterwards.",
@@ -87,8 +83,8 @@ def siemens_files(
     return control_files(
         setup, estimate, known, "Siemens 840D",
         files, [*carrier, *table_settings(found.tables, where), *_backlash(found)],
-        held, reasons=found.left, between=left_between(found.tables, 0.5 * 10.0**-PLACES),
-        notes=notes, seed=seed,
+        known.only(found.held), reasons=found.left,
+        between=left_between(found.tables, 0.5 * 10.0**-PLACES), notes=notes, seed=seed,
     )  # fmt: skip
 
 

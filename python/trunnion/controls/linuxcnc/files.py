@@ -138,7 +138,6 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
         "machine without errors. The work offset stays as it is.",
     )
     ids = {*mine.effects, *tables.held}
-    together = {name: values for name, values in known.effects.items() if name in ids}
     return Made(
         files,
         (
@@ -146,7 +145,7 @@ def _component(setup: Setup, known: MachineErrors, now: Present) -> Made:
             *([] if grid is None else [grid.setting(f"{NAME}.comp")]),
             *table_settings(tables.tables, {t.name: COMP.format(t.name) for t in tables.tables}),
         ),
-        replace(mine, effects=together),
+        replace(mine, effects=known.only(ids).effects),
         notes=notes,
         reasons={**tables.left, **no_map},
         between={

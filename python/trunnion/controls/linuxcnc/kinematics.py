@@ -89,8 +89,7 @@ def held(setup: Setup, known: MachineErrors) -> MachineErrors:
     """Errors that the component holds: location errors, error motions, scale and squareness."""
     mine = {name for name, _, _ in LINEAR_ERRORS}
     mine |= {motion.effect for listed in _motions(setup).values() for motion in listed}
-    effects = {name: values for name, values in known.effects.items() if name in mine}
-    return MachineErrors(errors=known.errors, effects=effects)
+    return known.only(mine)
 
 
 def is_conventional(setup: Setup) -> bool:
