@@ -14,7 +14,6 @@ held. Where one is only weak, holding one parameter would put on the others what
 the directions then leave the combination alone as a whole.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -189,16 +188,3 @@ def _whitening(factor: Floats) -> Floats:
     size = np.linalg.norm(factor, axis=0)
     triangle = np.linalg.qr(factor / size, mode="r")
     return np.asarray(solve_triangular(triangle, np.eye(len(size))) / size[:, None])
-
-
-def combination_in_words(names: Sequence[str], units: Sequence[str], combination: Floats) -> str:
-    """Say what cannot be distinguished: ``EC0A (+1 arcsec) together with rc_arcsec (-1 arcsec)``.
-
-    names, units: Of the p parameters.
-    combination: A row of :attr:`LinearFit.combinations`, shape (p,).
-    """
-    kept = [part for part in zip(names, units, combination.tolist(), strict=True) if part[2]]
-    if len(kept) == 1:
-        return kept[0][0]
-    parts = (f"{name} ({f'{value:+.4g} {unit}'.strip()})" for name, unit, value in kept)
-    return " together with ".join(parts)

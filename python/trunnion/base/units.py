@@ -83,6 +83,11 @@ def parameter_words(name: str) -> str:
     return without_unit(name).replace("_", " ")
 
 
+def capital(text: str) -> str:
+    """Return a text that begins with a capital."""
+    return text[:1].upper() + text[1:]
+
+
 _SIZES: dict[str, tuple[str, float]] = {
     **{u: ("length", s) for u, s in (("mm", 1.0), ("cm", 10.0), ("m", 1e3), ("µm", 1e-3))},
     **{u: ("length", s) for u, s in (("nm", 1e-6), ("inch", 25.4), ("in", 25.4))},

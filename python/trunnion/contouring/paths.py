@@ -21,7 +21,7 @@ from scipy.interpolate import make_interp_spline
 import trunnion.nc as nc
 from trunnion._core import ContourPath
 from trunnion.base.arguments import check_fields, checked
-from trunnion.base.checks import array, floats, positive
+from trunnion.base.checks import array, line, positive
 from trunnion.base.errors import InputError, ProgramError
 from trunnion.base.units import Floats
 
@@ -212,22 +212,22 @@ class Path:
     @checked
     def points_mm(self, u: ArrayLike) -> Floats:
         """Tool tip at u, shape (n, 3)."""
-        return self.core.frames(_row("u", u))[0]
+        return self.core.frames(line("u", u))[0]
 
     @checked
     def tools(self, u: ArrayLike) -> Floats:
         """Unit tool axis at u, shape (n, 3)."""
-        return self.core.frames(_row("u", u))[1]
+        return self.core.frames(line("u", u))[1]
 
     @checked
     def curvature_per_mm(self, u: ArrayLike) -> Floats:
         """Curvature at u, shape (n,)."""
-        return self.core.frames(_row("u", u))[2]
+        return self.core.frames(line("u", u))[2]
 
     @checked
     def at_length(self, s_mm: ArrayLike) -> Floats:
         """Parameter u at arc lengths from the start, shape (n,)."""
-        return self.core.at_length(_row("s_mm", s_mm))
+        return self.core.at_length(line("s_mm", s_mm))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Path):
@@ -239,13 +239,6 @@ class Path:
 
     def __repr__(self) -> str:
         return f"Path({len(self.omega)} pieces, {self.length_mm:.6g} mm)"
-
-
-def _row(what: str, values: ArrayLike) -> Floats:
-    row = np.atleast_1d(floats(what, values))
-    if row.ndim != 1:
-        raise InputError(f"{what}: got shape {row.shape}, expected (n,)")
-    return row
 
 
 def _points(points_mm: ArrayLike, tools: ArrayLike) -> tuple[Floats, Floats]:

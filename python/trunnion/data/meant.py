@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from trunnion.data.mistaken import factors, listed
 from trunnion.files.table import Table
 from trunnion.setup import Machine, Setup
 from trunnion.setup.machines import presets
+
+T = TypeVar("T", bound=Table)
 
 Scatter: TypeAlias = Callable[[Any, Any], float]
 """``scatter(data, setup)``: rms of what the plain model leaves; it raises where nothing fits."""
@@ -83,7 +85,7 @@ def likely_meant(
     if not isinstance(data, Table):
         return ""
     tried = []
-    for guess in guesses(_some(data), setup):
+    for guess in guesses(some_rows(data), setup):
         with suppress(TrunnionError):  # nothing that the model takes, either
             left = scatter(guess.data, guess.setup)
             if fits(guess, left):
@@ -194,7 +196,7 @@ def _unit(data: Table) -> str:
     return {"mm": "µm", "deg": "arcsec"}.get(min(units), min(units)) if len(units) == 1 else "µm"
 
 
-def _some(data: Table) -> Table:
+def some_rows(data: T) -> T:
     """Take some of many rows, in order: enough to recognise a mistake."""
     if len(data) <= MAX_ROWS:
         return data

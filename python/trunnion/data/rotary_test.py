@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 from os import PathLike
-from types import MappingProxyType
 
 from trunnion.base.units import Floats
-from trunnion.data.touches import ROTARY_AXES
+from trunnion.data.touches import by_axis
 from trunnion.files.columns import (
     ColumnError,
     Number,
@@ -66,9 +65,7 @@ class RotaryTest(Table):
     @property
     def rotary_deg(self) -> Mapping[str, Floats]:
         """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
-        names = {axis: f"{axis}_deg" for axis in ROTARY_AXES}
-        there = {axis: self.columns[name] for axis, name in names.items() if name in self.columns}
-        return MappingProxyType(there)
+        return by_axis(self, "deg")
 
     def _check(self) -> None:
         self.all_or_none(*READINGS)

@@ -82,18 +82,12 @@ class Touches(Table):
     @property
     def rotary_deg(self) -> Mapping[str, Floats]:
         """Commanded positions of the rotary axes that the data have, by letter: a, b, c."""
-        return self._by_axis("deg")
+        return by_axis(self, "deg")
 
     @property
     def rotary_dir(self) -> Mapping[str, Int]:
         """Senses of the last turns that the data have, by the axis's letter: a, b, c."""
-        return self._by_axis("dir")
-
-    def _by_axis(self, what: str) -> Mapping[str, NDArray[Any]]:
-        names = {axis: f"{axis}_{what}" for axis in ROTARY_AXES}
-        return MappingProxyType(
-            {axis: self.columns[name] for axis, name in names.items() if name in self.columns}
-        )
+        return by_axis(self, "dir")
 
     def _check(self) -> None:
         for axis in self.rotary_dir:
@@ -114,6 +108,14 @@ class Touches(Table):
                 f"the approach direction ({x!r}, {y!r}, {z!r}) of length {length[row]:.9g}",
                 f"a unit vector (to {UNIT_TOLERANCE:g})",
             )
+
+
+def by_axis(data: Table, what: str) -> Mapping[str, NDArray[Any]]:
+    """Return the columns that the data have of rotary axes (`a_deg`, ...), by letter: a, b, c."""
+    names = {axis: f"{axis}_{what}" for axis in ROTARY_AXES}
+    return MappingProxyType(
+        {axis: data.columns[name] for axis, name in names.items() if name in data.columns}
+    )
 
 
 def read_touches(path: str | PathLike[str]) -> Touches:

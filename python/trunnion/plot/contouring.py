@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trunnion.base.units import capital
 from trunnion.contouring.margins import Margins
 from trunnion.contouring.paths import Path
 from trunnion.contouring.reproduction import ContourComparison
@@ -15,7 +16,7 @@ from trunnion.contouring.simulation import ContourRun, ContourSweep
 from trunnion.plot.axes import axes_or_new
 from trunnion.plot.picture import Axis, Dash, Picture, Series, line, points
 from trunnion.plot.statistics import bars_picture
-from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION, capital
+from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION
 
 COLOURS = {"independent": MUTED, "existing": VERMILLION, "proposed": BLUE}
 DASHES: tuple[Dash, ...] = ("solid", "dash", "dot")

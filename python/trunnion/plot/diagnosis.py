@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import InputError
-from trunnion.base.units import Flags, Floats, parameter_words, unit_of
+from trunnion.base.units import Flags, Floats, capital, parameter_words, unit_of
 from trunnion.diagnosis.model import Covariate, Model
 from trunnion.diagnosis.records import Cause, Residuals, labelled, percent, with_unit
 from trunnion.diagnosis.result import Diagnosis
@@ -170,7 +170,7 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     """Readings corrected for the other causes over what this one depends on, with the fit."""
     of = Explained.of(d, id_)
     where = of.coordinate
-    title = f"{_capital(of.cause.label or labelled(id_, ''))}, {percent(of.cause.probability)}"
+    title = f"{capital(of.cause.label or labelled(id_, ''))}, {percent(of.cause.probability)}"
     reading = of.record.after + of.change
     if where is None:
         return _against_change(of, title, reading)
@@ -200,10 +200,10 @@ def cause_picture(d: Diagnosis, id_: str) -> Picture:
     if not names and not any(s.form is Form.BAND for s in series):
         said.append("U (k = 2) of the curve is narrower than its line.")
     said += ["The other causes are taken off."] if len(d.causes) > 1 else []
-    y = Axis(_capital(where.weight.name), where.weight.unit)
+    y = Axis(capital(where.weight.name), where.weight.unit)
     x_unit = unit_beside(where.x.unit, where.weight.unit)
     x_unit = "°" if x_unit == "deg" else x_unit
-    x_axis = Axis(_capital(where.x.name), x_unit, names)
+    x_axis = Axis(capital(where.x.name), x_unit, names)
     return Picture(title, x_axis, y, tuple(series), note=" ".join(said), key=id_)
 
 
@@ -287,7 +287,7 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
     if d.unexplained and covariate is None:
         title = f"What the model does not explain: {v.name}"
     y = Axis("What is left", record.unit, limits=(-1.05 * limit, 1.05 * limit))
-    return Picture(title, Axis(_capital(v.name), v.unit, names), y, tuple(series))
+    return Picture(title, Axis(capital(v.name), v.unit, names), y, tuple(series))
 
 
 def ladder_picture(d: Diagnosis) -> Picture | None:
@@ -386,7 +386,3 @@ def _named_covariate(d: Diagnosis, record: Residuals) -> Covariate:
 def _words(name: str) -> str:
     label = error_label(name)
     return parameter_words(name) if label == name else label
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -13,8 +13,8 @@ from trunnion.base.errors import InputError
 from trunnion.compensation.parameters import CncParameters
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.models.many import DiagnosisBatch
-from trunnion.plot.picture import Axis, Picture, bars
-from trunnion.plot.statistics import stacked_picture
+from trunnion.plot.picture import Picture, bars
+from trunnion.plot.statistics import percent_picture, stacked_picture
 from trunnion.plot.style import BLUE, GREEN, MUTED, RED, SKY
 from trunnion.setup.names import error_label
 
@@ -41,16 +41,12 @@ def contributions_picture(d: Diagnosis) -> Picture | None:
     named = np.append(np.ones(len(ranked), dtype=bool), False)
     unit = ranked[0].unit
     hover = (*(f"{c.rms_um:.3g} {unit} rms" for c in ranked), "")
-    return Picture(
-        "Causes ranked by what they explain",
-        Axis("Share of mean square", "%", limits=(0.0, 110.0)),  # room for the last text
-        Axis(names=names),
-        (
-            bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),
-            bars(np.where(named, np.nan, values), colour=MUTED),
-        ),
-        notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(values)),
+    series = (
+        bars(np.where(named, values, np.nan), colour=BLUE, hover=hover),
+        bars(np.where(named, np.nan, values), colour=MUTED),
     )
+    title = "Causes ranked by what they explain"
+    return percent_picture(title, "Share of mean square", names, values, series)
 
 
 def plot_rates(
@@ -98,15 +94,9 @@ def cnc_parameters_pictures(p: CncParameters) -> list[Picture]:
     if not ranked:
         return []
     left = np.array([100 * one.share_left for one in ranked])
-    return [
-        Picture(
-            "What such parameters leave of each error",
-            Axis("Left of its volumetric error, rms", "%", limits=(0.0, 110.0)),
-            Axis(names=tuple(error_label(one.name) for one in ranked)),
-            (bars(left, colour=BLUE),),
-            notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(left)),
-        )
-    ]
+    names = [error_label(one.name) for one in ranked]
+    title, label = "What such parameters leave of each error", "Left of its volumetric error, rms"
+    return [percent_picture(title, label, names, left)]
 
 
 def plot_batch(batch: DiagnosisBatch, *, ax: Any = None, **style: Any) -> Any:
@@ -127,12 +117,6 @@ def batch_pictures(batch: DiagnosisBatch) -> list[Picture]:
     if not done:
         return []
     shares = np.array([100 * sum(c.share for c in one.contributions) for _, one in done])
-    return [
-        Picture(
-            "What the causes explain of each measurement",
-            Axis("Share of mean square", "%", limits=(0.0, 110.0)),
-            Axis(names=tuple(f"{Path(name).name}: {one.verdict}" for name, one in done)),
-            (bars(shares, colour=BLUE),),
-            notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(shares)),
-        )
-    ]
+    names = [f"{Path(name).name}: {one.verdict}" for name, one in done]
+    title = "What the causes explain of each measurement"
+    return [percent_picture(title, "Share of mean square", names, shares)]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from trunnion.base.units import unit_of
+from trunnion.base.units import capital, unit_of
 from trunnion.diagnosis.contributions import Contribution
 from trunnion.diagnosis.records import Cause, Gain
 from trunnion.diagnosis.structure import Structure
@@ -16,7 +16,7 @@ from trunnion.models.next_touches import ExpectedDiscrimination
 from trunnion.plot.others import values_pictures
 from trunnion.plot.picture import Axis, Picture, line
 from trunnion.plot.statistics import bars_picture, change_picture
-from trunnion.plot.style import BLUE, MUTED, capital
+from trunnion.plot.style import BLUE, MUTED
 from trunnion.plot.touches import touches_pictures
 
 MAX_NAMES = 24

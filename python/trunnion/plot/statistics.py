@@ -163,6 +163,19 @@ def change_picture(
     )
 
 
+def percent_picture(
+    title: str, label: str, names: Sequence[str], percents: Floats, series: Sequence[Series] = ()
+) -> Picture:
+    """Bars in percent, each with its number beside it; series: the bars, where not of one kind."""
+    return Picture(
+        title,
+        Axis(label, "%", limits=(0.0, 110.0)),  # room for the last text
+        Axis(names=tuple(names)),
+        tuple(series) or (bars(percents),),
+        notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(percents)),
+    )
+
+
 def stacked_picture(
     title: str,
     label: str,

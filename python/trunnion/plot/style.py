@@ -39,8 +39,3 @@ def near_number(value: float) -> float:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))
     return float(min((step * power for step in (1, 2, 5, 10)), key=lambda x: abs(x - value)))
-
-
-def capital(text: str) -> str:
-    """Return a text that begins with a capital."""
-    return text[:1].upper() + text[1:]

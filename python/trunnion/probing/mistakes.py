@@ -16,6 +16,7 @@ import numpy as np
 
 from trunnion.base.errors import DataError, TrunnionError
 from trunnion.base.units import Floats, unit_of
+from trunnion.data.meant import some_rows
 from trunnion.data.mistaken import FACTORS_MM
 from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
@@ -47,7 +48,6 @@ MIN_ALONG = 3
 MAX_LONGER_MM = 500.0
 """How far from the surface the contact of such an approach is looked for."""
 
-MAX_ROWS = 500
 MIN_FREEDOM = 5
 MAX_STEPS = 50
 
@@ -84,7 +84,7 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
     """Name what is likely wrong with a measurement that gives this result."""
     said = []
     if result.rms_um > NO_PROBE_UM:
-        data = _some(data)
+        data = some_rows(data)
         before = min(_scatter_um(data, setup), result.rms_um)
         if before > NO_PROBE_UM and (cause := _cause(data, setup, before)):
             said.append(f"Residuals of {before:.4g} µm have a likely cause: {cause}")
@@ -128,7 +128,7 @@ def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
     try:
         yield
     except DataError as error:
-        data = _some(data)
+        data = some_rows(data)
         if np.isfinite(_scatter_um(data, setup)) or not (cause := _cause(data, setup, np.inf)):
             raise
         raise DataError(f"{error}. Likely cause: {cause}") from None
@@ -363,10 +363,3 @@ def _scatter_um(data: Touches, setup: Setup) -> float:
         return np.inf
     usable = fit["converged"] and fit["degrees_of_freedom"] >= MIN_FREEDOM
     return fit["sigma_um"] if usable else np.inf
-
-
-def _some(data: Touches) -> Touches:
-    """Take some of many touches: enough to recognise a mistake."""
-    if len(data) <= MAX_ROWS:
-        return data
-    return data[np.sort(np.random.default_rng(0).permutation(len(data))[:MAX_ROWS])]

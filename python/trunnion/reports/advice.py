@@ -8,6 +8,7 @@ import numpy as np
 
 from trunnion.base.errors import TrunnionError
 from trunnion.base.report import number, uncertainty
+from trunnion.base.units import capital
 from trunnion.data.ballbar import Ballbar
 from trunnion.data.diameters import Diameters
 from trunnion.data.positioning import Positioning
@@ -22,7 +23,6 @@ from trunnion.files.table import Table as DataTable
 from trunnion.models.next_measurement import USEFUL, next_measurement
 from trunnion.models.next_passes import next_passes
 from trunnion.plot.diagnosis import record_of
-from trunnion.plot.style import capital
 from trunnion.reports.causes import Found
 from trunnion.reports.document import Points
 from trunnion.reports.hover import columns_of

@@ -10,14 +10,13 @@ from functools import cached_property
 import numpy as np
 
 from trunnion.base.report import Cell, Shown, Table
-from trunnion.base.units import ARCSEC, Floats, parameter_words, unit_of
+from trunnion.base.units import ARCSEC, Floats, capital, parameter_words, unit_of
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.families import OWNED, RADIUS_MM, Family, family_of, meaning
 from trunnion.diagnosis.records import Cause, percent, value_in_words
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.effects import Owner
 from trunnion.plot.diagnosis import MAX_PARAMETERS, Explained, root_of
-from trunnion.plot.style import capital
 from trunnion.reports.results import COVERAGE, largest_of, plain_words
 from trunnion.setup.names import called, error_label
 

@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 from trunnion.base.report import Result, Shown, Table, significant
+from trunnion.base.units import capital
 from trunnion.data.axis_log import AxisLog
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.contributions import bias_table
@@ -25,7 +26,6 @@ from trunnion.plot.diagnosis import (
 )
 from trunnion.plot.picture import Picture
 from trunnion.plot.ranking import contributions_picture
-from trunnion.plot.style import capital
 from trunnion.reports.advice import known_of, outliers_of, to_do
 from trunnion.reports.budget import budget_section, held_by_u
 from trunnion.reports.causes import SURE, Found

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from trunnion.base.report import Cell, Result, Shown, Table, measured
+from trunnion.base.units import capital
 from trunnion.data.iso230_2 import Iso2302
 from trunnion.diagnosis.families import family_of
 from trunnion.diagnosis.records import Cause
 from trunnion.plot.coordinates import TURNED
 from trunnion.plot.diagnosis import Explained
-from trunnion.plot.style import capital
 from trunnion.reports.causes import Found
 from trunnion.reports.document import Item
 from trunnion.reports.results import COVERAGE, EXPANDED
