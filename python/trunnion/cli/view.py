@@ -44,7 +44,7 @@ def view(
         "view.html"
     ),
     residuals: Annotated[
-        bool, typer.Option("--residuals", help="identify the touches and draw what is left of them")
+        bool, typer.Option("--residuals", help="identify the touches and draw their residuals")
     ] = False,
     dialect: Annotated[str, typer.Option(help="of part programs")] = "linuxcnc",
     open_: Annotated[bool, typer.Option("--open", help="open the page in a browser")] = False,

@@ -212,7 +212,7 @@ class _Fit:
         self.time, self.x = self.time[there], self.x[there]
 
     def residual(self, offset: float) -> tuple[Floats, float]:
-        """Return what is left (n, p) and its sum of squares."""
+        """Return the residuals (n, p) and their sum of squares."""
         design = self._design(offset)
         left = self.x - design @ np.linalg.lstsq(design, self.x, rcond=None)[0]
         return left, float(np.sum(left**2))

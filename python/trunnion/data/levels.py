@@ -276,7 +276,7 @@ class Slopes:
 
     values: µm/m, (m,). count, turned: readings at each place, and their mean sense, (m,).
     zero: of the instrument, µm/m; None where it was not turned. zero_cofactor: its variance per
-    unit of variance of a reading. rss, free: squares of what is left, and its degrees of freedom.
+    unit of variance of a reading. rss, free: squares of the residuals, and their degrees of freedom.
     step: in which readings are recorded, 0: none is seen. repeats: readings at a place, turned
     alike.
     """

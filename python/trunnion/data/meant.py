@@ -191,7 +191,7 @@ def _sense(name: str) -> str:
 
 
 def _unit(data: Table) -> str:
-    """Unit of what is left of the readings."""
+    """Unit of the residuals."""
     units = {unit_of(name) for name in data.readings}
     return {"mm": "µm", "deg": "arcsec"}.get(min(units), min(units)) if len(units) == 1 else "µm"
 

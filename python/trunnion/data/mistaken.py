@@ -36,7 +36,7 @@ _FACTORS: Mapping[str, Mapping[str, float]] = {
 MIN_WHOLE = 3
 """Whole degrees among different positions, from which on they are taken for converted ones."""
 WHOLE_DEG = 0.01  # what four decimals of a radian leave
-LEAST_DEG = 0.5
+MIN_DEG = 0.5
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def _asked(unit: str, columns: Mapping[str, Floats]) -> str:
 def in_radians(values: NDArray[Any]) -> bool:
     """Whether positions are whole degrees when taken for radians, and not as they are."""
     distinct = np.unique(np.abs(values))
-    degrees = np.degrees(distinct[distinct > np.radians(LEAST_DEG)])
+    degrees = np.degrees(distinct[distinct > np.radians(MIN_DEG)])
     if len(degrees) < MIN_WHOLE or len(degrees) < len(distinct) - 1:
         return False
     whole = np.abs(degrees - np.round(degrees)) < WHOLE_DEG

@@ -56,7 +56,7 @@ from .others import compensation_table_picture as compensation_table_picture
 from .others import conformity_picture as conformity_picture
 from .others import estimate_pictures as estimate_pictures
 from .others import instruments_picture as instruments_picture
-from .others import ladder_of_picture as ladder_of_picture
+from .others import ladder_picture as ladder_picture
 from .others import methods_pictures as methods_pictures
 from .others import per_position_pictures as per_position_pictures
 from .others import plot_circle as plot_circle

@@ -12,9 +12,9 @@ from trunnion.plot.picture import Axis, Picture, band, bars, line, points
 from trunnion.plot.static import panels
 from trunnion.plot.style import BLUE, MUTED, VERMILLION
 
-MOST_SHOWN = 16
-MOST_PANELS = 6
-LEAST_REACH = 1.5
+MAX_SHOWN = 16
+MAX_PANELS = 6
+MIN_REACH = 1.5
 REACH = 12.0  # half widths of the interval; what changed more stands at the edge
 
 
@@ -25,10 +25,10 @@ def plot_changes(comparison: MachineComparison, *, ax: Any = None, **style: Any)
 
 def changes_picture(comparison: MachineComparison) -> Picture:
     """Return the changes as bars, in half widths of their 95 % intervals."""
-    shown = comparison.quantities[:MOST_SHOWN]
+    shown = comparison.quantities[:MAX_SHOWN]
     half = np.array([(q.high - q.change) or 1.0 for q in shown])
     size = np.clip(np.array([q.change for q in shown]) / half, -REACH, REACH)
-    reach = 1.15 * max(float(np.max(np.abs(size), initial=0.0)), LEAST_REACH)
+    reach = 1.15 * max(float(np.max(np.abs(size), initial=0.0)), MIN_REACH)
     digits = np.clip(1 - np.floor(np.log10(np.abs(half))), 0, 6).astype(int)
     names = tuple(
         f"{q.called}: {number(q.change, d)} {q.unit}" for q, d in zip(shown, digits, strict=True)
@@ -54,7 +54,7 @@ def trend_pictures(comparison: MachineComparison) -> list[Picture]:
     first = [q.name for q in comparison.quantities]
     trends = sorted(
         (t for t in comparison.trends if t.name in first), key=lambda t: first.index(t.name)
-    )[:MOST_PANELS]
+    )[:MAX_PANELS]
     days = np.asarray(comparison.days, dtype=np.float64)
     found = []
     for t in trends:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from trunnion.contouring.reproduction import ContourComparison
 from trunnion.contouring.simulation import ContourRun, ContourSweep
 from trunnion.plot.axes import axes_or_new
 from trunnion.plot.picture import Axis, Dash, Picture, Series, line, points
-from trunnion.plot.statistics import bars_picture
+from trunnion.plot.statistics import bars_picture, with_limit
 from trunnion.plot.style import BLUE, MUTED, PALETTE, VERMILLION
 
 COLOURS = {"independent": MUTED, "existing": VERMILLION, "proposed": BLUE}
@@ -204,5 +203,4 @@ def margins_picture(result: Margins) -> Picture:
 def _margins_of_axes(result: Margins) -> Picture:
     gains = {f"axis {axis}": float(g) for axis, g in zip(result.axes, result.gain, strict=True)}
     p = bars_picture("Gain margin of each axis, no coupling", "Gain margin", "", gains, digits=3)
-    limit = line([1.0, 1.0], [-0.5, len(gains) - 0.5], "limit of stability", colour=VERMILLION)
-    return replace(p, series=(*p.series, limit))
+    return with_limit(p, 1.0, "limit of stability", colour=VERMILLION)

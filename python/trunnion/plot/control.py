@@ -16,7 +16,7 @@ from trunnion.compensation.verification import BallVerification
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.controls.part_program import CorrectedProgram
 from trunnion.plot.picture import Axis, Kind, Picture, arrows, line
-from trunnion.plot.statistics import bars_picture, change_picture
+from trunnion.plot.statistics import bars_picture, change_picture, with_limit
 from trunnion.plot.style import BLUE, MUTED, OCHRE, VERMILLION
 from trunnion.setup.names import called
 
@@ -112,9 +112,7 @@ def corrected_program_picture(made: CorrectedProgram) -> Picture:
     values = {**before, "corrected program": made.left_um}
     title = f"Corrected program: {made.moves_after} moves, {made.moves_before} before"
     p = bars_picture(title, "Largest error of the tool point", "µm", values, digits=3)
-    ends = [-0.5, len(values) - 0.5]
-    limit = line([made.tolerance_um] * 2, ends, "tolerance", colour=OCHRE, dash="dash")
-    return replace(p, series=(*p.series, limit))
+    return with_limit(p, made.tolerance_um, "tolerance", colour=OCHRE, dash="dash")
 
 
 def removable_picture(one: Removable) -> Picture:

@@ -63,7 +63,7 @@ def plot_diagnosis(d: Diagnosis, *, ax: Any = None, cause: str | None = None) ->
 
 
 def diagnosis_picture(d: Diagnosis, cause: str | None = None) -> Picture:
-    """Return the picture of a cause, of the strongest, or without one of what is left."""
+    """Return the picture of a cause, of the strongest, or without one of the residuals."""
     if cause is None:
         return cause_picture(d, d.causes[0].id) if d.causes else residual_picture(d)
     if cause not in d.named:
@@ -255,7 +255,7 @@ def touched(d: Diagnosis, id_: str) -> Flags:
     return np.asarray(change > TOUCHED * change.max(initial=0.0))
 
 
-# --- what is left
+# --- residuals
 
 
 def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Picture:
@@ -283,24 +283,11 @@ def residual_picture(d: Diagnosis, covariate: Covariate | None = None) -> Pictur
         edge = np.clip(record.before[~kept], -limit, limit)
         out = {"colour": MUTED, "marker": "cross", "size": 7.0, "rows": record.rows[~kept]}
         series.append(points(x[~kept], edge, "left out (at the edge)", **out))
-    title = f"What is left of the readings: {v.name}"
+    title = f"Residuals of the readings: {v.name}"
     if d.unexplained and covariate is None:
         title = f"What the model does not explain: {v.name}"
-    y = Axis("What is left", record.unit, limits=(-1.05 * limit, 1.05 * limit))
+    y = Axis("Residual", record.unit, limits=(-1.05 * limit, 1.05 * limit))
     return Picture(title, Axis(capital(v.name), v.unit, names), y, tuple(series))
-
-
-def ladder_picture(d: Diagnosis) -> Picture | None:
-    """Rms of the residual of the plain model and after each cause; None without causes."""
-    if d.ladder is None or not d.ladder.causes:
-        return None
-    names = ("without a cause", *(f"+ {d.ladder.labels.get(c) or c}" for c in d.ladder.causes))
-    return Picture(
-        "What is left after each cause",
-        Axis("rms of what is left", d.ladder.unit),
-        Axis(names=names),
-        (bars(d.ladder.rms_um, colour=BLUE),),
-    )
 
 
 def alternatives_picture(d: Diagnosis) -> Picture | None:
@@ -343,7 +330,7 @@ def diagnostics(d: Diagnosis, name: Callable[[str], str] = str) -> list[Picture]
         rows, left = record.rows[mine], record.after[mine]
         order = np.argsort(rows, kind="stable")
         several = f" ({with_unit('readings in', unit)})" if len(record.units) > 1 else ""
-        title = f"What is left, in the order of the file{several}"
+        title = f"Residuals, in the order of the file{several}"
         out += [
             order_picture(left[order], unit, rows=rows[order], title=title),
             normal_picture(left, unit, rows=rows),

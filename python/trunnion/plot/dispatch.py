@@ -53,7 +53,7 @@ PICTURES = {
     "Iso2302": "positioning_picture",
     "Iso2302Rotary": "positioning_picture",
     "Iso2304": "circular_picture",
-    "Ladder": "ladder_of_picture",
+    "Ladder": "ladder_picture",
     "Levels": "levels_pictures",
     "MachineComparison": "trend_pictures",
     "Margins": "margins_picture",

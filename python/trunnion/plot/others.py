@@ -20,7 +20,7 @@ from trunnion.models.points import RepeatablePart
 from trunnion.models.rotary import Circle
 from trunnion.plot.picture import Axis, Picture, Series, bars, line, points
 from trunnion.plot.static import draw_all
-from trunnion.plot.statistics import bars_picture, number_text, stacked_picture
+from trunnion.plot.statistics import bars_picture, number_text, stacked_picture, with_limit
 from trunnion.plot.style import BLUE, GREEN, MUTED, OCHRE, PALETTE, RED, VERMILLION
 from trunnion.plot.touches import estimates_pictures, plot_estimates
 from trunnion.probing.result import PerPosition
@@ -130,19 +130,19 @@ def conformity_picture(result: Conformity) -> Picture:
             error = np.where(mine, two, np.nan)
             label = decision.value
             series.append(bars(np.where(mine, size, np.nan), label, colour=colour, error=error))
-    series.append(line([100.0, 100.0], [-0.5, len(names) - 0.5], "tolerance", colour=MUTED))
     x = Axis("Share with U (k = 2)", "%")
-    return Picture("Quantities against their tolerances", x, Axis(names=names), tuple(series))
+    p = Picture("Quantities against their tolerances", x, Axis(names=names), tuple(series))
+    return with_limit(p, 100.0, "tolerance", colour=MUTED)
 
 
 def plot_ladder(ladder: Ladder, *, ax: Any = None, **style: Any) -> Any:
     """Draw the rms of the residual of the plain model and after each cause."""
-    return ladder_of_picture(ladder).draw(ax, **style)
+    return ladder_picture(ladder).draw(ax, **style)
 
 
-def ladder_of_picture(ladder: Ladder) -> Picture:
+def ladder_picture(ladder: Ladder) -> Picture:
     """Return the rms of the residual after each cause."""
-    names = ("plain model", *(f"+ {ladder.labels.get(c) or c}" for c in ladder.causes))
+    names = ("without a cause", *(f"+ {ladder.labels.get(c) or c}" for c in ladder.causes))
     x = Axis("rms of the residual", ladder.unit)
     return Picture("Residual rms after each cause", x, Axis(names=names), (bars(ladder.rms_um),))
 

@@ -36,7 +36,7 @@ def contributions_picture(d: Diagnosis) -> Picture | None:
     if not ranked:
         return None
     left = max(0.0, 1 - sum(c.share for c in ranked))
-    names = (*(c.label or c.id for c in ranked), "noise and the rest")
+    names = (*(c.label or c.id for c in ranked), "residual")
     values = 100 * np.array([*(c.share for c in ranked), left])
     named = np.append(np.ones(len(ranked), dtype=bool), False)
     unit = ranked[0].unit

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from trunnion.base.units import capital, unit_of
@@ -15,7 +13,7 @@ from trunnion.models.next_passes import MIN_DISTANCE, NextPass
 from trunnion.models.next_touches import ExpectedDiscrimination
 from trunnion.plot.others import values_pictures
 from trunnion.plot.picture import Axis, Picture, line
-from trunnion.plot.statistics import bars_picture, change_picture
+from trunnion.plot.statistics import bars_picture, change_picture, with_limit
 from trunnion.plot.style import BLUE, MUTED
 from trunnion.plot.touches import touches_pictures
 
@@ -98,10 +96,9 @@ def next_picture(one: NextMeasurement | NextPass) -> Picture:
         "σ",
         values,
         digits=3,
-        note=f"Beyond {MIN_DISTANCE:g} σ the test tells them apart.",
+        note=f"Beyond {MIN_DISTANCE:g} σ the test distinguishes them.",
     )
-    limit = line([MIN_DISTANCE] * 2, [-0.5, len(values) - 0.5], "distinguished", colour=MUTED)
-    return replace(p, series=(*p.series, limit))
+    return with_limit(p, MIN_DISTANCE, "distinguished", colour=MUTED)
 
 
 def discrimination_pictures(found: ExpectedDiscrimination) -> list[Picture]:

@@ -33,7 +33,7 @@ MAX_REVERSALS = 8
 REVERSAL_SHARE = 0.02  # of the largest speed: what counts as moving
 WINDOW = "blackmanharris"
 MIN_COHERENCE = 0.9
-LEAST_POWER = 1e-6  # of the largest: below, the window of the estimate leaks
+MIN_POWER = 1e-6  # of the largest: below, the window of the estimate leaks
 MIN_BANDS = 6
 
 
@@ -264,7 +264,7 @@ def _response(run: _Run, actual: Floats) -> tuple[Floats, Floats]:
     f, cross = signal.csd(u, y, **options)
     _, power = signal.welch(u, **options)
     _, coherence = signal.coherence(u, y, **options)
-    good = (f > 0) & (coherence > MIN_COHERENCE) & (power > LEAST_POWER * power.max())
+    good = (f > 0) & (coherence > MIN_COHERENCE) & (power > MIN_POWER * power.max())
     return f[good], 20 * np.log10(np.abs(cross[good]) / power[good])
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,7 +40,7 @@ def order_picture(
     *,
     rows: Integers | None = None,
     hover: Sequence[str] = (),
-    title: str = "What is left, in the order of measurement",
+    title: str = "Residuals, in the order of measurement",
 ) -> Picture:
     """Residuals (n,) one after the other, with ± 2 standard deviations."""
     n = len(residuals)
@@ -48,7 +50,7 @@ def order_picture(
     return Picture(
         title,
         Axis("Reading, in the order of measurement"),
-        Axis("What is left", unit),
+        Axis("Residual", unit),
         (
             points(at, residuals, "reading", rows=rows, hover=tuple(hover)),
             line(ends, [two, two], "± 2 standard deviations", colour=MUTED, dash="dash"),
@@ -70,14 +72,14 @@ def normal_picture(
     texts = tuple(hover[i] for i in order) if hover else ()
     mine = None if rows is None else rows[order]
     return Picture(
-        "Is what is left normal noise?",
+        "Are the residuals normal noise?",
         Axis("Expected of normal noise", "standard deviations"),
-        Axis("What is left", unit),
+        Axis("Residual", unit),
         (
             points(expected, residuals[order], "reading", rows=mine, hover=texts),
             line(ends, mean + size * ends, "normal noise", colour=PURPLE, dash="dash"),
         ),
-        note="Points on the line: it is; ends that leave the line: outliers.",
+        note="Points on the line: they are; ends that leave the line: outliers.",
     )
 
 
@@ -102,7 +104,7 @@ def correlation_picture(names: Sequence[str], covariance: Floats) -> Picture:
         Axis(names=down),
         (heat(correlation),),
         Kind.MAP,
-        note=f"Strongest: {strongest.replace('-', '−')}. Near ±1 the data hardly tell them apart."
+        note=f"Strongest: {strongest.replace('-', '−')}. Near ±1 the data hardly distinguish them."
         f"{said}",
     )
 
@@ -174,6 +176,12 @@ def percent_picture(
         tuple(series) or (bars(percents),),
         notes_at=tuple((float(v), float(k), f"{v:.0f} %") for k, v in enumerate(percents)),
     )
+
+
+def with_limit(p: Picture, at: float, label: str, **style: Any) -> Picture:
+    """Return horizontal bars with a limit, a line across all of them."""
+    ends = [-0.5, len(p.y.names) - 0.5]
+    return replace(p, series=(*p.series, line([at, at], ends, label, **style)))
 
 
 def stacked_picture(

@@ -45,7 +45,7 @@ MAX_EXCHANGES = 60
 IDENTIFIED, UNIDENTIFIED = 0.3, 1e6
 """Share of what is unknown beforehand below which an error is identified; factor of the objective
 where one is not."""
-LEAST_GAIN = 1e-4
+MIN_GAIN = 1e-4
 """Share of the objective below which an exchange is not worth its while."""
 
 
@@ -444,7 +444,7 @@ class _Search:
             if len(chosen) < most and (one := self._added(chosen, limit_s, is_limited)):
                 grown.append(one)
             found = min([*grown, *trials], key=score, default=chosen)
-            if score(found) > best * (1.0 - LEAST_GAIN):
+            if score(found) > best * (1.0 - MIN_GAIN):
                 break
             chosen, best = found, score(found)
         return chosen

@@ -29,7 +29,7 @@ from trunnion.setup.machines import presets
 TIP_SHARE = 0.1
 """Of the ball's radius: how near an estimate has to come; errors of machines are smaller."""
 
-LEAST_UM = 200.0
+MIN_UM = 200.0
 """Below this an estimate is an ordinary error of a machine."""
 
 SHARE = 0.1
@@ -146,7 +146,7 @@ def _by_size(result: IdentificationResult, setup: Setup) -> list[str]:
     for name, value in sure.items():
         height = value - setup.machine.errors.get(name, 0.0)
         near = abs(abs(height) - radius) <= TIP_SHARE * radius
-        if name.startswith("EZ0") and near and abs(height) >= LEAST_UM:
+        if name.startswith("EZ0") and near and abs(height) >= MIN_UM:
             where = next(end for end, sign in TOOL_ENDS.items() if sign * height > 0)
             said.append(
                 f"{name} is {height:+.0f} µm, about the radius of the ball ({radius:.0f} µm): was "
@@ -177,7 +177,7 @@ def _higher_or_longer(result: IdentificationResult, setup: Setup) -> list[str]:
     parts = (off[name] if side == "table" else -off[name] for side, name in last.items())
     height = result.placement["dz_um"] + sum(parts)
     radius = setup.probe.ball_radius_mm * 1e3
-    if abs(abs(height) - radius) > TIP_SHARE * radius or abs(height) < LEAST_UM:
+    if abs(abs(height) - radius) > TIP_SHARE * radius or abs(height) < MIN_UM:
         return []
     end = next(end for end, sign in TOOL_ENDS.items() if sign * height > 0)
     where = "below" if height < 0 else "above"

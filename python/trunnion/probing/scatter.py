@@ -15,7 +15,7 @@ from trunnion.data.touches import Touches
 from trunnion.probing.model import steps_um
 from trunnion.setup.parts import Setup
 
-LEAST_UM = 1e-3  # scatter that is none
+NO_SCATTER_UM = 1e-3  # scatter that is none
 
 
 def scatter_um(
@@ -32,7 +32,7 @@ def scatter_um(
         return None
     basis = linear_fit(jacobian, np.zeros(len(jacobian)), basis=True).basis
     free = 1.0 - np.einsum("ij,ij->i", basis, basis)
-    found = variances_by_direction(shares[:, felt], residuals_um, free, LEAST_UM**2)
+    found = variances_by_direction(shares[:, felt], residuals_um, free, NO_SCATTER_UM**2)
     if found is None or np.sqrt(found.min()) < np.max(steps_um(setup, data), initial=0.0):
         return None
     names = np.array(["X", "Y", "Z"])[felt]

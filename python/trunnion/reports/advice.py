@@ -126,7 +126,7 @@ def _deciding(found: Found) -> list[str]:
 
 def _dependence(d: Diagnosis) -> str:
     text = (d.unexplained or "").partition("depends on ")[2]
-    return text.partition(":")[0] or "what is left, below"
+    return text.partition(":")[0] or "the residuals, below"
 
 
 def outliers_of(
@@ -160,7 +160,7 @@ def known_of(d: Diagnosis) -> list[str]:
                 continue
             other = f"from {g.heldout_rms_before_um:.3g} to {g.heldout_rms_after_um:.3g}"
             lines.append(
-                f"With the causes the rms of what is left goes from {before} to "
+                f"With the causes the rms of the residual goes from {before} to "
                 f"{with_unit(after, g.unit)}; of readings that were kept out of the fit and "
                 f"predicted, {other} (cross-validation)."
             )

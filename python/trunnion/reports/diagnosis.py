@@ -19,11 +19,11 @@ from trunnion.plot.diagnosis import (
     alternatives_picture,
     cause_picture,
     diagnostics,
-    ladder_picture,
     record_of,
     residual_picture,
     touched,
 )
+from trunnion.plot.others import ladder_picture
 from trunnion.plot.picture import Picture
 from trunnion.plot.ranking import contributions_picture
 from trunnion.reports.advice import known_of, outliers_of, to_do
@@ -59,7 +59,7 @@ AS_THEY_ARE = (
     "another than that of a cause beside which the others are taken off."
 )
 NOT_JUDGED = "No limits are stated for these sizes: whether they matter is not judged here."
-LEFT = "What is left after the causes"
+LEFT = "Residuals after the causes"
 
 
 def diagnosis_document(result: Result, source: Source) -> Document:
@@ -103,7 +103,7 @@ def diagnosis_document(result: Result, source: Source) -> Document:
             Section("What else would explain the data", tuple(_alternatives(found))),
             Section("What else is known", (Points(tuple(known)),) if known else ()),
             Section("Outliers", tuple(_outliers(d, source))),
-            Section(LEFT if d.causes else "What is left", tuple(_diagnostics(found, source))),
+            Section(LEFT if d.causes else "Residuals", tuple(_diagnostics(found, source))),
             Section("In space", tuple(in_space(d, source))),
             Section("What these data do not identify", tuple(_lost(found))),
             budget_section(d.model, found.quantity, curves=True),
@@ -181,7 +181,7 @@ def _errors(d: Diagnosis, source: Source) -> tuple[Table, list[str]]:
 
 
 def _pictures(d: Diagnosis, source: Source) -> list[Item]:
-    """One picture a cause, the strongest first; without a cause what is found, or what is left."""
+    """One picture a cause, the strongest first; without a cause what is found, or the residuals."""
     shown: list[Any] = [cause_picture(d, c.id) for c in d.causes]
     if not shown and d.verdict == "consistent":
         shown = of_errors(d.errors_after, d.errors_std)
@@ -209,7 +209,9 @@ def _ladder(found: Found) -> list[Item]:
         heads, rows = [*heads[:2], *heads[4:]], [(*row[:2], *row[4:]) for row in rows]
     of = "what the errors of the machine leave" if found.located else "the readings"
     shares = Table.of(f"What each cause explains of {of}", heads, rows)
-    pictures = [p for p in (contributions_picture(d), ladder_picture(d)) if p is not None]
+    ranked = contributions_picture(d)
+    steps = ladder_picture(d.ladder) if d.ladder is not None and d.ladder.causes else None
+    pictures = [p for p in (ranked, steps) if p is not None]
     return [*pictures, *((shares,) if rows else ()), *_biases(d)]
 
 
@@ -244,7 +246,7 @@ def _alternatives(found: Found) -> list[Item]:
         )
         for a in d.evidence[:MAX_SETS]
     ]
-    heads = ("set of causes", "probability of the set", "fits", f"rms of what is left ({unit})")
+    heads = ("set of causes", "probability of the set", "fits", f"rms of the residual ({unit})")
     note = (
         "Of sets that fit as well the one with fewer causes is the more probable: beforehand, a "
         "further cause is taken for unlikely. The probability of a cause, above, is the sum over "

@@ -20,7 +20,7 @@ ARROW_SHARE = 0.14
 """Of the size of the scene: the longest arrow, where no magnification is given."""
 HEIGHT = 620
 ROOM = 0.06
-LEAST_SPAN = 0.12  # of the longest axis
+MIN_SPAN = 0.12  # of the longest axis
 SIZE = 1.75  # diagonal of the box, in units of the camera
 
 
@@ -103,7 +103,7 @@ def scene_axes(
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     middle, span = (low + high) / 2, high - low
     whole = float(span.max()) or 1.0
-    span = np.maximum((1 + ROOM) * span, LEAST_SPAN * whole)
+    span = np.maximum((1 + ROOM) * span, MIN_SPAN * whole)
     look = {
         "backgroundcolor": "rgba(0,0,0,0)",
         "gridcolor": "rgba(128,128,128,0.3)",
