@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from trunnion.base.report import Table, number
 from trunnion.compensation.control import Compensation, ModelCompensation
 from trunnion.compensation.maps import error_map
-from trunnion.compensation.parameters import cnc_parameters, printed_zeros
+from trunnion.compensation.parameters import cnc_parameters
+from trunnion.compensation.printed_zeros import printed_zeros
 from trunnion.compensation.volumetric import volumetric_error
 from trunnion.data.touches import read_touches
 from trunnion.models.kinds import diagnose

@@ -24,10 +24,10 @@ from trunnion.compensation.maps import error_map as error_map
 from trunnion.compensation.maps import read_error_map as read_error_map
 from trunnion.compensation.measuring import remeasure as remeasure
 from trunnion.compensation.parameters import CncParameters as CncParameters
-from trunnion.compensation.parameters import PrintedZeros as PrintedZeros
 from trunnion.compensation.parameters import Removable as Removable
 from trunnion.compensation.parameters import cnc_parameters as cnc_parameters
-from trunnion.compensation.parameters import printed_zeros as printed_zeros
+from trunnion.compensation.printed_zeros import PrintedZeros as PrintedZeros
+from trunnion.compensation.printed_zeros import printed_zeros as printed_zeros
 from trunnion.compensation.uncertainty import ResidualInterval as ResidualInterval
 from trunnion.compensation.uncertainty import residual_interval as residual_interval
 from trunnion.compensation.uncertainty import volumetric_budget as volumetric_budget

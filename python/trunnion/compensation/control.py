@@ -21,12 +21,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.checks import array, positive, shown
 from trunnion.base.errors import InputError
 from trunnion.base.units import Flags, Floats
-from trunnion.compensation.machine import (
-    NOMINAL,
-    Effects,
-    Known,
-    MachineErrors,
-)
+from trunnion.compensation.machine import NOMINAL, Effects, Known, MachineErrors
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 

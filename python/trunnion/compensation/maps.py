@@ -4,21 +4,14 @@ The table is over positions of the machine's axes (X, Y, Z and rotary), as in th
 compensation of commercial controls, not over points of the work: location errors of the axes then
 do not depend on the position of the last table axis at all, and only smoothly on the other.
 Corrections are *added* to the commanded linear positions. In between, multilinear interpolation.
-
-The file is CSV: one comment line with the resolution, a header, one row a node in any order::
-
-    # trunnion error map, corrections to add; resolution_um = 0.1
-    a_deg,c_deg,x_mm,y_mm,z_mm,dx_um,dy_um,dz_um
-    -90,0,-200,-250,-250,12.3,-4.5,0.1
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,27 +20,17 @@ from scipy.interpolate import RegularGridInterpolator
 from trunnion.base import report
 from trunnion.base.arguments import checked
 from trunnion.base.checks import array, count_of, floats, positive, within
-from trunnion.base.errors import FileFormatError, InputError
-from trunnion.base.input import file_bytes
+from trunnion.base.errors import InputError
 from trunnion.base.output import write_text
 from trunnion.base.saved import Gridded
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Floats
 from trunnion.compensation.control import ModelCompensation, nominal_commands
-from trunnion.compensation.machine import (
-    NOMINAL,
-    Effects,
-    Known,
-    MachineErrors,
-)
+from trunnion.compensation.machine import NOMINAL, Effects, Known, MachineErrors
+from trunnion.compensation.map_file import read_rows, text_of_rows
 from trunnion.compensation.workspace import Workspace, pose_grid
-from trunnion.files.columns import ColumnError, Number, OptionalNumber
-from trunnion.files.csv_file import read_table
-from trunnion.files.table import Table
-from trunnion.files.text import decode
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
 
-_RESOLUTION = re.compile(r"#.*\bresolution_um\s*=\s*(\S+)")
 LARGEST_MAP = 5_000_000
 # Corrections that differ by less along a rotary axis do not depend on it: rounding noise.
 _CONSTANT_UM = 1e-7
@@ -173,19 +156,8 @@ class ErrorMap(report.Result):
         """Write the map, or return it as text; `read_error_map` gives back an equal map."""
         axes = self._axes()
         nodes = np.meshgrid(*axes.values(), indexing="ij")
-        columns: dict[str, Floats] = {
-            name: values.ravel() for name, values in zip(axes, nodes, strict=True)
-        }
-        decimals = _decimals(self.resolution_um)
-        corrections = self.corrections_um.reshape(-1, 3)
-        if decimals is not None:
-            corrections = np.round(corrections, decimals) + 0.0
-        columns |= {f"d{axis}_um": corrections[:, i] for i, axis in enumerate("xyz")}
-        head = (
-            "# trunnion error map, corrections to add to commanded positions; "
-            f"resolution_um = {self.resolution_um!r}\n"
-        )
-        text = head + MapRows(columns).to_csv()
+        columns = {name: values.ravel() for name, values in zip(axes, nodes, strict=True)}
+        text = text_of_rows(columns, self.corrections_um.reshape(-1, 3), self.resolution_um)
         if path is None:
             return text
         write_text(path, text)
@@ -229,14 +201,6 @@ class ErrorMap(report.Result):
     def derived(self) -> Mapping[str, Any]:
         """Corrections at the nodes, µm."""
         return {"corrections_um": self.corrections_um}
-
-
-def _decimals(step: float) -> int | None:
-    """Decimals that write multiples of a step exactly, None if there are no such."""
-    for decimals in range(10):
-        if step > 0 and abs(round(step, decimals) - step) < 1e-12 * step:
-            return decimals
-    return None
 
 
 @checked
@@ -408,68 +372,9 @@ def _interpolation_error(setup: Setup, known: MachineErrors, table: ErrorMap) ->
     return worst
 
 
-# --- reading
-
-
-class MapRows(Table):
-    """Rows of the file of an error map."""
-
-    a_deg = OptionalNumber("position of A, control's sign")
-    b_deg = OptionalNumber("position of B, control's sign")
-    c_deg = OptionalNumber("position of C, control's sign")
-    x_mm = Number("position of X")
-    y_mm = Number("position of Y")
-    z_mm = Number("position of Z")
-    dx_um = Number("correction to add to X")
-    dy_um = Number("correction to add to Y")
-    dz_um = Number("correction to add to Z")
-
-    resolution_um: ClassVar[float] = 0.0
-
-    def names(self) -> list[str]:
-        """Columns that span the grid, rotary axes first."""
-        rotary = [name for name in ("a_deg", "b_deg", "c_deg") if name in self.columns]
-        return [*rotary, "x_mm", "y_mm", "z_mm"]
-
-    def order(self) -> tuple[list[Floats], Integers]:
-        """Nodes of each axis, and for each node the row that has it."""
-        names = self.names()
-        found = [np.unique(self.columns[name], return_inverse=True) for name in names]
-        shape = [len(nodes) for nodes, _ in found]
-        index = np.ravel_multi_index([inverse for _, inverse in found], shape)
-        rows = np.full(int(np.prod(shape)), -1, dtype=np.intp)
-        rows[index] = np.arange(len(index))
-        first, counts = np.unique(index, return_index=True)[1], np.bincount(index)
-        if len(first) < len(index):
-            row = int(np.setdiff1d(np.arange(len(index)), first)[0])
-            there = ", ".join(f"{name} = {self.columns[name][row]:g}" for name in names)
-            raise ColumnError(names[0], row, f"the node {there} twice", "each node once")
-        if counts.size < rows.size or np.any(rows < 0):
-            at = np.unravel_index(int(np.argmin(rows)), shape)
-            there = ", ".join(
-                f"{n} = {f[0][i]:g}" for n, f, i in zip(names, found, at, strict=True)
-            )
-            raise ColumnError(
-                names[0], None, f"no row for the node {there}", "a full grid: every combination"
-            )
-        return [nodes for nodes, _ in found], rows
-
-    def _check(self) -> None:
-        self.order()
-        step = self.resolution_um
-        for name in ("dx_um", "dy_um", "dz_um") if step > 0 else ():
-            ratio = self.columns[name] / step
-            bad = np.abs(ratio - np.rint(ratio)) > 1e-6 * np.maximum(1.0, np.abs(ratio))
-            if bad.any():
-                row = int(np.argmax(bad))
-                raise ColumnError(
-                    name, row, repr(float(self.columns[name][row])), f"a multiple of {step:g} µm"
-                )
-
-
 @checked
 def read_error_map(path: str | PathLike[str]) -> ErrorMap:
-    """Read an error map; see the module for the file.
+    """Read an error map; see `trunnion.compensation.map_file` for the file.
 
     Raises
     ------
@@ -489,35 +394,8 @@ def read_error_map(path: str | PathLike[str]) -> ErrorMap:
     >>> type(tn.read_error_map("map.csv")).__name__
     'ErrorMap'
     """
-    name = str(path)
-    resolution = None
-    for number, line in enumerate(decode(name, file_bytes(path)).split("\n"), start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            break
-        match = _RESOLUTION.match(line.lstrip())
-        if match:
-            try:
-                resolution = float(match[1])
-            except ValueError:
-                resolution = -1.0
-            if not (np.isfinite(resolution) and resolution >= 0):
-                raise FileFormatError(
-                    f"{name}:{number}:{match.start(1) + 1}: resolution_um: got {match[1]!r}, "
-                    "expected a finite number, 0 or above"
-                )
-            break
-    if resolution is None:
-        raise FileFormatError(
-            f"{name}:1:1: resolution_um: got no such comment above the header, expected a line "
-            '"# ... resolution_um = 0.1"'
-        )
-
-    step: float = resolution
-
-    class Rows(MapRows):
-        resolution_um = step
-
-    rows = read_table(path, Rows)
+    rows = read_rows(path)
+    resolution = rows.resolution_um
     nodes, order = rows.order()
     rotary = {n[0].upper(): v for n, v in zip(rows.names(), nodes, strict=True) if "deg" in n}
     values = np.stack([rows.dx_um, rows.dy_um, rows.dz_um], axis=1)[order]

@@ -27,12 +27,7 @@ from trunnion.compensation.control import (
     control_commands,
     is_compensation,
 )
-from trunnion.compensation.machine import (
-    NOMINAL,
-    Effects,
-    Known,
-    MachineErrors,
-)
+from trunnion.compensation.machine import NOMINAL, Effects, Known, MachineErrors
 from trunnion.compensation.workspace import Where, Workspace, pose_grid
 from trunnion.machine.chain import Chain
 from trunnion.setup import Setup
@@ -327,7 +322,8 @@ def volumetric_error(
         Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg, points),
         compensation,
         rounded,
-        _Reached(approach, senses or {}),
+        approach,
+        senses or {},
     )
     return task.result()
 
@@ -362,7 +358,8 @@ def error_fields(
         Workspace(**where),
         compensation,
         rounded,
-        _Reached(approach, senses or {}),
+        approach,
+        senses or {},
     )
     chain = Chain(setup)
     shape = (*(len(axis) for axis in task.nodes), 3)
@@ -381,16 +378,11 @@ def error_fields(
 
 
 @dataclass(frozen=True)
-class _Reached:
-    """How a pose is reached: direction of travel, and sense of the last turn by letter."""
-
-    approach: Sequence[float]
-    senses: Mapping[str, float]
-
-
-@dataclass(frozen=True)
 class _Task:
-    """What is to be computed, checked."""
+    """What is to be computed, checked.
+
+    approach, senses: How a pose is reached: direction of travel, sense of the last turn by letter.
+    """
 
     setup: Setup
     state: MachineErrors
@@ -401,7 +393,8 @@ class _Task:
     poses: Floats
     compensation: Compensation | None
     rounded: bool
-    travelling: _Reached
+    approach: Sequence[float]
+    senses: Mapping[str, float]
 
     @classmethod
     def of(
@@ -411,21 +404,23 @@ class _Task:
         where: Workspace,
         compensation: Compensation | None,
         rounded: bool,
-        travelling: _Reached,
+        approach: Sequence[float],
+        senses: Mapping[str, float],
     ) -> _Task:
         positions, shape = where.rotary(setup)
         is_compensation(compensation)
         return cls(
             setup=setup,
             state=state,
-            truth=state.core(setup, travelling.approach, travelling.senses),
+            truth=state.core(setup, approach, senses),
             nodes=where.nodes(),
             rotary=positions,
             shape=shape,
             poses=pose_grid(setup, positions),
             compensation=compensation,
             rounded=rounded,
-            travelling=travelling,
+            approach=approach,
+            senses=senses,
         )
 
     @property
@@ -475,9 +470,8 @@ class _Task:
         for name, values in self.state.effects.items():
             if not any(values.values()):
                 continue
-            alone = MachineErrors(effects={name: values}).core(
-                self.setup, self.travelling.approach, self.travelling.senses
-            )
+            effect = MachineErrors(effects={name: values})
+            alone = effect.core(self.setup, self.approach, self.senses)
             fields, directions = alone.fields(nominal, zeros, self.poses)
             if not np.any(fields) and not np.any(directions):
                 found.append(name)

@@ -9,12 +9,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked
 from trunnion.base.units import Floats
-from trunnion.files.columns import (
-    ColumnError,
-    OptionalLabel,
-    OptionalNumber,
-    Time,
-)
+from trunnion.files.columns import ColumnError, OptionalLabel, OptionalNumber, Time
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 

@@ -1,194 +1,23 @@
 """Straightness, twist and flatness of slopes that a level read.
 
-Heights are linear in slopes, so that their covariance is exact. The deviation from straightness
-(flatness) is the largest less the smallest distance from a reference line (plane): of least squares
-(LSLI, LSPL), or the one for which it is smallest (minimum zone, MZLI, MZPL; ISO 1101). Its
-uncertainty is that of the points which limit it, at first order; noise itself widens the zone.
+The deviation from straightness (flatness) is the largest less the smallest distance from a
+reference line (plane): of least squares (LSLI, LSPL), or the one for which it is smallest (minimum
+zone, MZLI, MZPL; ISO 1101). Its uncertainty is that of the points which limit it, at first order;
+noise itself widens the zone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
-from trunnion.base.errors import DataError
 from trunnion.base.report import Cell, Result, Table, measured, position, significant
 from trunnion.base.units import Floats
+from trunnion.data.slopes import Mesh, Noise, Slopes, Zone
 
-SAME_STEP = 0.01  # relative difference of steps that are one
-MIN_TRIPLES = 3
-MM_UM_M = 1e-3  # a slope of 1 µm/m over 1 mm, µm
 LEAST_SQUARES, MINIMUM_ZONE = "least squares", "minimum zone"
-
-
-class SlopesLike(Protocol):
-    """Slopes (m,) at places (m, d), µm/m, their covariance per unit of noise, the zero."""
-
-    @property
-    def places(self) -> Floats:
-        """(m, d)."""
-
-    @property
-    def values(self) -> Floats:
-        """(m,)."""
-
-    @property
-    def cofactor(self) -> Floats:
-        """(m, m)."""
-
-    @property
-    def zero(self) -> float | None:
-        """None: not known."""
-
-    def variance(self, by: Floats) -> float:
-        """Of a combination of the slopes (m,), per unit of noise."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise of a reading, µm/m (1 σ; inf: not known), and where it is from."""
-
-    sigma: float
-    source: str
-
-    @property
-    def variance(self) -> float:
-        """Of a noise that is not known as if it were 1."""
-        return self.sigma**2 if np.isfinite(self.sigma) else 1.0
-
-    @classmethod
-    def of_neighbours(cls, places: Floats, slopes: Floats) -> Noise:
-        """Of slopes off the line between their neighbours along x: structure counts as noise."""
-        squares = []
-        rows = np.unique(places[:, 1:], axis=0) if places.shape[1] > 1 else np.zeros((1, 0))
-        for row in rows:
-            mine = np.flatnonzero((places[:, 1:] == row).all(axis=1))
-            x, r = places[mine, 0], slopes[mine]
-            w = (x[1:-1] - x[:-2]) / (x[2:] - x[:-2])
-            off = r[1:-1] - (1 - w) * r[:-2] - w * r[2:]
-            squares += (off**2 / (1 + w**2 + (1 - w) ** 2)).tolist()
-        if len(squares) < MIN_TRIPLES:
-            return cls(np.inf, "not known: too few readings")
-        return cls(float(np.sqrt(np.mean(squares))), "of second differences, structure included")
-
-
-def heights_of_line(places: Floats, foot_mm: float | None) -> tuple[Floats, Floats, bool]:
-    """Where heights follow from slopes at places (m,), (n,), how, (n, m), and whether by a chain.
-
-    A chain: each reading stands on the places where its neighbours stand.
-    """
-    steps = np.diff(places)
-    foot = float(np.median(steps)) if foot_mm is None else foot_mm
-    if not foot > 0:
-        raise DataError(f"foot_mm: got {foot:g}, expected a distance above 0")
-    m = len(places)
-    if np.all(np.abs(steps - foot) <= SAME_STEP * foot):
-        at = np.append(places - foot / 2, places[-1] + foot / 2)
-        return at, MM_UM_M * foot * np.tri(m + 1, m, -1), True
-    rise = np.zeros((m, m))
-    rows = np.arange(m - 1)
-    rise[rows + 1, rows] = rise[rows + 1, rows + 1] = steps / 2
-    return places, MM_UM_M * np.cumsum(rise, axis=0), False
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """Neighbours on a grid of m places: slope between them by heights, and by slopes in x and y.
-
-    differences: (e, m). means: mean slope of two neighbours, (e, 2 m).
-    """
-
-    differences: Floats
-    means: Floats
-
-    @classmethod
-    def of(cls, places: Floats) -> Mesh:
-        """Neighbours along x and along y of places (m, 2)."""
-        m = len(places)
-        differences, means = [], []
-        for axis in (0, 1):
-            order = np.lexsort((places[:, axis], places[:, 1 - axis]))
-            one, other = order[:-1], order[1:]
-            joined = places[one, 1 - axis] == places[other, 1 - axis]
-            one, other = one[joined], other[joined]
-            rows = np.arange(len(one))
-            length = MM_UM_M * (places[other, axis] - places[one, axis])
-            difference, mean = np.zeros((len(one), m)), np.zeros((len(one), 2 * m))
-            difference[rows, other], difference[rows, one] = 1 / length, -1 / length
-            mean[rows, axis * m + one] = mean[rows, axis * m + other] = 0.5
-            differences.append(difference)
-            means.append(mean)
-        made = cls(np.concatenate(differences), np.concatenate(means))
-        if np.linalg.matrix_rank(made.differences) < m - 1:
-            raise DataError(
-                "flatness: got places that are not connected along x and y, expected a grid"
-            )
-        return made
-
-    def heights(self) -> Floats:
-        """Heights by slopes: least squares, (m, 2 m)."""
-        return np.asarray(np.linalg.pinv(self.differences) @ self.means)
-
-    def closure(self, heights: Floats, slopes: Floats) -> float:
-        """What heights (m,) leave of slopes (2 m,) between neighbours, rms."""
-        left = self.differences @ heights - self.means @ slopes
-        return float(np.sqrt(np.mean(left**2)))
-
-
-@dataclass(frozen=True)
-class _Zone:
-    """Heights (n,) above their line or plane, with both zones."""
-
-    heights: Floats
-    std: Floats
-    widths: tuple[float, float]
-    std_errors: tuple[float, float]
-
-    @classmethod
-    def of(cls, places: Floats, heights: Floats, covariance: Floats) -> _Zone:
-        size = np.ptp(places, axis=0)
-        plane = np.column_stack([np.ones(len(places)), (places - places.mean(axis=0)) / size])
-        off = np.eye(len(places)) - plane @ np.linalg.pinv(plane)
-        left, spread = off @ heights, off @ covariance @ off.T
-        ends = np.zeros(len(places))
-        ends[np.argmax(left)] += 1.0
-        ends[np.argmin(left)] -= 1.0
-        width, by = _minimum_zone(plane, left)
-        return cls(
-            left,
-            np.sqrt(np.maximum(np.diag(spread), 0.0)),
-            (float(np.ptp(left)), width),
-            (_std(ends, spread), _std(by, spread)),
-        )
-
-
-def _std(by: Floats, covariance: Floats) -> float:
-    return float(np.sqrt(np.maximum(by @ covariance @ by, 0.0)))
-
-
-def _minimum_zone(plane: Floats, heights: Floats) -> tuple[float, Floats]:
-    """Width of the narrowest zone between parallel lines or planes; its derivative by heights."""
-    from scipy.optimize import linprog
-
-    half = np.full((len(heights), 1), -0.5)
-    above, below = np.hstack([-plane, half]), np.hstack([plane, half])
-    cost = np.append(np.zeros(plane.shape[1]), 1.0)
-    solved = linprog(
-        cost,
-        A_ub=np.concatenate([above, below]),
-        b_ub=np.concatenate([-heights, heights]),
-        bounds=[(None, None)] * len(cost),
-        method="highs",
-    )
-    up, down = np.split(np.asarray(solved.ineqlin.marginals), 2)
-    return float(np.asarray(solved.fun)), np.asarray(down - up)
-
-
-def _known(std: float, noise: Sequence[Noise]) -> float:
-    return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -242,14 +71,14 @@ class Straightness(Result):
         cls,
         at: Floats,
         heights: Floats,
-        slopes: SlopesLike,
+        slopes: Slopes,
         noise: Noise,
         chained: bool,
         note: str,
     ) -> Straightness:
         """Of slopes (m,), and how heights at n places follow from them, (n, m)."""
         covariance = heights @ (slopes.cofactor * noise.variance) @ heights.T
-        zone = _Zone.of(at[:, None], heights @ slopes.values, covariance)
+        zone = Zone.of(at[:, None], heights @ slopes.values, covariance)
         return cls(
             positions_mm=at,
             heights_um=zone.heights,
@@ -342,7 +171,7 @@ class Flatness(Result):
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise], note: str) -> Flatness:
+    def of(cls, slopes: Sequence[Slopes], noise: Sequence[Noise], note: str) -> Flatness:
         """Of slopes in x and in y."""
         places, m = slopes[0].places, len(slopes[0].places)
         mesh = Mesh.of(places)
@@ -352,7 +181,7 @@ class Flatness(Result):
         for i, (s, n) in enumerate(zip(slopes, noise, strict=True)):
             covariance[i * m : (i + 1) * m, i * m : (i + 1) * m] = s.cofactor * n.variance
         z = heights @ both
-        zone = _Zone.of(places, z, heights @ covariance @ heights.T)
+        zone = Zone.of(places, z, heights @ covariance @ heights.T)
         zeros = [s.zero for s in slopes if s.zero is not None]
         return cls(
             x_mm=places[:, 0],
@@ -437,7 +266,7 @@ class Twist(Result):
     slopes_um_m: Floats = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
-    def of(cls, slopes: Sequence[SlopesLike], noise: Sequence[Noise]) -> Twist:
+    def of(cls, slopes: Sequence[Slopes], noise: Sequence[Noise]) -> Twist:
         """Of slopes across a line, or in x and y."""
         columns = []
         for i, s in enumerate(slopes):
@@ -493,7 +322,11 @@ class Twist(Result):
         return (Table.of("Twist", ("", "value", "standard uncertainty", "unit"), rows),)
 
 
-def _errors(name: str, zone: _Zone, noise: Sequence[Noise]) -> dict[str, float]:
+def _known(std: float, noise: Sequence[Noise]) -> float:
+    return std if all(np.isfinite(n.sigma) for n in noise) else float(np.inf)
+
+
+def _errors(name: str, zone: Zone, noise: Sequence[Noise]) -> dict[str, float]:
     names = (name, "minimum_zone_um")
     return {k: _known(s, noise) for k, s in zip(names, zone.std_errors, strict=True)}
 

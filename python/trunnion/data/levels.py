@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
@@ -16,19 +15,10 @@ from trunnion.base.repeats import shared_variance
 from trunnion.base.report import Result
 from trunnion.base.rows import equal_rows
 from trunnion.base.units import Flags, Floats, Integers
-from trunnion.data.flatness import (
-    Flatness,
-    Noise,
-    Straightness,
-    Twist,
-    heights_of_line,
-)
+from trunnion.data.flatness import Flatness, Straightness, Twist
 from trunnion.data.mistaken import size_notes
-from trunnion.files.columns import (
-    ColumnError,
-    OptionalNumber,
-    OptionalTime,
-)
+from trunnion.data.slopes import Noise, Slopes, heights_of_line
+from trunnion.files.columns import ColumnError, OptionalNumber, OptionalTime
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 
@@ -268,42 +258,6 @@ class Levels(Table):
             raise ColumnError(
                 "along_um_m", None, "neither along_um_m nor across_um_m", "one of them or both"
             )
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """Slopes at m places from all readings of one component.
-
-    values: µm/m, (m,). count, turned: readings at each place, and their mean sense, (m,).
-    zero: of the instrument, µm/m; None where it was not turned. zero_cofactor: its variance per
-    unit of variance of a reading. rss, free: squares of the residuals, and their degrees of freedom.
-    step: in which readings are recorded, 0: none is seen. repeats: readings at a place, turned
-    alike.
-    """
-
-    places: Floats
-    values: Floats
-    count: Floats
-    turned: Floats
-    zero: float | None
-    zero_cofactor: float
-    rss: float
-    free: int
-    step: float
-    repeats: float
-
-    @property
-    def cofactor(self) -> Floats:
-        """Covariance of the slopes per unit of variance of a reading, (m, m)."""
-        own = np.diag(1.0 / self.count)
-        if self.zero is None:
-            return own
-        return own + self.zero_cofactor * np.outer(self.turned, self.turned)
-
-    def variance(self, by: Floats) -> float:
-        """Of a combination of the slopes (m,), per unit of variance of a reading."""
-        zero = 0.0 if self.zero is None else self.zero_cofactor * float(by @ self.turned) ** 2
-        return float(by**2 @ (1.0 / self.count)) + zero
 
 
 def read_levels(path: str | PathLike[str]) -> Levels:

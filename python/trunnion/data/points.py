@@ -3,13 +3,7 @@
 from os import PathLike
 
 from trunnion.base.units import Floats
-from trunnion.files.columns import (
-    Number,
-    OptionalLabel,
-    OptionalNumber,
-    OptionalTime,
-    stack,
-)
+from trunnion.files.columns import Number, OptionalLabel, OptionalNumber, OptionalTime, stack
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 

@@ -16,13 +16,7 @@ from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.distinct import own_cycles
 from trunnion.data.iso230_2 import Iso2302, Iso2302Rotary
 from trunnion.data.places import LEAST, Places
-from trunnion.files.columns import (
-    ColumnError,
-    Integer,
-    OptionalLabel,
-    OptionalNumber,
-    OptionalTime,
-)
+from trunnion.files.columns import ColumnError, Integer, OptionalLabel, OptionalNumber, OptionalTime
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table
 

@@ -16,12 +16,7 @@ from trunnion.base.units import Floats
 from trunnion.data.ballbar import Ballbar
 from trunnion.hybrid.mechanism import Mechanism
 from trunnion.hybrid.parameters import PAPER_ERRORS, error_names
-from trunnion.hybrid.readings import (
-    gradient_with_centres,
-    joints_of,
-    setup_index,
-    start_centres,
-)
+from trunnion.hybrid.readings import gradient_with_centres, joints_of, setup_index, start_centres
 from trunnion.hybrid.spectrum import Spectrum, combination
 
 #: A combination with a smaller standard error (µm or arcsec) counts as well determined.

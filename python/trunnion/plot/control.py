@@ -10,7 +10,8 @@ import numpy as np
 from trunnion.base.report import SHOWN
 from trunnion.base.units import ARCSEC
 from trunnion.compensation.forecast import EXACT, MAP, NOTHING, PARAMETERS, CompensationForecast
-from trunnion.compensation.parameters import PrintedZeros, Removable
+from trunnion.compensation.parameters import Removable
+from trunnion.compensation.printed_zeros import PrintedZeros
 from trunnion.compensation.uncertainty import ResidualInterval
 from trunnion.compensation.verification import BallVerification
 from trunnion.controls.files import ControlFiles, Setting

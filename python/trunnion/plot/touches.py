@@ -17,16 +17,7 @@ from trunnion.machine.chain import Chain
 from trunnion.plot.axes import axes_or_new
 from trunnion.plot.picture import Axis, Kind, Picture, Series, arrows, bars, line, points
 from trunnion.plot.static import panels
-from trunnion.plot.style import (
-    BLUE,
-    BODY,
-    GREEN,
-    MUTED,
-    PALETTE,
-    PURPLE,
-    VERMILLION,
-    round_number,
-)
+from trunnion.plot.style import BLUE, BODY, GREEN, MUTED, PALETTE, PURPLE, VERMILLION, round_number
 from trunnion.probing.observability import Observability
 from trunnion.probing.result import IdentificationResult
 from trunnion.setup import Artefact, Machine, Setup

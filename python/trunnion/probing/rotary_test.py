@@ -24,12 +24,7 @@ from trunnion.machine.budget import of_readings
 from trunnion.machine.chain import Chain
 from trunnion.machine.estimate import Estimate, named_combination
 from trunnion.probing.rotary_acting import Acting
-from trunnion.probing.rotary_readings import (
-    Relation,
-    RotaryReadings,
-    RotaryTestSettings,
-    commanded,
-)
+from trunnion.probing.rotary_readings import Relation, RotaryReadings, RotaryTestSettings, commanded
 from trunnion.setup import Setup
 
 MAX_STEPS = 20

@@ -21,12 +21,7 @@ from trunnion.reports.budget import budget_section
 from trunnion.reports.compensation import compensation_document, control_document
 from trunnion.reports.diagnosis import diagnosis_document
 from trunnion.reports.document import Document, Item, Mark, Points, Section
-from trunnion.reports.results import (
-    Figure,
-    figures_table,
-    location_errors,
-    of_interest,
-)
+from trunnion.reports.results import Figure, figures_table, location_errors, of_interest
 from trunnion.reports.source import Source
 from trunnion.reports.space import in_space
 from trunnion.reports.standard import drawn, figures_of, of_errors

@@ -8,13 +8,7 @@ from typing import Any
 
 from trunnion.base.report import Cell, Result, Shown, Table
 from trunnion.base.units import unit_of
-from trunnion.compensation.forecast import (
-    EXACT,
-    MAP,
-    PARAMETERS,
-    CompensationForecast,
-    SignTest,
-)
+from trunnion.compensation.forecast import EXACT, MAP, PARAMETERS, CompensationForecast, SignTest
 from trunnion.compensation.parameters import MIN_LEFT, CncParameters
 from trunnion.controls.files import ControlFiles, Setting
 from trunnion.plot.dispatch import pictures

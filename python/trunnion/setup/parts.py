@@ -21,13 +21,7 @@ from trunnion.base.frozen import FrozenMapping
 from trunnion.setup.agreement import check
 from trunnion.setup.artefact import UNCERTAINTY, Artefact
 from trunnion.setup.control import ControlSetup
-from trunnion.setup.fields import (
-    LENGTH,
-    Number,
-    Part,
-    Section,
-    key,
-)
+from trunnion.setup.fields import LENGTH, Number, Part, Section, key
 from trunnion.setup.machine import AxisSetup, Machine
 from trunnion.setup.machines import Description
 from trunnion.setup.report import ReportSetup

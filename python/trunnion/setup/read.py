@@ -11,12 +11,7 @@ from trunnion.files.toml import TomlText
 from trunnion.setup.artefact import DIMENSIONS, Artefact, names_of
 from trunnion.setup.fields import Section, keys_of
 from trunnion.setup.machine import AxisSetup
-from trunnion.setup.parts import (
-    AXES,
-    PARTS,
-    Setup,
-    TableSetup,
-)
+from trunnion.setup.parts import AXES, PARTS, Setup, TableSetup
 from trunnion.setup.write import PROCESS_TABLES
 
 

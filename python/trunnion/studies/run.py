@@ -22,14 +22,7 @@ from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.base.progress import progress_bar
 from trunnion.base.workers import processes
 from trunnion.setup import Setup
-from trunnion.studies.dataset import (
-    dataset,
-    import_xarray,
-    journal_of,
-    read_same,
-    target_of,
-    write,
-)
+from trunnion.studies.dataset import dataset, import_xarray, journal_of, read_same, target_of, write
 from trunnion.studies.description import Description, check_names
 from trunnion.studies.grid import Grid
 from trunnion.studies.store import Blocks, Place, exclusive

@@ -16,14 +16,7 @@ from trunnion.data.touches import Touches
 from trunnion.machine.chain import Chain
 from trunnion.plot.scenes.machine import Posture, linear_traces, machine_traces, probe_traces
 from trunnion.plot.scenes.traces import Trace, arrows, colour_axis, dots, lines
-from trunnion.plot.scenes.view import (
-    View,
-    arrow_scale,
-    extent,
-    scale_bar,
-    thinned,
-    titled,
-)
+from trunnion.plot.scenes.view import View, arrow_scale, extent, scale_bar, thinned, titled
 from trunnion.plot.style import BLUE, GREEN, OCHRE, VERMILLION
 from trunnion.probing.steps import arrangement
 from trunnion.setup import Setup
