@@ -24,6 +24,7 @@ from trunnion.base.units import Floats
 from trunnion.compensation.control import (
     Compensation,
     ControlModel,
+    ModelCompensation,
     control_commands,
     is_compensation,
 )
@@ -65,7 +66,7 @@ class PoseField(Result):
 
     def tables(self) -> tuple[Table, ...]:
         """Largest error and error of the tool direction."""
-        return (_figures(self.max_um, None, self.direction_arcsec),)
+        return (_figures(self.direction_arcsec, largest=self.max_um),)
 
     def derived(self) -> Mapping[str, Any]:
         """Largest length."""
@@ -76,10 +77,8 @@ def _pose(rotary_deg: Mapping[str, float]) -> str:
     return ", ".join(f"{letter} = {value:g}°" for letter, value in rotary_deg.items())
 
 
-def _figures(max_um: float, rms_um: float | None, direction_arcsec: float) -> Table:
-    rows: list[tuple[Cell, ...]] = [("largest", max_um, "µm")]
-    if rms_um is not None:
-        rows.append(("rms", rms_um, "µm"))
+def _figures(direction_arcsec: float, **sizes_um: float) -> Table:
+    rows: list[tuple[Cell, ...]] = [(name, size, "µm") for name, size in sizes_um.items()]
     rows.append(("tool direction, largest", direction_arcsec, "arcsec"))
     return Table.of("Volumetric error", ("", "value", "unit"), rows)
 
@@ -165,16 +164,15 @@ class VolumetricError(Result):
                 "field_um: got a result read from JSON, which does not hold the field, expected "
                 "one of volumetric_error"
             )
-        grid = [self.x_mm.tolist(), self.y_mm.tolist(), self.z_mm.tolist()]
+        grid = [axis.tolist() for axis in self._nodes()]
         parts = [_core.field_on_grid(field, grid, None) for field in self._fields]
         return np.stack(parts).reshape(shape)
 
     def gridded(self) -> Gridded:
         """Return the field over rotary positions and the box, and the largest error by pose."""
         letters = tuple(f"{letter.lower()}_deg" for letter in self.rotary_deg)
-        nodes = {
-            n: np.atleast_1d(v) for n, v in zip(letters, self.rotary_deg.values(), strict=True)
-        }
+        rotary = map(np.atleast_1d, self.rotary_deg.values())
+        nodes = dict(zip(letters, rotary, strict=True))
         shape = tuple(map(len, nodes.values()))
         nodes |= {"x_mm": self.x_mm, "y_mm": self.y_mm, "z_mm": self.z_mm}
         by_pose = ("max_by_pose_um", "rms_by_pose_um", "direction_by_pose_arcsec")
@@ -246,10 +244,9 @@ class VolumetricError(Result):
         axes = {f"{axis} mm": n for axis, n in zip("xyz", self._nodes(), strict=True)}
         axes |= {f"{letter} deg": nodes for letter, nodes in self.rotary_deg.items()}
         rows = [(name, nodes[0], nodes[-1], len(nodes)) for name, nodes in axes.items()]
-        return (
-            _figures(self.max_um, self.rms_um, float(np.max(self.direction_by_pose_arcsec))),
-            Table.of("Grid of the work and rotary positions", ("", "from", "to", "nodes"), rows),
-        )
+        grid = Table.of("Grid of the work and rotary positions", ("", "from", "to", "nodes"), rows)
+        direction = float(np.max(self.direction_by_pose_arcsec))
+        return _figures(direction, largest=self.max_um, rms=self.rms_um), grid
 
     def _nodes(self) -> tuple[Floats, Floats, Floats]:
         return self.x_mm, self.y_mm, self.z_mm
@@ -316,15 +313,9 @@ def volumetric_error(
     >>> round(tn.volumetric_error(setup, {"EX0C": 15.0, "EZ0A": 20.0}).max_um, 6)
     25.0
     """
-    task = _Task.of(
-        setup,
-        MachineErrors.of(setup, errors, effects, placement),
-        Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg, points),
-        compensation,
-        rounded,
-        approach,
-        senses or {},
-    )
+    state = MachineErrors.of(setup, errors, effects, placement)
+    box = Workspace(x_mm, y_mm, z_mm, a_deg, c_deg, b_deg, points)
+    task = _Task.of(setup, state, box, compensation, rounded, approach, senses or {})
     return task.result()
 
 
@@ -352,15 +343,8 @@ def error_fields(
     >>> next(iter(fields)).field_um.shape
     (3, 3, 2, 3)
     """
-    task = _Task.of(
-        setup,
-        MachineErrors.of(setup, errors, effects, placement),
-        Workspace(**where),
-        compensation,
-        rounded,
-        approach,
-        senses or {},
-    )
+    state, box = MachineErrors.of(setup, errors, effects, placement), Workspace(**where)
+    task = _Task.of(setup, state, box, compensation, rounded, approach, senses or {})
     chain = Chain(setup)
     shape = (*(len(axis) for axis in task.nodes), 3)
     if task.is_affine:
@@ -465,24 +449,22 @@ class _Task:
 
     def idle(self) -> tuple[str, ...]:
         """Effects that have values and still move nothing at any of the poses."""
-        nominal, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
+        nominal = ModelCompensation(NOMINAL).control_model(self.setup)
         found = []
         for name, values in self.state.effects.items():
             if not any(values.values()):
                 continue
             effect = MachineErrors(effects={name: values})
             alone = effect.core(self.setup, self.approach, self.senses)
-            fields, directions = alone.fields(nominal, zeros, self.poses)
+            fields, directions = alone.fields(*nominal, self.poses)
             if not np.any(fields) and not np.any(directions):
                 found.append(name)
         return tuple(found)
 
     def affine_fields(self) -> tuple[Floats, Floats]:
-        if isinstance(self.compensation, ControlModel):
-            assumed, zeros = self.compensation.control_model(self.setup)
-        else:
-            assumed, zeros = NOMINAL.core(self.setup), [0.0] * len(self.rotary)
-        return self.truth.fields(assumed, zeros, self.poses)
+        known = self.compensation
+        control = known if isinstance(known, ControlModel) else ModelCompensation(NOMINAL)
+        return self.truth.fields(*control.control_model(self.setup), self.poses)
 
     def sampled_fields(self) -> Iterator[tuple[Floats, float]]:
         grid = np.stack(np.meshgrid(*self.nodes, indexing="ij"), axis=-1).reshape(-1, 3)
