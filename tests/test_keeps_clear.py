@@ -335,7 +335,7 @@ def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
     assert "a table of radius 150 mm and thickness 30 mm is assumed" in notes[1]
     assert "on a stem of 8.33 mm" in notes[2]
     assert "its body, the holder and the spindle nose are not" in notes[3]
-    assert notes[4].startswith("These touches cannot tell EA0A, EB0C, EX0C, EY0C.")
+    assert notes[4].startswith("These touches do not identify EA0A, EB0C, EX0C, EY0C.")
     assert "EA0A (+1 arcsec) together with EY0C" in notes[4]
     head = tn.probing_program(tn.plan(sphere), sphere).text()
     assert all(f"({note})" in head for note in notes[:4])

@@ -14,7 +14,7 @@ import trunnion as tn
 from trunnion.cli.command import Answer, Html, Output, command, one_set_up, save
 from trunnion.cli.program import LogFile, ProbeLog, read_log, save_program
 from trunnion.cli.schema import Of, Printed
-from trunnion.cli.values import named_values, names, numbers
+from trunnion.cli.values import Angles, named_values, names, numbers
 
 if TYPE_CHECKING:
     from trunnion.data.touches import Touches
@@ -27,7 +27,13 @@ ClosedForm: TypeAlias = Literal["printed", "separating"]
 METHODS = ("separating", "printed", "least-squares")
 
 SetupFile = Annotated[Path, typer.Argument(help="set-up (TOML)", metavar="SETUP")]
-Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
+PlanAndSetup = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="[PLAN] SETUP",
+        help="plan or touches (CSV; the paper's plan if absent) and the set-up (TOML)",
+    ),
+]
 
 
 class Planned(TypedDict):
@@ -172,13 +178,7 @@ def _planned(
 
 
 def simulate(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="[PLAN] SETUP",
-            help="plan or touches (CSV; the paper's plan if absent) and the set-up (TOML)",
-        ),
-    ],
+    files: PlanAndSetup,
     output: Output = None,
     error: Annotated[
         list[str] | None, typer.Option(help="true location error, EX0C=15 (µm or arcsec)")
@@ -310,13 +310,7 @@ def _estimates(
 
 
 def observe(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="[PLAN] SETUP",
-            help="plan or touches (CSV; the paper's plan if absent) and the set-up (TOML)",
-        ),
-    ],
+    files: PlanAndSetup,
     effects: Annotated[str, typer.Option(help="effects to estimate as well")] = "",
     noise_um: Annotated[
         float | None, typer.Option(help="standard deviation of one reading")

@@ -17,6 +17,8 @@ from trunnion.cli.read import said_of
 from trunnion.cli.schema import Of, Printed
 from trunnion.cli.values import named_values
 
+Stops = Annotated[Path, typer.Argument(metavar="STOPS", help="stops of the axis (CSV)")]
+
 
 class Further(TypedDict, total=False):
     """What `results` prints as JSON beside the results."""
@@ -44,7 +46,7 @@ def register(app: typer.Typer) -> None:
 
 
 def results(
-    stops: Annotated[Path, typer.Argument(metavar="STOPS", help="stops of the axis (CSV)")],
+    stops: Stops,
     instrument: Annotated[
         str | None, typer.Option(help="another instrument on the same stops: its column's NAME")
     ] = None,
@@ -92,7 +94,7 @@ def results(
 
 
 def instruments(
-    stops: Annotated[Path, typer.Argument(metavar="STOPS", help="stops of the axis (CSV)")],
+    stops: Stops,
 ) -> Answer:
     """Say of each cause whether it is the axis' or an instrument's, of several on one move."""
     return Answer.of(tn.whose_error(tn.read_positioning(stops)))

@@ -12,13 +12,12 @@ from trunnion.cli.calibration import SetupFile
 from trunnion.cli.command import Answer, Html, Output, command, group_of, one_set_up, save
 from trunnion.cli.diagnose import DIAGNOSED, diagnose_as
 from trunnion.cli.schema import Printed
-from trunnion.cli.values import exactly, numbers
+from trunnion.cli.values import Angles, exactly, numbers
 
 Readings = Annotated[
     list[Path],
     typer.Argument(metavar="READINGS SETUP", help="readings (CSV), and the set-up (TOML)"),
 ]
-Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
 
 class Planned(TypedDict):

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Annotated
+
+import typer
 
 from trunnion.base.errors import InputError
+
+Angles = Annotated[str, typer.Option(help="0,90,180 or first:last:step, degrees")]
 
 MAX_NUMBERS = 100_000
 """Numbers that a range may stand for."""

@@ -121,7 +121,7 @@ def plan_for(
     while len(made) > 1 and cycle_of(made, setup).times()[1] > limit_s:
         chosen = search.without_least(chosen)
         made = ordered(pool[np.array(chosen, dtype=np.intp)], setup)
-    if left := blind(_fit(made, setup), TouchModel(setup), named):
+    if left := not_identified(_fit(made, setup), TouchModel(setup), named):
         raise InputError(
             f"max_minutes, max_touches: got a limit of {len(made)} touches, expected more: no plan "
             f"was found within it that identifies {', '.join(left)}"
@@ -241,7 +241,7 @@ def missing_positions(touches: Touches, setup: Setup) -> list[str]:
     is identified, else the one that identifies most of them.
     """
     model = TouchModel(setup)
-    before = blind(_fit(touches, setup), model, model.error_names)
+    before = not_identified(_fit(touches, setup), model, model.error_names)
     if not before:
         return []
     best, advice = before, ""
@@ -250,7 +250,7 @@ def missing_positions(touches: Touches, setup: Setup) -> list[str]:
             more = plan(setup, all_faces=True, **arguments)
         except TrunnionError:  # out of reach, or of the range of an axis
             continue
-        left = blind(_fit(touches, setup, more), model, before)
+        left = not_identified(_fit(touches, setup, more), model, before)
         if len(left) < len(best):
             best, advice = left, text
         if not left:
@@ -292,7 +292,7 @@ def _fit(touches: Touches, setup: Setup, more: Touches | None = None) -> LinearF
     return linear_fit(jacobian, np.zeros(len(jacobian)), hold=~model.unknown)
 
 
-def blind(fit: LinearFit, model: TouchModel, names: Sequence[str]) -> list[str]:
+def not_identified(fit: LinearFit, model: TouchModel, names: Sequence[str]) -> list[str]:
     """Names of those that are not identified."""
     return [name for name in names if np.isinf(fit.std[model.names.index(name)])]
 
@@ -319,7 +319,7 @@ class _Search:
         """Linearise the candidates, and refuse what none of them identifies."""
         model = TouchModel(setup)
         found = _fit(pool, setup)
-        if left := blind(found, model, names):
+        if left := not_identified(found, model, names):
             why = [in_words(named_combination(model.names, row)) for row in found.combinations]
             raise DataError(
                 f"errors: got {', '.join(left)}, expected such as touches of this artefact can "

@@ -1,4 +1,4 @@
-"""What a user should know of a plan before it runs: what was assumed, what it cannot tell."""
+"""What a user should know of a plan before it runs: what was assumed, what it does not identify."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ USUAL_MM_S2 = 1000.0
 
 
 def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
-    """Sentences on a plan: what is kept clear of, and which location errors it cannot tell.
+    """Sentences on a plan: what is kept clear of, and which location errors it does not identify.
 
     Parameters
     ----------
@@ -101,19 +101,23 @@ def assumptions(setup: Setup) -> list[str]:
 
 
 def _not_identifiable(plan: Touches, setup: Setup) -> list[str]:
-    """Say which location errors the touches cannot tell, with what they are confused."""
+    """Say which location errors the touches do not identify, and beside what."""
     model = TouchModel(setup)
     _, jacobian = model.core.linearise(model.moves(plan), model.values())
     fit = linear_fit(jacobian, np.zeros(len(jacobian)), hold=~model.unknown)
     std = dict(zip(model.names, map(float, fit.std), strict=True))
-    blind = [name for name in model.error_names if np.isinf(std[name])]
+    missing = [name for name in model.error_names if np.isinf(std[name])]
     length = _tool_length(setup, std)
-    if not blind:
+    if not missing:
         return length
     combinations = [named_combination(model.names, row) for row in fit.combinations]
-    why = [in_words(c) for c in combinations if set(c) & set(blind)]
+    why = [in_words(c) for c in combinations if set(c) & set(missing)]
     advice = missing_positions(plan, setup)
-    return [f"These touches cannot tell {', '.join(blind)}. {' '.join(why)}", *length, *advice]
+    return [
+        f"These touches do not identify {', '.join(missing)}. {' '.join(why)}",
+        *length,
+        *advice,
+    ]
 
 
 def _tool_length(setup: Setup, std: Mapping[str, float]) -> list[str]:

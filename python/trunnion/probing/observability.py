@@ -211,7 +211,7 @@ def observability(
     plain = jacobian[:, : sum(model.unknown[: len(model.error_names) + len(PLACEMENT)])]
     shares, left = _left_after(plain, columns)
     visible = {name: left[name] for name, share in shares.items() if share > MIN_SHARE_LEFT}
-    hidden = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
+    absorbed = tuple(name for name, share in shares.items() if share <= MIN_SHARE_LEFT)
     return Observability(
         names=names,
         rank=found.rank,
@@ -220,7 +220,7 @@ def observability(
         noise_um=sigma,
         std_errors=dict(zip(names, map(float, sigma * found.std), strict=True)),
         combinations=tuple(named_combination(names, row) for row in found.combinations),
-        not_identifiable_effects=hidden,
+        not_identifiable_effects=absorbed,
         bias=_bias(setup, plain, columns, sigma),
         unnoticed=_unnoticed(setup, plain, columns, sigma),
         alike=dependent_sets(visible),
@@ -361,8 +361,8 @@ def _dependent_at_all(bases: dict[str, Floats], names: list[str]) -> list[str]:
     matrix = np.hstack([bases[name] for name in names])
     _, singular, directions = np.linalg.svd(matrix, full_matrices=True)
     rank = int(np.sum(singular > ALIKE_SHARE))
-    hidden = np.linalg.norm(directions[rank:], axis=0)
+    moved = np.linalg.norm(directions[rank:], axis=0)
     owners = np.repeat(np.arange(len(names)), [bases[name].shape[1] for name in names])
     return [
-        name for index, name in enumerate(names) if np.any(hidden[owners == index] > ALIKE_SHARE)
+        name for index, name in enumerate(names) if np.any(moved[owners == index] > ALIKE_SHARE)
     ]
