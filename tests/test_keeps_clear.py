@@ -328,7 +328,7 @@ def test_the_usual_sizes_of_holders_are_those_that_are_documented() -> None:
         assert " | ".join(keys) in page
 
 
-def test_a_plan_says_what_it_assumes_and_what_it_cannot_tell() -> None:
+def test_a_plan_says_what_it_assumes_and_what_it_does_not_identify() -> None:
     sphere = tn.Setup(artefact=SPHERE, probe=tn.Probe(3.0))
     notes = tn.plan_notes(tn.plan(sphere), sphere)
     assert "within 2 mm and 1 deg" in notes[0]
