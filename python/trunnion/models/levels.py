@@ -17,8 +17,8 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes
 from trunnion.base.units import Flags, Floats
-from trunnion.data.flatness import SAME_STEP
 from trunnion.data.levels import COMPONENTS, Levels
+from trunnion.data.slopes import SAME_STEP
 from trunnion.diagnosis.effect import (
     Effect,
     EffectLike,
