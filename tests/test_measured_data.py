@@ -56,8 +56,9 @@ def test_plate_of_one_year_predicts_the_other(
     plates: dict[int, tn.Points], diagnoses: dict[int, tn.Diagnosis], year: int, other: int
 ) -> None:
     d = diagnoses[year]
-    assert d.score(plates[other]).rms_after_um < 5.25
     part = tn.repeatable_part(d, plates[other])
+    # What is alike at neighbouring places is in the smooth field, not in a scale or a bow.
+    assert d.score(plates[other]).rms_after_um < part.left_named_um
     assert part.correlation["X"] == pytest.approx(0.80, abs=0.01)
     assert part.correlation["Y"] == pytest.approx(0.86, abs=0.01)
     assert part.left_smooth_um < 5.25

@@ -32,7 +32,7 @@ from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Correlated, Scaling, Whiten, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -228,6 +228,13 @@ class Case:
         """Used readings in a row that wander as nothing of the catalogue makes them."""
         return self._in_a_row(self.whiten.wandering) if isinstance(self.whiten, Whitener) else []
 
+    def shared(self, f: Fit) -> Floats:
+        """Return what a fit leaves of an effect without a name, beside its columns, shape (n,)."""
+        white = self.whiten
+        if not isinstance(white, Correlated) or white.cause not in f.effects:
+            return np.zeros(len(f.residuals))
+        return white.shared(f.residuals)
+
     def _in_a_row(self, filters: Iterable[int]) -> list[Integers]:
         """Used readings of some filters of the whitener."""
         every = self.segments
@@ -311,6 +318,9 @@ class Case:
             # what is left out must not act on its repeats
             grid = grid.without(self.rows[bad])
             whiten = whiten.with_labels(grid.label)
+        if isinstance(whiten, Correlated):
+            whiten = whiten.without(self.rows[bad])
+        if whiten is not self.whiten:
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
         plain = fit(self.model, rows, (), self.model.start, {}, whiten)
         return replace(

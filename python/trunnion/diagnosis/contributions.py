@@ -25,7 +25,7 @@ from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit, beside
 from trunnion.diagnosis.records import labelled, units_of, with_unit
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.whitening import Correlated, identity
 
 Named: TypeAlias = frozenset[int]  # causes that are fitted, by number
 
@@ -316,12 +316,15 @@ class _TakenOut:
             whole - model.predict(f.nuisance, {k: v for k, v in f.effects.items() if k != id_})
             for id_ in self.ids
         ]
+        shared = kept.shared(f)
+        if shared.any() and isinstance(kept.whiten, Correlated):
+            changes[self.ids.index(kept.whiten.cause)] += shared
         columns = f.jacobian[:, p:]
         size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         columns = columns / np.where(size > 0, size, 1.0)
         self.owner = [self.ids.index(name) for name, _ in f.names]
         self.of_unit = pieces
-        all_ = np.column_stack([columns, *changes, f.residuals])
+        all_ = np.column_stack([columns, *changes, f.residuals - shared])
         directions = f.directions[np.any(f.directions[:, :p] != 0, axis=1), :p]
         along = f.jacobian[:, :p] @ directions.T
         length = np.sqrt(np.einsum("ij,ij->j", along, along))

@@ -8,15 +8,17 @@ do not identify of an effect stays zero. Time is linear in readings, whatever th
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from trunnion.base.repeats import Repeats, within_groups
 from trunnion.base.statistics import MANY_ROWS, linear_fit
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.columns import DEPENDENT
+from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.whitening import Whiten
+from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
@@ -27,7 +29,7 @@ ROUNDING = 1e-12
 
 def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Floats:
     """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
-    labels = np.asarray(model.groups)[rows]
+    labels = _groups(model, whiten)[rows]
     order = np.argsort(labels, kind="stable")
     problem, start = _Problem.of(rows, *_in_groups(model, rows, f, whiten)).in_groups(labels, order)
     gram = problem.white.T @ problem.white
@@ -47,14 +49,41 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     return errors
 
 
+def _groups(model: Model, whiten: Whiten) -> Integers:
+    """Group of each reading: neighbours that share errors are left out together."""
+    return np.asarray(whiten.groups if isinstance(whiten, Correlated) else model.groups)
+
+
 def _in_groups(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> tuple[Fit, Whiten]:
-    """Return the fit and its whitener with repeats of one group only: others predict it."""
+    """Return the fit and its whitener with nothing shared between groups: others predict it."""
+    if isinstance(whiten, Correlated):
+        if whiten.cause in f.effects:
+            f = _completed(f, whiten)
+        basis = np.linalg.qr(f.jacobian[rows] @ f.directions.T)[0]
+        return replace(f, basis=np.asarray(basis)), identity
     groups = np.asarray(model.groups)
     if not isinstance(whiten, Repeats) or whiten.within(groups):
         return f, whiten
     apart = whiten.with_labels(within_groups(whiten.label, groups))
     white = np.asarray(apart(f.jacobian))[rows] @ f.directions.T
     return replace(f, basis=np.asarray(np.linalg.qr(white)[0])), apart
+
+
+def _completed(f: Fit, whiten: Correlated) -> Fit:
+    """Return a fit with all that an effect without a name makes, in columns of their own."""
+    known = f.jacobian @ f.directions.T
+    known = known / np.linalg.norm(known, axis=0)
+    beside = whiten.basis - known @ np.linalg.lstsq(known, whiten.basis, rcond=DEPENDENT)[0]
+    u, size, _ = np.linalg.svd(beside, full_matrices=False)
+    more = u[:, size > DEPENDENT**0.5]
+    names = [str(i) for i in range(more.shape[1])]
+    return replace(
+        f,
+        jacobian=np.concatenate([f.jacobian, more], axis=1),
+        directions=block_diag(f.directions, np.eye(len(names))),
+        names=(*f.names, *(("", name) for name in names)),
+        effects={**f.effects, "": Values(dict.fromkeys(names, 0.0))},
+    )
 
 
 def better(model: Model, rows: Integers, whiten: Whiten, plain: Fit, f: Fit) -> bool:

@@ -14,9 +14,11 @@ Algorithm
    (:mod:`.scan`), which then competes with the causes (:mod:`.explain`).
 5. Readings set aside are tried again as readings: a point or a face of its own looks like a few
    outliers, and costs less to explain as what it is. The choice with the best score wins.
-6. Where readings of one direction scatter more than others, all is repeated with each weighed by
+6. Where what is left of neighbours is alike (errors of no known form that change slowly in space),
+   all is repeated with what they share in the noise (:meth:`.Model.correlated`).
+7. Where readings of one direction scatter more than others, all is repeated with each weighed by
    its own (:mod:`.scatter`), and kept if the likelihood of all readings is larger.
-7. The named causes, every other set of causes that explains the readings about as well, and the
+8. The named causes, every other set of causes that explains the readings about as well, and the
    cross-validated gain are reported (:mod:`.report`, :mod:`.cross_validation`).
 
 The levels add up to 5 %: causes 2 %, structure without a name 1 %, repeats 0.5 %, scatter against
@@ -127,10 +129,35 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
         named = frozenset(choice[1].fit.effects)
         if named == before or (choice[0] <= scores[before] and named in scores):
             break  # of two sets that lead to each other the better one
+    case, choice = _with_correlation(case, choice)
     case, choice = _with_scatter(case, choice)
     if _worse(case, choice):
         case, choice = _without_causes(case, choice)
     return case, choice[1], choice[2]
+
+
+def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
+    """Explain with what neighbouring readings share, where what is left of them is alike.
+
+    It is judged beside the causes found, and these beside it, until neither changes.
+    """
+    best, at = (case, choice), case
+    for _ in range(MAX_ROUNDS if case.whiten is identity else 0):
+        found, used = choice[1].fit, np.flatnonzero(kept_rows(len(case.rows), choice[2]))
+        if case.exact(found):
+            break
+        noise = found.rss / max(found.dof, 1)
+        if case.grid is not None and case.grid.matters(float(np.sqrt(noise))):
+            break
+        whiten = case.model.correlated(found.nuisance, found.effects, used, noise)
+        if whiten is None:
+            return best
+        at = _whitened(case.model, case.plain, case.grid, whiten)
+        before, choice = found.effects.keys(), _choose(at)
+        at.given = case.given if len(choice[2]) else case.given or case.plain
+        if choice[1].fit.effects.keys() == before:
+            break
+    return at, choice
 
 
 def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:

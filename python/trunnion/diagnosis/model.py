@@ -28,7 +28,7 @@ from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
 
@@ -354,6 +354,19 @@ class Model:
     def dependent(self, residuals: Floats) -> Callable[[Floats], Floats]:
         """Whitener of residuals that are no stationary noise (:mod:`.dependence`)."""
         return self.whitener(residuals)
+
+    def correlated(
+        self,
+        nuisance: Floats,  # noqa: ARG002
+        effects: EffectValues,  # noqa: ARG002
+        used: Integers,  # noqa: ARG002
+        variance: float,  # noqa: ARG002
+    ) -> Correlated | None:
+        """Noise of neighbouring readings that is alike, as a fit leaves it; None: it is not.
+
+        ``used``: readings that the fit used; ``variance``: of what it leaves of each.
+        """
+        return None
 
     def near(self, *, always: bool = False) -> Model:  # noqa: ARG002
         """Return the model with its candidates linearised near the data; itself where it is so.

@@ -32,6 +32,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
+from trunnion.diagnosis.whitening import Correlated
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -114,7 +115,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     kept, f, source = with_structure(kept, e, f)
     variance = float(case.floor.noise(f.rss, f.dof))
     f = _with_what_is_stated(kept, f, variance)
-    gain = _gain(kept, rows, plain, f)
+    left = f.residuals - kept.shared(f)
+    gain = _gain(kept, rows, plain, f, left)
     growth = kept.growth(f, variance)
     doubt = Doubt.of(kept, f, alternatives, variance, growth)
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
@@ -152,7 +154,7 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
         units={x.name: x.unit for x in model.nuisance},
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
-        residuals=_residuals(kept.model, case.given or case.plain, f, rows),
+        residuals=_residuals(kept.model, case.given or case.plain, f, left, rows),
         reservation=model.reservation,
         too_little=too_little(kept, others),
         notes=(*_notes(case, variance, sigma), *_notes_of_causes(kept, f, variance)),
@@ -212,9 +214,9 @@ def _sigma(model: Model, variance: float, gain: Gain, readings_a_freedom: float)
     return float(np.sqrt(variance))
 
 
-def _residuals(model: Model, plain: Fit, f: Fit, rows: Integers) -> Residuals:
+def _residuals(model: Model, plain: Fit, f: Fit, left: Floats, rows: Integers) -> Residuals:
     """Readings with what the models leave of them."""
-    return Residuals.of(model, plain.residuals, f.residuals, rows, f.nuisance, f.effects)
+    return Residuals.of(model, plain.residuals, left, rows, f.nuisance, f.effects)
 
 
 def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
@@ -231,7 +233,9 @@ def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
 
 def _notes(case: Case, variance: float, sigma: float) -> tuple[str, ...]:
     """Remarks of the model; what the readings say of their own noise."""
-    return (*case.model.remarks, *_notes_of_scatter(case, sigma), *_notes_of_steps(case, variance))
+    shared = (case.whiten.note,) if isinstance(case.whiten, Correlated) else ()
+    scatter = _notes_of_scatter(case, sigma)
+    return (*case.model.remarks, *shared, *scatter, *_notes_of_steps(case, variance))
 
 
 def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
@@ -256,13 +260,13 @@ def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
     return (f"{note}{'' if known or not readings.hint else f'; {readings.hint}'}.",)
 
 
-def _gain(case: Case, rows: Integers, plain: Fit, f: Fit) -> Gain:
-    """Residuals fitted and cross-validated, on the readings that are no outliers."""
+def _gain(case: Case, rows: Integers, plain: Fit, f: Fit, left: Floats) -> Gain:
+    """Residuals fitted (``left``) and cross-validated, on the readings that are no outliers."""
     units, index = units_of(case.model.readings)
     before = cross_validated(case.model, rows, case.given or plain, case.whiten)
     return Gain.of(
         (case.given or plain).residuals[rows],
-        f.residuals[rows],
+        left[rows],
         before,
         before if f is plain else cross_validated(case.model, rows, f, case.whiten),
         units,

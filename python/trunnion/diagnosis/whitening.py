@@ -1,12 +1,16 @@
 """Making the noise of readings white, of one size."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 
-from trunnion.base.units import Floats
+from trunnion.base.units import Floats, Integers
+
+SEEN = 1e-6  # of a squared combination, what is left of it without some readings
 
 Whiten: TypeAlias = Callable[[NDArray[Any]], NDArray[Any]]
 
@@ -25,3 +29,57 @@ class Scaling:
     def __call__(self, columns: Floats) -> Floats:
         """Divide columns (n, ...)."""
         return columns / self.scale.reshape(-1, *(1,) * (columns.ndim - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Correlated:
+    """Whiten noise of which some combinations of readings have more than a reading has.
+
+    Smooth errors of no known form make combinations that are smooth themselves (a scale, a bow)
+    uncertain. What is left beside these is taken as white: structure is looked for in it.
+
+    Attributes
+    ----------
+    basis:
+        The combinations, orthonormal, shape (n, k).
+    more:
+        Covariance that they have beside that of white noise of variance 1, shape (k, k).
+    note:
+        What is said of it.
+    groups:
+        Group of each reading for cross-validation, shape (n,).
+    cause:
+        Id of an effect without a name that was found and makes them; empty: none was.
+    """
+
+    basis: Floats
+    more: Floats
+    note: str
+    groups: Integers
+    cause: str = ""
+
+    @cached_property
+    def _change(self) -> Floats:
+        w, u = np.linalg.eigh(self.more)
+        return np.asarray((u * (1.0 / np.sqrt(1.0 + np.maximum(w, 0.0)) - 1.0)) @ u.T)
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        flat = np.asarray(columns, dtype=np.float64).reshape(len(columns), -1)
+        return np.asarray(flat + self.basis @ (self._change @ (self.basis.T @ flat))).reshape(
+            columns.shape
+        )
+
+    def shared(self, residuals: Floats) -> Floats:
+        """Return what is expected to be theirs in residuals, shape (n,)."""
+        noise = np.linalg.inv(self.more + np.eye(len(self.more)))
+        part = self.basis.T @ residuals
+        return np.asarray(self.basis @ (part - noise @ part))
+
+    def without(self, rows: Integers) -> "Correlated":
+        """Return the noise of the other readings, on which these do not act."""
+        kept = self.basis.copy()
+        kept[rows] = 0.0
+        w, u = np.linalg.eigh(kept.T @ kept)
+        turn = u[:, w > SEEN] / np.sqrt(w[w > SEEN])
+        return replace(self, basis=kept @ turn, more=turn.T @ self.more @ turn)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,10 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
 )
-from trunnion.diagnosis.whitening import identity
+from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
+from trunnion.models.points.correlation import correlated
 from trunnion.models.points.effects import (
     CATALOGUED,
     OF_TIME,
@@ -109,6 +110,7 @@ class PointsModel(Model):
         self._travel: Places = Places.of(nominal) if source is None else source._travel
         self._places = places_of(nominal)
         named = catalogue(data, self._travel)
+        self._smooth = frozenset(e.id for e in named if e.linear and e.id not in OF_TIME)
         self.field: Field | None
         self.field, here = self._field(deviation, named) if source is None else (source.field, None)
         if self.field is not None:
@@ -279,6 +281,26 @@ class PointsModel(Model):
             return np.asarray((flat - ((1.0 - mine)[:, None] * mean)[label]).reshape(a.shape))
 
         return whiten
+
+    def correlated(
+        self, nuisance: Floats, effects: EffectValues, used: Integers, variance: float
+    ) -> Correlated | None:
+        """Features near each other share errors that no cause makes (:mod:`.correlation`)."""
+        smooth = [e for e in self.effects if e.id in self._smooth]
+        named = {k: v for k, v in effects.items() if k not in self._smooth and k != "field"}
+        left = (self.readings.values - self.predict(nuisance, named)).reshape(-1, self.dimension)
+        columns = [
+            self.effect_jacobian(nuisance, e, e.values([0.0] * len(e.parameters))) for e in smooth
+        ]
+        every = np.concatenate([self.jacobian(nuisance, {}), *columns], axis=1)
+        rows = np.flatnonzero(
+            np.bincount(used // self.dimension, minlength=len(left)) == self.dimension
+        )
+        # A field tells of features among those measured, and of no others.
+        shared = correlated(self.data.nominal_mm, left, every, variance, rows)
+        if shared is None or "field" not in effects:
+            return shared
+        return replace(shared, groups=self.groups, cause="field")
 
     # --- what a user gets
 
