@@ -50,6 +50,25 @@ def test_many_rows_are_judged_as_few(apart: float, monkeypatch: pytest.MonkeyPat
     assert np.abs(left).max() < 1e-9
 
 
+@pytest.mark.parametrize("apart", [1.0, 1e-4, 1e-7, 1e-11])
+def test_factor_of_many_rows_keeps_the_least_singular_value(apart: float) -> None:
+    """Of columns given, and of combinations of columns that stand for them; as LAPACK has it."""
+    columns = RNG.standard_normal((20_000, 6)) * [1.0, 1e3, 1e-3, 1.0, 1.0, 0.0]
+    columns[:, 4] = columns[:, 0] + 1e-3 * columns[:, 1] + apart * columns[:, 4]
+    values = columns[:, 3] + 1e-3 * RNG.standard_normal(20_000)
+    mixed = np.eye(6)[:, [0, 1, 2, 4, 5]] + 0.5 * np.eye(6)[:, [3, 3, 2, 3, 5]]
+    for some, mix in ((columns, None), (columns, mixed)):
+        every = np.column_stack([some if mix is None else some @ mix, values])
+        length = np.linalg.norm(every, axis=0)
+        length[length == 0] = 1.0
+        factor = statistics.quick_factor(some, values, mix)
+        sizes = np.linalg.svd(factor / length, compute_uv=False)
+        np.testing.assert_allclose(
+            sizes, np.linalg.svd(every / length, compute_uv=False), rtol=1e-3, atol=1e-14
+        )
+        assert not factor[:, every.any(axis=0) == 0].any()
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
 def test_the_rule_does_not_depend_on_units(unit: float) -> None:
     """x, y, 2 x - y and an empty column: the last of the three is held, as is the empty one."""

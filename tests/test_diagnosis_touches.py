@@ -16,6 +16,9 @@ from typer.testing import CliRunner
 import trunnion as tn
 from power.study import ground
 from trunnion.cli import app
+from trunnion.diagnosis.effect import Values
+from trunnion.diagnosis.scan import Dictionary
+from trunnion.diagnosis.whitening import Scaling
 from trunnion.models.touches import TouchDiagnosisModel
 from twin.forward import EFFECTS, Truth
 from twin.generator import (
@@ -57,6 +60,30 @@ def test_columns_are_the_twins(plan: str) -> None:
         columns = model.effect_jacobian(model.start, effect, values)[:, : len(linear)]
         change = columns @ [values[name] for name in linear]
         assert np.abs(change - theirs).max() < SECOND_ORDER_TOL * size, effect.id
+
+
+def test_derivatives_at_many_durations_are_those_at_each() -> None:
+    model = TouchDiagnosisModel(tn.Touches(measured({}).columns), ground("rich")[3])
+    effect = model.effect("warmup_z")
+    taus = (3.0, 20.0, 400.0)
+    values = [Values({"amplitude_um": 0.0, "tau_min": tau}) for tau in taus]
+    several = model.linear_columns(model.start, effect, values)
+    for number, (columns, at) in enumerate(zip(several, values, strict=True)):
+        alone = model.effect_jacobian(model.start, effect, at)
+        np.testing.assert_array_equal(columns[0], alone[:, 0])
+        law = [1.0 - np.exp(-np.asarray(model.data.time_s) / 60.0 / tau) for tau in taus]
+        np.testing.assert_allclose(columns[0] * law[0], several[0][0] * law[number], atol=1e-12)
+
+
+def test_a_dictionary_with_other_weights_is_that_made_anew() -> None:
+    model = TouchDiagnosisModel(tn.Touches(measured({}).columns), ground("rich")[3])
+    rows = np.arange(len(model.readings))
+    weights = Scaling(np.linspace(0.5, 2.0, len(rows)))
+    first = Dictionary(model, rows)
+    again, anew = Dictionary(model, rows, weights, first), Dictionary(model, rows, weights)
+    r, basis = np.sin(rows), np.full((len(rows), 1), len(rows) ** -0.5)
+    np.testing.assert_array_equal(again.gains(r, basis)[0], anew.gains(r, basis)[0])
+    assert again.terms == anew.terms
 
 
 def test_the_main_job_in_words(tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ Columns are scaled to unit length, so that units do not matter. A combination of
 identifiable* if its singular value is at most :data:`RANK_TOLERANCE` of the largest. One parameter
 of it is held, its step is zero: the last one that has a fair share. The others are determined then.
 The core does the work (``rust/core/src/linear.rs``); time and memory are linear in rows. Of many
-rows the triangular factor, on which all is decided, comes from inner products where their condition
-is small and from LAPACK elsewhere, and the basis from BLAS: a third of the time.
+rows the triangular factor, on which all is decided, comes from inner products, taken twice where
+their condition is not small, and the basis from BLAS: a third of the time.
 
 A model that is not linear in its parameters is judged at its start, where dependencies are exact:
 away from it, leftovers of second order look like information. Afterwards it moves only in the
@@ -14,6 +14,7 @@ held. Where one is only weak, holding one parameter would put on the others what
 the directions then leave the combination alone as a whole.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,9 +27,10 @@ from trunnion.base.units import Flags, Floats
 RANK_TOLERANCE = _core.RANK_TOLERANCE
 """Share of the largest singular value up to which one counts as zero."""
 MANY_ROWS = 1 << 14
-"""Rows from which LAPACK makes the triangular factor."""
+"""Rows from which the triangular factor comes from inner products."""
 FACTORED_ROWS = 1024  # of these at a time: they stay in the processor's cache
 MAX_SQUARE = 1e6  # condition of inner products, up to which these will do
+EPS = float(np.finfo(np.float64).eps)
 WELL_CONDITIONED = 1e-3  # least singular value of unit columns whose basis is made orthogonal once
 
 
@@ -141,45 +143,90 @@ def triangular_factor(columns: Floats, values: Floats) -> Floats:
     Least squares of its rows have the solution of all rows.
     """
     factor: Floats = np.zeros((0, columns.shape[1] + 1))
-    rows = max(FACTORED_ROWS, 4 * factor.shape[1])
-    for first in range(0, len(columns), rows):
-        some = slice(first, first + rows)
+    for some in _some_rows(len(columns), factor.shape[1]):
         stacked = np.concatenate([factor, np.column_stack([columns[some], values[some]])])
         factor = np.asarray(np.linalg.qr(stacked, mode="r"))
     return factor
 
 
-def quick_factor(columns: Floats, values: Floats) -> Floats:
-    """Triangular factor as of :func:`triangular_factor`, from inner products where these do.
+def quick_factor(columns: Floats, values: Floats, mixed: Floats | None = None) -> Floats:
+    """Triangular factor as of :func:`triangular_factor`, from inner products.
 
     They have the square of the condition: where that is at most `MAX_SQUARE`, what rounding makes
-    of a solution is 1e-10 of it.
+    of a solution is 1e-10 of it; elsewhere they serve to make columns whose condition is small, of
+    which they are taken again. ``mixed``: combinations (p, r) of the columns, which stand for them.
     """
-    gram = np.empty((columns.shape[1] + 1,) * 2)
-    gram[:-1, :-1] = columns.T @ columns
-    gram[-1, :-1] = gram[:-1, -1] = values @ columns
-    gram[-1, -1] = values @ values
-    size = np.sqrt(np.diag(gram))
-    if np.all(np.isfinite(gram)):
-        # Columns of zeros are so in the factor, too: their length is multiplied in again.
-        scale = np.where(size > 0, size, 1.0)
-        unit = gram / np.outer(scale, scale) + np.diag(size == 0)
-        if np.linalg.eigvalsh(unit)[0] > len(unit) / MAX_SQUARE:
-            return np.asarray(np.linalg.cholesky(unit).T * size)
-    return triangular_factor(columns, values)
+    products = np.empty((columns.shape[1] + 1,) * 2)
+    products[:-1, :-1] = columns.T @ columns
+    products[-1, :-1] = products[:-1, -1] = values @ columns
+    products[-1, -1] = values @ values
+    if not np.all(np.isfinite(products)):
+        return triangular_factor(columns if mixed is None else columns @ mixed, values)
+    joined = np.eye(len(products)) if mixed is None else _with_one(mixed)
+    gram = joined.T @ products @ joined
+    # What is left where columns cancel has the rounding of what they were.
+    whole = (np.abs(joined).T @ np.sqrt(np.diag(products))) ** 2
+    size = np.sqrt(np.maximum(np.diag(gram), EPS * whole))
+    # Columns of zeros are so in the factor, too: their length is multiplied in again.
+    scale = np.where(size > 0, size, 1.0)
+    unit = gram / np.outer(scale, scale)
+    least = len(unit) / MAX_SQUARE
+    if np.all(size**2 >= least * whole):
+        full = unit + np.diag(size == 0)
+        if np.linalg.eigvalsh(full)[0] > least:
+            return np.asarray(np.linalg.cholesky(full).T * size)
+    return np.asarray(_factor_again(columns, values, joined / scale, unit) * size)
 
 
-def basis_of(columns: Floats, fit: LinearFit, factor: Floats) -> Floats:
+def _with_one(mixed: Floats) -> Floats:
+    """Combinations of columns, and what stands beside them as it is, (p + 1, r + 1)."""
+    joined = np.zeros((mixed.shape[0] + 1, mixed.shape[1] + 1))
+    joined[:-1, :-1], joined[-1, -1] = mixed, 1.0
+    return joined
+
+
+def _factor_again(columns: Floats, values: Floats, joined: Floats, unit: Floats) -> Floats:
+    """Triangular factor of columns of unit length that depend on each other, nearly or exactly.
+
+    ``joined``: their combinations of the columns and values, (p + 1, k); ``unit``: their inner
+    products (k, k) with the rounding of these. Singular values are as exact as of LAPACK's factor:
+    combinations that make the columns orthonormal as far as rounding allows leave less than its
+    root to be found again.
+    """
+    share, ways = np.linalg.eigh(unit)
+    root = np.sqrt(np.maximum(share, EPS * share[-1]))
+    weights = joined @ (ways / root)
+    again = np.zeros_like(unit)
+    for some in _some_rows(len(columns), len(weights)):
+        made = weights[:-1].T @ columns.T[:, some]
+        made += np.multiply.outer(weights[-1], values[some])
+        again += made @ made.T
+    share, own = np.linalg.eigh(again)
+    half = np.sqrt(np.maximum(share, 0.0))[:, None] * own.T
+    return np.asarray(np.linalg.qr(half @ (root[:, None] * ways.T), mode="r"))
+
+
+def _some_rows(count: int, width: int) -> Iterator[slice]:
+    """Slices of rows of so many columns that stay in a processor's cache."""
+    rows = max(FACTORED_ROWS, 4 * width)
+    return (slice(first, first + rows) for first in range(0, count, rows))
+
+
+def basis_of(
+    columns: Floats, fit: LinearFit, factor: Floats, mixed: Floats | None = None
+) -> Floats:
     """Orthonormal basis of the columns that a fit does not hold, (n, rank).
 
-    ``factor``: triangular factor of all columns with the values.
+    ``factor``: triangular factor of all columns with the values; ``mixed``: as of
+    :func:`quick_factor`.
     """
     free = ~fit.held
-    some = columns if free.all() else columns[:, free]
-    basis = some @ _whitening(factor[:, :-1][:, free])
+    some = columns if free.all() or mixed is not None else columns[:, free]
+    weights = _whitening(factor[:, :-1][:, free])
+    basis = some @ (weights if mixed is None else mixed[:, free] @ weights)
     weakest = fit.singular_values[: fit.rank].min(initial=np.inf)
     if weakest < WELL_CONDITIONED:
-        basis = basis @ _whitening(triangular_factor(basis, np.zeros(len(basis)))[:, :-1])
+        basis = basis @ _whitening(quick_factor(basis, np.zeros(len(basis)))[:, :-1])
     return np.asarray(basis)
 
 

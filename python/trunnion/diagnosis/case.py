@@ -65,6 +65,8 @@ class Case:
     given:
         Plain fit of the model as it was given, where ``model`` is that about a point nearer to the
         data; None: `plain`.
+    known:
+        Dictionary of a case of the same model with other weights.
     minor:
         Effects that are significant and explain too little of what is left to be named.
     """
@@ -78,6 +80,7 @@ class Case:
     grid: Grid | None = None
     likely: Fit | None = None
     given: Fit | None = None
+    known: Dictionary | None = None
     minor: set[str] = field(default_factory=set)
     _residuals: dict[int, tuple[Fit, Floats]] = field(default_factory=dict)
 
@@ -301,7 +304,7 @@ class Case:
     @cached_property
     def dictionary(self) -> Dictionary:
         """Structure without a name, whitened."""
-        return Dictionary(self.model, self.rows, self.whiten)
+        return Dictionary(self.model, self.rows, self.whiten, self.known)
 
     def white(self, columns: Floats) -> Floats:
         """Whiten columns (n, ...) of all readings and take those that are used."""

@@ -20,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from trunnion.base.report import Cell, Result, Shown, Table, left_text, number, significant
-from trunnion.base.statistics import MANY_ROWS, triangular_factor
+from trunnion.base.statistics import MANY_ROWS, quick_factor
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit, beside
@@ -285,7 +285,7 @@ def _shortened(columns: Floats) -> Floats:
     """Columns, or of many rows their triangular factor: it has the same combinations."""
     if len(columns) < MANY_ROWS:
         return columns
-    return triangular_factor(columns[:, :-1], columns[:, -1])
+    return quick_factor(columns[:, :-1], columns[:, -1])
 
 
 def _left(

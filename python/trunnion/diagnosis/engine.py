@@ -179,7 +179,8 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
             if case.grid is not None and case.grid.matters(quiet):
                 break
-            at = replace(_whitened(case.model, case.plain, case.grid, scatter), given=case.given)
+            at = _whitened(case.model, case.plain, case.grid, scatter)
+            at.given, at.known = case.given, vars(case).get("dictionary")
             found = _choose(at)
             score = _likelihood(at, found)
             # No reading is set aside that a scatter explains about as well.

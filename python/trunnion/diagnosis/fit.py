@@ -203,7 +203,7 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Step:
-    """Least squares of a step, ``along`` the directions.
+    """Least squares of a step, ``columns`` (white) mixed to those along the directions.
 
     ``promised``: drop of the sum of squares. ``factor``: triangular factor, of many rows: ``found``
     is of its rows then, and the basis is made where it is asked for.
@@ -211,24 +211,27 @@ class _Step:
 
     found: LinearFit
     promised: float
-    along: Array
+    columns: Array
+    mixed: Array | None
     factor: Array | None = None
 
     @classmethod
-    def of(cls, along: Array, w: Array, tolerance: float) -> "_Step":
+    def of(cls, columns: Array, mixed: Array | None, w: Array, tolerance: float) -> "_Step":
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
-        rows, right, factor = along, w, None
-        if len(along) >= MANY_ROWS:
-            factor = quick_factor(along, w)
+        factor = None
+        if len(columns) >= MANY_ROWS:
+            factor = quick_factor(columns, w, mixed)
             rows, right = factor[:, :-1], factor[:, -1]
+        else:
+            rows, right = columns if mixed is None else columns @ mixed, w
         found = linear_fit(rows, right, tolerance=tolerance, basis=True)
-        return cls(found, float(np.sum((found.basis.T @ right) ** 2)), along, factor)
+        return cls(found, float(np.sum((found.basis.T @ right) ** 2)), columns, mixed, factor)
 
     def basis(self) -> Array:
         """Orthonormal basis of the directions that are not held, all rows."""
         if self.factor is None:
             return self.found.basis
-        return basis_of(self.along, self.found, self.factor)
+        return basis_of(self.columns, self.found, self.factor, self.mixed)
 
 
 class _Problem:
@@ -272,10 +275,8 @@ class _Problem:
 
     def solve(self, jac: Array, w: Array) -> _Step:
         """Solve for the lengths of a step in each direction to whitened residuals ``w``."""
-        along = self.used(jac)
-        if not self.every:
-            along = along @ self.directions.T
-        return _Step.of(along, w, self.model.rank_tolerance)
+        mixed = None if self.every else self.directions.T
+        return _Step.of(self.used(jac), mixed, w, self.model.rank_tolerance)
 
     def not_identifiable(self, solved: LinearFit) -> Flags:
         """Parameters of combinations that are not identifiable at the start, or ``solved``."""

@@ -8,7 +8,7 @@ enter the readings. A term is no cause. It says that something is there, and wha
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,31 +88,30 @@ class Dictionary:
 
     model, rows: Whose covariates, and which readings.
     whiten: Applied to the columns, which have unit length afterwards.
+    known: Dictionary with other weights, whose functions serve again where they are the same.
 
     count: Of the terms.
     """
 
-    def __init__(self, model: Model, rows: Integers, whiten: Whiten = identity) -> None:
+    def __init__(
+        self,
+        model: Model,
+        rows: Integers,
+        whiten: Whiten = identity,
+        known: "Dictionary | None" = None,
+    ) -> None:
         self._model, self._rows, self._whiten = model, rows, whiten
         self._said: list[tuple[Covariate, str, Sequence[object], Sequence[str]]] = []
         self.count = 0
         self._parts: list[_Part] = []
         self._covariates = tuple(model.covariates)
-        waiting: dict[tuple[int, bool], _Waiting] = {}
-        for v, said, values, distinct, enter in _saying(self._covariates, model.components, rows):
-            for kind, numbers, f in _functions(v, values, distinct):
-                if not len(f) or (said and kind != "jump"):
-                    continue
-                ways = list(enter)[:1] if kind == "class" else list(enter)
-                self._said.append((v, kind, numbers, ways))
-                first = self.count + len(ways) * np.arange(len(f))
-                self.count += len(ways) * len(f)
-                key = f.shape[1], kind == "class"
-                like = waiting.setdefault(key, _Waiting([enter[way] for way in ways]))
-                if like.add(first, f):
-                    self._keep(waiting.pop(key))
-        for like in waiting.values():
-            self._keep(like)
+        self._made: list[_Functions] = []  # where the parts keep these very functions
+        if known is not None and known._serves(model, rows, whiten):
+            self._said, self.count = known._said, known.count
+            for made in known._made:
+                self._keep(made)
+        else:
+            self._say()
         longest = max((float(part.size.max(initial=0.0)) for part in self._parts), default=0.0)
         for part in self._parts:
             part.store(storage(self._numbers))
@@ -136,11 +135,38 @@ class Dictionary:
             for way in ways
         ]
 
-    def _keep(self, like: "_Waiting") -> None:
+    def _say(self) -> None:
+        """Make the functions of all covariates, and keep them."""
+        waiting: dict[tuple[int, bool], _Waiting] = {}
+        for v, said, values, distinct, enter in _saying(
+            self._covariates, self._model.components, self._rows
+        ):
+            for kind, numbers, f in _functions(v, values, distinct):
+                if not len(f) or (said and kind != "jump"):
+                    continue
+                ways = list(enter)[:1] if kind == "class" else list(enter)
+                self._said.append((v, kind, numbers, ways))
+                first = self.count + len(ways) * np.arange(len(f))
+                self.count += len(ways) * len(f)
+                key = f.shape[1], kind == "class"
+                like = waiting.setdefault(key, _Waiting([enter[way] for way in ways]))
+                if like.add(first, f):
+                    self._keep(waiting.pop(key).made())
+        for like in waiting.values():
+            self._keep(like.made())
+
+    def _serves(self, model: Model, rows: Integers, whiten: Whiten) -> bool:
+        """Whether the functions are those of a dictionary with these weights."""
+        weights = whiten is identity or isinstance(whiten, Scaling)
+        same = model is self._model and np.array_equal(rows, self._rows)
+        return weights and same and len(self._made) == len(self._parts)
+
+    def _keep(self, made: "_Functions") -> None:
         """Keep functions as a part, whitened, in the precision for so many."""
-        part = like.part().whitened(self._rows, len(self._model.readings), self._whiten)
+        part = _part(made, self._rows, len(self._model.readings), self._whiten)
         self._numbers += part.functions.size
         part.store(storage(self._numbers))
+        self._made = [*self._made, made] if part.functions is made[1] else []
         self._parts.append(part)
 
     @property
@@ -246,12 +272,36 @@ class _Waiting:
         self._size += functions.size
         return self._size >= BATCH_NUMBERS
 
-    def part(self) -> "_Part":
-        """Return the part of these functions."""
+    def made(self) -> "_Functions":
+        """Return these functions together."""
         numbers = np.concatenate(self._first)[:, None] + np.arange(len(self._components))
         some = self._functions
         functions = some[0] if len(some) == 1 else np.concatenate(some)
-        return _Part(numbers.reshape(-1), functions, np.stack(self._components))
+        return numbers.reshape(-1), functions, np.stack(self._components)
+
+
+_Functions: TypeAlias = tuple[Integers, Floats, Floats]
+"""Numbers of the terms, functions and components of a part."""
+
+
+def _part(made: _Functions, rows: Integers, n: int, whiten: Whiten) -> "_Part":
+    """Return the part of functions, given for some of n readings, whitened."""
+    numbers, functions, components = made
+    if whiten is identity:
+        return _Part(*made)
+    if isinstance(whiten, Scaling):
+        return _Part(numbers, functions, components / whiten.scale[rows])
+    k, each = functions.shape[1], len(components)
+    white = np.empty((len(numbers), k, len(rows)))
+    most = max(1, BATCH_NUMBERS // (each * k * n))
+    for first in range(0, len(functions), most):
+        products = functions[first : first + most, None] * components[None, :, None]
+        columns = products.reshape(-1, len(rows)).T
+        full = np.zeros((n, columns.shape[1]))
+        full[rows] = columns
+        done = np.asarray(whiten(full))[rows].T
+        white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
+    return _Part(numbers, white, np.ones((1, len(rows))))
 
 
 class _Part:
@@ -272,25 +322,6 @@ class _Part:
 
     def __len__(self) -> int:
         return len(self.numbers)
-
-    def whitened(self, rows: Integers, n: int, whiten: Whiten) -> "_Part":
-        """Return the part with its columns, given for some of n readings, whitened."""
-        if whiten is identity:
-            return self
-        if isinstance(whiten, Scaling):
-            return _Part(self.numbers, self.functions, self.components / whiten.scale[rows])
-        k = self.functions.shape[1]
-        white = np.empty((len(self), k, len(rows)))
-        each = len(self.components)
-        most = max(1, BATCH_NUMBERS // (each * k * n))
-        for first in range(0, len(self.functions), most):
-            products = self.functions[first : first + most, None] * self.components[None, :, None]
-            columns = products.reshape(-1, len(rows)).T
-            full = np.zeros((n, columns.shape[1]))
-            full[rows] = columns
-            done = np.asarray(whiten(full))[rows].T
-            white[each * first : each * (first + most)] = done.reshape(-1, k, len(rows))
-        return _Part(self.numbers, white, np.ones((1, len(rows))))
 
     def store(self, kind: type[np.float32 | np.float64]) -> None:
         """Keep the functions in this precision, once their products with each other are known."""

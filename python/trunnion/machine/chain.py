@@ -160,7 +160,11 @@ class Chain:
         None: those of the set-up; {}: the nominal machine.
         """
         given = self.setup.machine.errors if errors is None else errors
-        named = {canonical_error_name(name): float(value) for name, value in given.items()}
+        known = self.location_errors
+        named = {
+            name if name in known else canonical_error_name(name): float(value)
+            for name, value in given.items()
+        }
         try:
             return self._description.core(self.setup.probe.length_mm, list(named.items()))
         except UnknownNameError:

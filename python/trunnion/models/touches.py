@@ -57,7 +57,6 @@ from trunnion.probing.model import (
 )
 from trunnion.setup import Setup
 
-ROWS_TURNED = 256  # of a derivative, that a processor holds while it puts columns in rows
 MAX_KEPT = 1_000_000
 """Numbers of derivatives that are kept beside the last."""
 MAX_FITS = 16
@@ -188,8 +187,8 @@ class TouchDiagnosisModel(Model):
     def jacobian(self, nuisance: Floats, effects: EffectValues) -> Floats:
         """Exact derivative by location errors and placement."""
         ids, values = self._vector(nuisance, effects)
-        _, jac = self._model(ids).core.linearise(self._moves, values)
-        return np.asarray(jac[:, self._unknown])
+        rates = self._rates(self._model(ids), [values], self._unknown.tolist())
+        return np.asarray(rates[0].T)
 
     def effect_jacobian(
         self, nuisance: Floats, effect: Effect, values: Mapping[str, float]
@@ -198,9 +197,8 @@ class TouchDiagnosisModel(Model):
         if effect.id not in self._columns:
             return effect.columns(values)
         if "duration" in self._kinds(effect.id):
-            ids, at = self._vector(nuisance, {effect.id: values})
-            _, jac = self._model(ids).core.linearise(self._moves, at)
-            return np.asarray(jac[:, self._plain :])
+            every = range(len(effect.parameters))
+            return np.asarray(self._with_durations(nuisance, effect, [values], every)[0].T)
         columns = self._all_columns(nuisance)[self._columns[effect.id]]
         return self._in_force(effect, columns, values).T
 
@@ -213,13 +211,12 @@ class TouchDiagnosisModel(Model):
         if not ids or nuisance.tobytes() in self._at:
             return super().derivatives(nuisance, effects, values)
         model = self._model(ids)
-        rates = self._rates(model, nuisance)
+        rates = self._of_catalogue(model, nuisance, range(self._plain, len(model.names)))
         found = [self.jacobian(nuisance, values)]
         for e in effects:
             if e.id in ids:
-                at = [model.names.index(f"{e.id}.{p.name}") for p in e.parameters]
-                columns = np.ascontiguousarray(rates[:, at].T)
-                found.append(self._in_force(e, columns, values[e.id]).T)
+                at = [model.names.index(f"{e.id}.{p.name}") - self._plain for p in e.parameters]
+                found.append(self._in_force(e, rates[at], values[e.id]).T)
             else:
                 found.append(self.effect_jacobian(nuisance, e, values[e.id]))
         return found
@@ -229,8 +226,11 @@ class TouchDiagnosisModel(Model):
     ) -> Floats:
         """Exact derivative by an effect's linear parameters, a column a row, (v, k, n)."""
         own, kinds = self._columns.get(effect.id, []), self._kinds(effect.id)
-        if not own or "duration" in kinds:
+        if not own:
             return super().linear_columns(nuisance, effect, values)
+        if "duration" in kinds:
+            each = [i for i, p in enumerate(effect.parameters) if p.linear]
+            return self._with_durations(nuisance, effect, values, each)
         linear = [c for c, p in zip(own, effect.parameters, strict=True) if p.linear]
         columns = self._all_columns(nuisance)[linear]
         if "moment" in kinds:
@@ -273,18 +273,14 @@ class TouchDiagnosisModel(Model):
         """
         key = nuisance.tobytes()
         if key not in self._at:
-            rows = self._rates(self._full, nuisance)
-            jac = np.empty(rows.shape[::-1])
-            for first in range(0, len(rows), ROWS_TURNED):
-                some = slice(first, first + ROWS_TURNED)
-                jac[:, some] = rows[some].T
+            jac = self._of_catalogue(self._full, nuisance, range(len(self._full.names)))
             while len(self._at) > MAX_KEPT // max(jac.size, 1):
                 del self._at[next(iter(self._at))]
             self._at[key] = jac
         return self._at[key]
 
-    def _rates(self, model: TouchModel, nuisance: Floats) -> Floats:
-        """Return the derivative by every parameter of a model, no effect acting, (n, p)."""
+    def _of_catalogue(self, model: TouchModel, nuisance: Floats, columns: Sequence[int]) -> Floats:
+        """Return the derivative by some parameters of a model, no effect acting, (k, n)."""
         values = np.zeros(len(model.names))
         values[: self._plain] = self._whole(nuisance)
         for n, kind in enumerate(model.kinds):
@@ -292,7 +288,24 @@ class TouchDiagnosisModel(Model):
                 values[n] = 1.0
             elif kind == "moment":
                 values[n] = float(np.min(np.asarray(self.data.time_s))) - 1.0
-        return np.asarray(model.core.linearise(self._moves, values)[1])
+        return np.asarray(self._rates(model, [values], columns)[0])
+
+    def _with_durations(
+        self,
+        nuisance: Floats,
+        effect: Effect,
+        values: Sequence[Mapping[str, float]],
+        parameters: Sequence[int],
+    ) -> Floats:
+        """Return the derivative by parameters of an effect at each of some values, (v, k, n)."""
+        model = self._model((effect.id,))
+        at = [self._vector(nuisance, {effect.id: one})[1] for one in values]
+        return self._rates(model, at, [self._plain + i for i in parameters])
+
+    def _rates(self, model: TouchModel, values: Sequence[Floats], columns: Sequence[int]) -> Floats:
+        """Return the derivative by some parameters of a model at each of some values, (v, k, n)."""
+        rates = model.core.rates(self._moves, np.stack(values), columns)
+        return np.asarray(rates.reshape(len(values), len(columns), -1))
 
     def _model(self, ids: tuple[str, ...]) -> TouchModel:
         if ids not in self._models:

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+import trunnion._core as _core
 from trunnion.base.checks import point
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.statistics import RANK_TOLERANCE
@@ -232,23 +233,33 @@ class RotaryReadings:
         errors = dict(zip(self.names, x[: len(self.chain.location_errors)].tolist(), strict=False))
         return Relation.of(self.chain, self.axes, errors)
 
-    def apart_um(self, x: Floats, relation: Relation | None = None) -> Floats:
-        """Ball's centre minus tool's point in the machine's directions, (n, 3)."""
+    def machine(self, x: Floats) -> _core.Machine:
+        """The core's machine with these unknowns."""
+        names = self.names[: len(self.chain.location_errors)]
+        return self.chain.machine(dict(zip(names, x.tolist(), strict=False)))
+
+    def apart_um(
+        self, x: Floats, relation: Relation | None = None, machine: _core.Machine | None = None
+    ) -> Floats:
+        """Ball's centre minus tool's point in the machine's directions, (n, 3).
+
+        ``machine``: That of these unknowns, where it is made already.
+        """
         count = len(self.chain.location_errors)
         offsets = x[count : count + 3 * len(self.groups)].reshape(-1, 3)
         balls = (self.balls_mm + 1e-3 * offsets[: len(self.labels)])[self.index]
         if relation is None:
-            errors = dict(zip(self.names, x[:count].tolist(), strict=False))
-            apart = self.chain.machine(errors).apart(self.axes, balls)
+            apart = (machine or self.machine(x)).apart(self.axes, balls)
         else:
             apart = relation.apart_um(balls)
         return apart if self.tool_is_known else apart - offsets[-1]
 
-    def modelled(self, x: Floats) -> Floats:
-        """Readings of these unknowns, (n, 3) or (n, 1)."""
+    def modelled(self, x: Floats, machine: _core.Machine | None = None) -> Floats:
+        """Readings of these unknowns, (n, 3) or (n, 1); ``machine``: as of `apart_um`."""
+        machine = machine or self.machine(x)
         if len(self._parts) > 1:
-            return np.concatenate([part.modelled(x) for _, part in self._parts])
-        apart = self.apart_um(x)
+            return np.concatenate([part.modelled(x, machine) for _, part in self._parts])
+        apart = self.apart_um(x, machine=machine)
         if self.data.displacement_um is not None:
             return apart
         lengths: Floats = np.linalg.norm(apart, axis=1)[:, None]
@@ -265,18 +276,22 @@ class RotaryReadings:
         """
         found = np.empty((self.measured.size, len(x)))
         squares = np.zeros(len(x))
+        beside = [(y, self.machine(y)) for d in STEP * np.eye(len(x)) for y in (x + d, x - d)]
         for rows, part in self._parts:
             each = slice(*(self.measured.shape[1] * row for row in (rows.start, rows.stop)))
-            part.differenced(x, found[each])
+            part.differenced(beside, found[each])
             squares += np.sum(found[each] ** 2, axis=0)
         found[:, np.sqrt(squares / len(found)) < RANK_TOLERANCE] = 0.0
         return found
 
-    def differenced(self, x: Floats, out: Floats) -> None:
-        """Put the derivative by central differences into an array, (readings, unknowns)."""
-        for k, d in enumerate(STEP * np.eye(len(x))):
-            change = self.modelled(x + d) - self.modelled(x - d)
-            np.divide(change.ravel(), 2 * STEP, out=out[:, k])
+    def differenced(self, beside: Sequence[tuple[Floats, _core.Machine]], out: Floats) -> None:
+        """Put the derivative by central differences into an array, (readings, unknowns).
+
+        beside: Unknowns a step more and a step less of each, with their machines.
+        """
+        changed = (self.modelled(x, machine).ravel() for x, machine in beside)
+        for k, (more, less) in enumerate(zip(changed, changed, strict=True)):
+            np.divide(more - less, 2 * STEP, out=out[:, k])
 
     @cached_property
     def _parts(self) -> list[tuple[slice, RotaryReadings]]:

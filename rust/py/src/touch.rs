@@ -232,6 +232,35 @@ impl TouchModel {
         Ok((array(py, residuals)?, matrix(py, jacobian, p)?))
     }
 
+    /// Derivative of the modelled coordinate by some parameters at each of some values (v, p), µm
+    /// per parameter unit, a parameter a row: (v k, n).
+    fn rates<'py>(
+        &self,
+        py: Python<'py>,
+        moves: &Moves,
+        values: PyReadonlyArray2<'py, f64>,
+        columns: Vec<usize>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let p = self.inner.parameter_count();
+        let given = rows("values", &values, p)?;
+        let each = given.chunks_exact(p).map(|one| self.units.checked(&self.inner, one));
+        let values = each.collect::<Result<Vec<_>>>().into_py()?;
+        let moves = moves.inner.view();
+        let rates = py.detach(|| -> Result<Vec<f64>> {
+            self.inner.check(&moves)?;
+            if let Some(&column) = columns.iter().find(|&&column| column >= p) {
+                return Err(Error::input("column", column, format!("below {p}")));
+            }
+            let mut rates = vec![0.0; values.len() * columns.len() * moves.len()];
+            self.inner.rates_near(&moves, &values, &columns, &mut rates)?;
+            let units = columns.iter().map(|&column| self.units.all()[column] / UM);
+            let all = rates.chunks_exact_mut(moves.len().max(1));
+            all.zip(units.cycle()).for_each(|(row, unit)| row.iter_mut().for_each(|r| *r *= unit));
+            Ok(rates)
+        });
+        matrix(py, rates.into_py()?, moves.len())
+    }
+
     /// Name of the face that each touch is on, on the nominal machine: `+X arm, top`.
     fn faces(&self, py: Python<'_>, moves: &Moves) -> PyResult<Vec<String>> {
         let moves = moves.inner.view();

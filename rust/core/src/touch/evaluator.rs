@@ -19,6 +19,14 @@ pub struct Evaluator<'a> {
     constant: Places,
     pose: Option<TouchPose>,
     rates: Vec<Rate>,
+    touched: Option<Touched>,
+}
+
+/// Travel of a row's touch at the present pose, and its rates by the amounts at all places.
+struct Touched {
+    row: usize,
+    travel: f64,
+    by_place: [f64; COUNT],
 }
 
 /// Machine and artefact at one set of axis positions and amounts at the places.
@@ -69,6 +77,17 @@ impl<'a> Evaluator<'a> {
             constant: model.constant_places(values),
             pose: None,
             rates: Vec::new(),
+            touched: None,
+        }
+    }
+
+    /// Takes other parameter values; `constant`: places of those that are no effect's. What does
+    /// not change with them stays known.
+    pub(super) fn take(&mut self, values: &'a [f64], constant: &Places) {
+        self.values = values;
+        if self.constant != *constant {
+            self.constant = *constant;
+            self.pose = None;
         }
     }
 
@@ -93,6 +112,7 @@ impl<'a> Evaluator<'a> {
                 _ => Frames::new(places),
             };
             self.pose = Some(TouchPose::new(model, positions, places, frames));
+            self.touched = None;
         }
         self.pose.as_ref()
     }
@@ -136,13 +156,18 @@ impl<'a> Evaluator<'a> {
     /// The deviation of a row and its derivative with respect to every parameter.
     pub fn gradient(&mut self, row: usize, gradient: &mut [f64]) -> Option<f64> {
         let model = self.model;
-        let point = Moves::vector(self.moves.point, row);
-        let direction = Moves::vector(self.moves.direction, row);
-        let pose = self.pose(row, true)?;
-        let line = pose.line(&point, &direction);
-        let contact = pose.solid.first_contact(&line, pose.radius, Search::Nearest)?;
-        let recorded = point + direction * contact.travel;
-        let by_place = by_place(&model.machine, pose, &contact, &recorded, &line.direction);
+        self.pose(row, true)?;
+        if self.touched.as_ref().is_none_or(|touched| touched.row != row) {
+            let point = Moves::vector(self.moves.point, row);
+            let direction = Moves::vector(self.moves.direction, row);
+            let pose = self.pose.as_ref()?;
+            let line = pose.line(&point, &direction);
+            let contact = pose.solid.first_contact(&line, pose.radius, Search::Nearest)?;
+            let recorded = point + direction * contact.travel;
+            let by_place = by_place(&model.machine, pose, &contact, &recorded, &line.direction);
+            self.touched = Some(Touched { row, travel: contact.travel, by_place });
+        }
+        let Touched { travel, by_place, .. } = self.touched.as_ref()?;
         gradient.fill(0.0);
         for &(parameter, place, factor) in &model.constant {
             gradient[parameter] += factor * by_place[place.index()];
@@ -150,7 +175,7 @@ impl<'a> Evaluator<'a> {
         for rate in &self.rates {
             gradient[rate.parameter] += rate.rate * by_place[rate.place.index()];
         }
-        Some(contact.travel + model.probe.mean_delay(self.moves.feed_at(row)))
+        Some(travel + model.probe.mean_delay(self.moves.feed_at(row)))
     }
 }
 

@@ -22,6 +22,9 @@ use crate::{Error, Result};
 /// A recorded touch further than this from the modelled surface belongs to no model, mm.
 pub const MAX_OFF_SURFACE_MM: f64 = 5.0;
 
+/// Touches whose derivatives are turned into rows of parameters at a time.
+const ROWS_TURNED: usize = 64;
+
 /// The number and meaning of a model's parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ParameterName {
@@ -321,6 +324,45 @@ impl TouchModel {
         Ok(())
     }
 
+    /// Derivatives by some parameters at several values each, in one pass through the touches: what
+    /// does not change between the values is calculated once. Row `k` of all columns at the values
+    /// number `v` is row `v · columns + k` of `out`, with a number for each touch.
+    ///
+    /// # Errors
+    /// As [`TouchModel::deviations_near`].
+    pub fn rates_near(
+        &self,
+        moves: &Moves,
+        values: &[Vec<f64>],
+        columns: &[usize],
+        out: &mut [f64],
+    ) -> Result<()> {
+        let (count, width) = (moves.len(), values.len() * columns.len());
+        let (Some(first), true) = (values.first(), count * width > 0) else { return Ok(()) };
+        let constants: Vec<Places> = values.iter().map(|one| self.constant_places(one)).collect();
+        let mut evaluator = self.evaluator(moves, first);
+        let mut gradient = vec![0.0; self.parameter_count()];
+        let mut made = vec![0.0; ROWS_TURNED * width];
+        for begun in (0..count).step_by(ROWS_TURNED) {
+            let ended = count.min(begun + ROWS_TURNED);
+            for (row, all) in (begun..ended).zip(made.chunks_exact_mut(width)) {
+                let each = values.iter().zip(&constants).zip(all.chunks_exact_mut(columns.len()));
+                for ((values, constant), own) in each {
+                    evaluator.take(values, constant);
+                    near(row, evaluator.gradient(row, &mut gradient))?;
+                    own.iter_mut()
+                        .zip(columns)
+                        .for_each(|(slot, &column)| *slot = gradient[column]);
+                }
+            }
+            for (column, rates) in out.chunks_exact_mut(count).enumerate() {
+                let turned = rates[begun..ended].iter_mut().zip(made.chunks_exact(width));
+                turned.for_each(|(slot, all)| *slot = all[column]);
+            }
+        }
+        Ok(())
+    }
+
     /// Checks that every recorded touch lies near the modelled surface.
     ///
     /// # Errors
@@ -395,6 +437,22 @@ mod tests {
             let p = model.parameter_count();
             let (mut deviations, mut jacobian) = (vec![0.0; 2], vec![0.0; 2 * p]);
             assert!(model.linearise(&moves, &values, &mut deviations, &mut jacobian));
+            // The same by some parameters at several values in one pass, to the last bit.
+            let mut other = values.clone();
+            other[p - 1] *= 2.0;
+            let columns = [p - 1, 0, 3];
+            let several = [values.clone(), other.clone(), values.clone()];
+            let mut rates = vec![0.0; 3 * 3 * 2];
+            model.rates_near(&moves, &several, &columns, &mut rates).unwrap();
+            for (v, at) in several.iter().enumerate() {
+                let mut whole = vec![0.0; 2 * p];
+                assert!(model.linearise(&moves, at, &mut deviations, &mut whole));
+                for (k, column) in columns.iter().enumerate() {
+                    for row in 0..2 {
+                        assert_eq!(rates[2 * (3 * v + k) + row], whole[row * p + column]);
+                    }
+                }
+            }
             for k in 0..p {
                 let step = 1e-6 * if names[k].unit == Unit::Min { 1e5 } else { 1.0 };
                 let mut shifted = [vec![None; 2], vec![None; 2]];
