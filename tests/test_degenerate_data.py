@@ -1,5 +1,7 @@
 """Data that hardly say anything get no cause, and never one with a vanishing standard error."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,37 @@ def test_a_pass_that_was_copied_under_other_labels_counts_once() -> None:
     assert copied.sigma == once.sigma
     real = tn.diagnose(run(5, 1e-6))  # measured again, of a machine that repeats to 1 nm
     assert not any("repeat others" in note for note in real.notes)
+
+
+@pytest.mark.parametrize("method", [tn.identify, tn.closed_form, tn.diagnose])
+def test_no_touches_are_refused(method: Callable[..., object]) -> None:
+    setup = tn.Setup(tn.Artefact("cross"))
+    with pytest.raises(tn.DataError, match=r"got (no rows|0 touches)"):
+        method(tn.plan(setup)[:0], setup)
+
+
+@pytest.mark.parametrize("method", [tn.identify, tn.diagnose])
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        (np.zeros(3), r"change gave shape \(3,\), expected finite numbers of shape \(72,\)"),
+        (np.full(72, np.nan), "change gave nan, expected finite"),
+        (np.zeros(72, dtype=complex), "change gave array.*, expected finite"),
+        ("x", "change gave 'x', expected finite"),
+        (np.zeros((72, 2)), r"change gave shape \(72, 2\)"),
+    ],
+)
+def test_an_effect_of_ones_own_that_gives_something_else_is_refused(
+    method: Callable[..., object], found: object, said: str
+) -> None:
+    class Own:
+        id = "own"
+        parameters = ("k_um",)
+
+        def change(self, data: object, values: object) -> object:  # noqa: ARG002
+            return found
+
+    setup = tn.Setup(tn.Artefact("cross"))
+    data = tn.simulate(tn.plan(setup), setup, noise_um=0.3, seed=1)
+    with pytest.raises(tn.DataError, match=f"effect 'own': {said}"):
+        method(data, setup, effects=(Own(),))

@@ -210,16 +210,16 @@ def test_time_grows_with_accelerations_and_slow_feeds() -> None:
 
 
 def test_fast_approaches_are_said(tmp_path: Path) -> None:
-    """In the notes of a plan, by the command and in the head of the program; none is refused."""
+    """In the notes of a plan, by the command and in the head of the program."""
     plan = tn.plan(CROSS)
     assert not any("goes on" in note for note in tn.plan_notes(plan, CROSS))
     assert "goes on" not in tn.probing_program(plan, CROSS).text()
     feeds = np.full(len(plan), 600.0)
-    feeds[4] = 60000.0
+    feeds[4] = 4800.0
     fast = plan.with_columns(feed_mm_min=feeds)
     (note,) = (n for n in tn.plan_notes(fast, CROSS) if "goes on" in n)
-    assert note.startswith("Touch 5 approaches at 60000 mm/min: the ball goes on by feed^2")
-    assert "500 mm if acceleration_mm_s2 of [control], not stated, is 1000 mm/s^2" in note
+    assert note.startswith("Touch 5 approaches at 4800 mm/min: the ball goes on by feed^2")
+    assert "3.2 mm if acceleration_mm_s2 of [control], not stated, is 1000 mm/s^2" in note
     head = tn.probing_program(fast, CROSS).text()
     assert f"({note})" in head
     assert len(note) < 240  # LinuxCNC reads lines of up to 255 characters
@@ -239,3 +239,13 @@ def test_a_slow_machine_goes_on_further_than_an_approach_ends() -> None:
     faster = plan.with_columns(feed_mm_min=np.full(len(plan), 1200.0))
     (note,) = (n for n in tn.plan_notes(faster, slow) if "goes on" in n)
     assert "10 mm at 20 mm/s^2" in note
+    with pytest.raises(tn.DataError, match=r"touch 1: .* got 1200, .* goes on by 10 mm .* = 5: "):
+        tn.probing_program(faster, slow)
+
+
+def test_a_feed_in_the_wrong_unit_makes_no_program() -> None:
+    plan = tn.plan(CROSS)
+    feeds = np.full(len(plan), 600.0)
+    feeds[7] = 60_000.0
+    with pytest.raises(tn.DataError, match=r"touch 8: feed_mm_min: got 60000, .* 500 mm behind"):
+        tn.probing_program(plan.with_columns(feed_mm_min=feeds), CROSS)

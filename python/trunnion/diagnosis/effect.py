@@ -23,7 +23,14 @@ from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.classes import Spread
-from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
+from trunnion.machine.effects import (
+    EffectInfo,
+    Motion,
+    Owner,
+    ParameterInfo,
+    UserEffect,
+    own_numbers,
+)
 from trunnion.machine.stated import Stated
 from trunnion.setup.names import effect_ids, iso_codes
 
@@ -140,6 +147,20 @@ class Effect:
     def linear(self) -> bool:
         """Whether every parameter is linear."""
         return all(p.linear for p in self.parameters)
+
+    def check(self, readings: int) -> None:
+        """Refuse a user's own effect that does not change so many readings.
+
+        Raises DataError: of another shape than (n,), and (n, k) of the derivative.
+        """
+        own = getattr(self.change, "__self__", None)
+        if not isinstance(own, _Own):
+            return
+        start = self.values(p.grid[0] if p.grid else 1.0 for p in self.parameters)
+        own_numbers(self.id, "change", self.change(start), (readings,))
+        if self.jacobian is not None:
+            shape = (readings, len(self.parameters))
+            own_numbers(self.id, "jacobian", self.jacobian(start), shape)
 
     def values(self, numbers: Iterable[float]) -> Values:
         """Numbers, in the order of the parameters, as values by name."""
@@ -365,10 +386,10 @@ class _Own:
     data: Any
 
     def change(self, values: NamedValues) -> ArrayLike:
-        return np.asarray(self.thing.change(self.data, values), dtype=np.float64)
+        return own_numbers(self.thing.id, "change", self.thing.change(self.data, values))
 
     def jacobian(self, values: NamedValues) -> ArrayLike:
-        return np.asarray(self.thing.jacobian(self.data, values), dtype=np.float64)
+        return own_numbers(self.thing.id, "jacobian", self.thing.jacobian(self.data, values))
 
 
 def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> Effect:

@@ -317,6 +317,8 @@ def case_of(model: Model, *, dependent: bool = False) -> Case:
             f"reading of row {model.readings.rows[bad]}: got {model.readings.values[bad]}, "
             "expected a finite number"
         )
+    for effect in model.effects:
+        effect.check(n)
     if n <= p:
         raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
     plain = plain_fit(model)

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from trunnion.base.errors import InputError
+from trunnion.base.errors import DataError, InputError
 from trunnion.base.units import Floats
 
 PLACEMENT = ("dx_um", "dy_um", "dz_um", "ra_arcsec", "rb_arcsec", "rc_arcsec")
@@ -165,6 +165,26 @@ class Moving(Protocol):
 def effect_id(effect: Effect) -> str:
     """Id of an effect that is given by its id or as an object."""
     return effect if isinstance(effect, str) else effect.id
+
+
+def own_numbers(id_: str, what: str, found: Any, shape: tuple[int, ...] | None = None) -> Floats:
+    """Return what an effect of the user's own gave, as finite numbers of a shape if one is stated.
+
+    Raises DataError: of something else. What the user's code raises goes through as it is.
+    """
+    expected = "finite numbers" + ("" if shape is None else f" of shape {shape}")
+    try:
+        given = np.asarray(found)
+        out = given.astype(np.float64, casting="safe" if given.dtype.kind == "c" else "unsafe")
+    except (TypeError, ValueError):
+        got = f"{found!r:.60}"
+        raise DataError(f"effect {id_!r}: {what} gave {got}, expected {expected}") from None
+    if shape is not None and out.shape != shape:
+        raise DataError(f"effect {id_!r}: {what} gave shape {out.shape}, expected {expected}")
+    if not np.all(np.isfinite(out)):
+        first = out[~np.isfinite(out)][0]
+        raise DataError(f"effect {id_!r}: {what} gave {first}, expected {expected}")
+    return out
 
 
 def split_effects(effects: Iterable[Effect]) -> tuple[list[str], list[UserEffect]]:

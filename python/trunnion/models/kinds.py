@@ -16,7 +16,7 @@ import numpy as np
 
 from trunnion.base.arguments import checked, name_place
 from trunnion.base.checks import choose, nearest
-from trunnion.base.errors import InputError, TrunnionError
+from trunnion.base.errors import DataError, InputError, TrunnionError
 from trunnion.data.distinct import distinct_rows, given_again
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.effect import EffectLike
@@ -237,6 +237,8 @@ def _built(data: Any, setup: Any, effects: Sequence[EffectLike | str] = ()) -> M
     for base in type(data).__mro__:
         for kind in _KINDS:
             if kind.data == f"{base.__module__}:{base.__qualname__}":
+                if not len(data):
+                    raise DataError(f"{kind.name}: got no rows, expected readings to diagnose")
                 return cast(Model, resolve_name(kind.build)(data, setup, effects))
     if all(hasattr(data, name) for name in ("readings", "nuisance", "effects", "predict")):
         return cast(Model, data)

@@ -128,6 +128,8 @@ def mistakes_named(data: Touches, setup: Setup) -> Iterator[None]:
     try:
         yield
     except DataError as error:
+        if not len(data):
+            raise
         data = some_rows(data)
         if np.isfinite(_scatter_um(data, setup)) or not (cause := _cause(data, setup, np.inf)):
             raise

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from trunnion.base.errors import DataError
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import without_unit
 from trunnion.data.touches import Touches
@@ -51,11 +52,11 @@ def plan_notes(plan: Touches, setup: Setup) -> tuple[str, ...]:
 def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
     """Say how far the ball goes on behind the contact, where that may be more than a probe takes.
 
-    No set-up states what its probe takes: nothing is refused. ASCII, for the head of a program.
+    ASCII, for the head of a program.
     """
     feed = max(feeds_mm_min, default=0.0)
     stated = setup.control.acceleration_mm_s2
-    further_mm = (feed / 60) ** 2 / (2 * (stated or USUAL_MM_S2))
+    further_mm = goes_on_mm(feed, setup)
     if feed <= FAST_MM_MIN and not (stated and further_mm > setup.plan.overtravel_mm):
         return []
     at = "" if stated else " if acceleration_mm_s2 of [control], not stated, is"
@@ -64,6 +65,29 @@ def fast_approaches(feeds_mm_min: Sequence[float], setup: Setup) -> list[str]:
         f"feed^2 / 2 acceleration, {further_mm:.3g} mm{at or ' at'} {stated or USUAL_MM_S2:g} "
         "mm/s^2. The probe must take that. Is its feed_mm_min right?"
     ]
+
+
+def goes_on_mm(feed_mm_min: float, setup: Setup) -> float:
+    """How far the ball goes on behind a contact at a feed, mm."""
+    return (feed_mm_min / 60) ** 2 / (2 * (setup.control.acceleration_mm_s2 or USUAL_MM_S2))
+
+
+def check_feeds(feeds_mm_min: Sequence[float], setup: Setup) -> None:
+    """Refuse approaches that only the end of their way would stop, not the contact.
+
+    Raises DataError: the ball would go on by more than the overtravel.
+    """
+    feed = max(feeds_mm_min, default=0.0)
+    limit, further_mm = setup.plan.overtravel_mm, goes_on_mm(feed, setup)
+    if further_mm > limit:
+        acceleration = setup.control.acceleration_mm_s2
+        at = f"{acceleration or USUAL_MM_S2:g} mm/s²" + ("" if acceleration else " (not stated)")
+        raise DataError(
+            f"touch {list(feeds_mm_min).index(feed) + 1}: feed_mm_min: got {feed:g}, at which the "
+            f"ball goes on by {further_mm:.3g} mm behind the contact (feed² / 2 acceleration, at "
+            f"[control] acceleration_mm_s2 {at}); expected less than [plan] overtravel_mm = "
+            f"{limit:g}: nothing but the end of the approach would stop it"
+        )
 
 
 def assumptions(setup: Setup) -> list[str]:

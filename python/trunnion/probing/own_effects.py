@@ -17,7 +17,7 @@ from trunnion.base.errors import DataError
 from trunnion.base.statistics import LinearFit, linear_fit
 from trunnion.base.units import Floats
 from trunnion.data.touches import Touches
-from trunnion.machine.effects import UserEffect
+from trunnion.machine.effects import UserEffect, own_numbers
 from trunnion.probing.model import TouchModel, rounding_um
 
 CLOSE_UM = 1e-6
@@ -100,8 +100,7 @@ class TouchProblem:
         """Recorded less modelled coordinate along the approach, µm, (n,)."""
         left = self.model.core.residuals(self.moves, vector[: self.built_in])
         for effect, values in zip(self.own, self.own_values(vector), strict=True):
-            change = np.asarray(effect.change(self.data, values), dtype=float)
-            left = left - _checked(effect, "change", change, left.shape)
+            left = left - self._change(effect, values)
         return np.asarray(left)
 
     def jacobian(self, vector: Floats) -> Floats:
@@ -110,22 +109,25 @@ class TouchProblem:
         pairs = zip(self.own, self.own_values(vector), strict=True)
         return np.hstack([exact, *(self._columns(e, values) for e, values in pairs)])
 
+    def _change(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
+        """Change of each reading by a user's effect, (n,)."""
+        found = effect.change(self.data, dict(values))
+        return own_numbers(effect.id, "change", found, (len(self.data),))
+
     def _columns(self, effect: UserEffect, values: Mapping[str, float]) -> Floats:
         """Derivative of a user's effect by its parameters, (n, k): its own, or by differences."""
         shape = (len(self.data), len(effect.parameters))
         given = getattr(effect, "jacobian", None)
         if given is not None:
-            columns = np.asarray(given(self.data, dict(values)), dtype=float)
-            return _checked(effect, "jacobian", columns, shape)
+            return own_numbers(effect.id, "jacobian", given(self.data, dict(values)), shape)
         columns = np.empty(shape)
         for k, name in enumerate(effect.parameters):
             step = 1e-4 * max(1.0, abs(values[name]))
             ahead, back = (
-                np.asarray(effect.change(self.data, {**values, name: values[name] + s}))
-                for s in (step, -step)
+                self._change(effect, {**values, name: values[name] + s}) for s in (step, -step)
             )
             columns[:, k] = (ahead - back) / (2 * step)
-        return _checked(effect, "change", columns, shape)
+        return columns
 
     def _start(self, loss: Loss, max_steps: int) -> Floats:
         """Known errors; nonlinear parameters where the core finds them without the own effects."""
@@ -214,12 +216,3 @@ def _weights(left: Floats, knee: float | None) -> Floats:
     size = np.abs(left)
     limit = knee * float(np.sort(size)[len(size) // 2]) / MEDIAN_SIGMAS
     return np.where(size <= limit, 1.0, limit / np.maximum(size, 1e-300))
-
-
-def _checked(effect: UserEffect, what: str, found: Floats, shape: tuple[int, ...]) -> Floats:
-    if found.shape != shape or not np.all(np.isfinite(found)):
-        raise DataError(
-            f"effect {effect.id!r}: {what} gave shape {found.shape} or values that are not finite, "
-            f"expected {shape} finite numbers"
-        )
-    return found

@@ -22,6 +22,7 @@ from trunnion.machine.chain import Chain
 from trunnion.nc import Program
 from trunnion.probing.cycle import Cycle, Frame
 from trunnion.probing.linuxcnc import program_text
+from trunnion.probing.notes import check_feeds
 from trunnion.probing.on_table import on_table
 from trunnion.probing.steps import check_clear, cycle_of, with_starts
 from trunnion.setup import Setup
@@ -141,7 +142,8 @@ def probing_program(
     ------
     DataError
         A plan without feeds, and none given; a touch that ball and stem cannot make, or that finds
-        nothing, with the artefact anywhere within its tolerance; a move beyond the range of an axis
+        nothing, with the artefact anywhere within its tolerance; a feed at which the ball goes on
+        behind the contact by more than the overtravel; a move beyond the range of an axis
         in the set-up; an axis "not turned" that turns before in the order of the plan.
     InputError
         A machine with a rotary axis in its head: the way between touches would not be along Z;
@@ -173,6 +175,8 @@ def probing_program(
         raise InputError(f"start_at: got {start_at}, expected a touch of the plan's {len(plan)}")
     ready = with_starts(plan, setup, feed_mm_min)
     check_clear(ready, setup)
+    if ready.feed_mm_min is not None:
+        check_feeds(ready.feed_mm_min.tolist(), setup)
     frame = _frame(setup, corrected=corrected, tcp=tcp)
     named_by = plan_hash(on_table(plan, setup) if tcp else plan)
     if continues is not None and start_at == 1:
