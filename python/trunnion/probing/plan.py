@@ -46,8 +46,8 @@ def plan(
     ±90°, 72 in all, with the labels 1 to 20. Only faces that the probe can reach are planned: on
     every move ball and stem keep clear of the artefact, its stem and the table, wherever within
     its tolerance the artefact stands (`Artefact`), and an approach then meets the face that is
-    meant. The machine is the nominal one with its known errors. Commands are rounded to the
-    resolution of the axes.
+    meant; a position at which no face can be reached is left out. The machine is the nominal one
+    with its known errors. Commands are rounded to the resolution of the axes.
 
     Parameters
     ----------

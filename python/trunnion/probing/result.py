@@ -239,6 +239,10 @@ class PerPosition(Result):
     c: tuple[dict[str, float], ...]
     a: tuple[dict[str, float], ...]
 
+    def headline(self) -> str:
+        """How many positions there are."""
+        return f"estimates at {len(self.c)} positions of C and {len(self.a)} of A"
+
     def tables(self) -> tuple[Table, Table]:
         """One table for C, one for A."""
 

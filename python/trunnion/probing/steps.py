@@ -11,6 +11,7 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.progress import tracked
 from trunnion.base.units import Flags, Floats
 from trunnion.data.touches import Touches
+from trunnion.files.origin import places
 from trunnion.machine.chain import Chain, standing_artefact
 from trunnion.probing.cycle import BACK_OFF_DEG, Cycle, Step
 from trunnion.probing.model import TouchModel
@@ -103,14 +104,12 @@ def check_clear(plan: Touches, setup: Setup) -> None:
         moves = model.moves(plan[some], from_start=True)
         found += [first + row for row in arranged.blocked_moves(moves, reach[some].tolist())]
     if found:
-        which = ", ".join(str(row + 1) for row in found[:MAX_NAMED])
-        more = f" and {len(found) - MAX_NAMED} more" if len(found) > MAX_NAMED else ""
         artefact = setup.artefact
         raise DataError(
             f"plan: got touches that run into something or find nothing with the artefact within "
-            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: number "
-            f"{which}{more}; expected a plan of this set-up (artefact, place, tolerance, table, "
-            "probe, clearance)"
+            f"{artefact.tolerance_mm:g} mm and {artefact.tolerance_deg:g} deg of its place: "
+            f"{places(plan, found, MAX_NAMED)}; expected a plan of this set-up (artefact, place, "
+            "tolerance, table, probe, clearance)"
         )
 
 
