@@ -125,6 +125,37 @@ def test_numbers_as_text(tmp_path: Path) -> None:
     assert said.endswith("got '8,20195 mm', expected a finite number")
 
 
+DECIMAL = "(decimal commas? then separate the columns by semicolons or tabs)"
+THOUSANDS = "(a comma between thousands? then write the numbers without it)"
+
+
+@pytest.mark.parametrize(
+    ("row", "why"),
+    [
+        ("0,1,1,0,100,5,2,25", DECIMAL),
+        ("0,1,1,0,100,2,25", DECIMAL),
+        ("0.0,1,1.0,1,234.5,2.0", THOUSANDS),
+        ("0.0,1,1.0,100.5,2.0,3.0", ""),
+        ("0,1,1,100,2,x,25", ""),
+    ],
+)
+def test_commas_in_numbers_between_commas(tmp_path: Path, row: str, why: str) -> None:
+    """Fields that a comma made two are named; whole numbers beside each other are not."""
+    path = tmp_path / "points.csv"
+    path.write_text(f"cycle,nominal_x_mm,nominal_y_mm,x_mm,y_mm\n{row}\n")
+    with pytest.raises(tn.TrunnionError, match=r"after the last column: got \d fields") as caught:
+        tn.read_points(path)
+    said = str(caught.value)
+    assert said.endswith(f"y_mm {why}" if why else "y_mm")
+
+
+def test_a_name_that_stands_twice_in_place_of_another(tmp_path: Path) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("nominal_x_mm,nominal_y_mm,x_mm,x_mm\n1.0,2.0,1.1,2.1\n")
+    with pytest.raises(tn.TrunnionError, match="x_mm: got the column twice, expected it once"):
+        tn.read_points(path)
+
+
 def test_a_number_that_became_a_date(tmp_path: Path) -> None:
     """What Excel does with 15.3 is named."""
     for text in ("15.Mrz", "15-Mar", "Mrz 15", "Mar-15"):

@@ -355,6 +355,61 @@ def test_exchanged_columns_and_a_missing_tool_length_are_named(kind: str) -> Non
             method(data.with_columns(z_mm=data.z_mm - 120.0), setup)
 
 
+def reversed_approaches(data: tn.Touches) -> tn.Touches:
+    return data.with_columns(**{f"dir_{x}": -data[f"dir_{x}"] for x in "xyz"})
+
+
+def of_the_contact(data: tn.Touches) -> tn.Touches:
+    """Report where the ball touches: its centre and the radius of 1 mm along the approach."""
+    at = data.position_mm + data.direction
+    return data.with_columns(x_mm=at[:, 0], y_mm=at[:, 1], z_mm=at[:, 2])
+
+
+@pytest.mark.parametrize("seed", [4, 31, 77])
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [
+        (
+            lambda d: d.with_columns(a_deg=d["c_deg"], c_deg=d["a_deg"]),
+            "a_deg and c_deg are exchanged",
+        ),
+        (lambda d: d.with_columns(x_mm=-d["x_mm"]), "x_mm counts the other way"),
+        (reversed_approaches, "every direction of approach is reversed"),
+        (of_the_contact, "the positions are those of the contact, already corrected by the ball"),
+    ],
+)
+def test_columns_that_are_others_are_named(
+    wrong: Callable[[tn.Touches], tn.Touches], cause: str, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    errors = {name: float(rng.uniform(-size, size)) for name, size in SIZES.items()}
+    data = tn.simulate(PLAN, SETUP, errors=errors, noise_um=0.3, seed=seed)
+    for method in (tn.identify, tn.diagnose):
+        assert f"if {cause}" in said_of(method, wrong(data), SETUP)
+
+
+@pytest.mark.parametrize(
+    ("stated", "cause"),
+    [
+        ({"kind": "cuboid"}, 'artefact.kind = "cross"'),
+        ({"height_mm": 50.0}, "artefact.height_mm = 25 (not 50)"),
+    ],
+)
+def test_an_artefact_of_another_kind_or_height_is_named(stated: dict[str, Any], cause: str) -> None:
+    data = tn.simulate(PLAN, SETUP, errors=ERRORS, noise_um=0.3, seed=8)
+    wrong = replace(SETUP, artefact=replace(SETUP.artefact, **stated))
+    for method in (tn.identify, tn.diagnose):
+        assert cause in said_of(method, data, wrong)
+
+
+def said_of(method: Callable[..., Any], data: tn.Touches, setup: tn.Setup) -> str:
+    """Return the refusal, or the notes."""
+    try:
+        return " ".join(method(data, setup).notes)
+    except tn.DataError as error:
+        return str(error)
+
+
 def test_length_and_width_exchanged_are_named() -> None:
     true = tn.Artefact("cuboid", length_mm=60.0, width_mm=40.0, height_mm=30.0)
     setup = tn.Setup(true)

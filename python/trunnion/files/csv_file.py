@@ -147,6 +147,7 @@ def read_table(
     file = Delimited(source, options, lambda name: spelt.get(name.lower(), name))
     for name in kind.required():
         if name not in file.header:
+            file.check_header()  # a name that stands twice may be the one that is missing
             got = shown_field(file.lines[file.header_line].strip())
             raise file.error(
                 file.header_line,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from trunnion.files.text import Source
 _QUOTED = re.compile(r'"(?:[^"]|"")*"')
 _COMMA = re.compile(r"[+-]?(?:[0-9]+,[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _POINT = re.compile(r"[+-]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
+_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3},[0-9]{3}\.[0-9]*")
 _WHOLE = re.compile(r"[+-]?[0-9]+(?:[eE][+-]?[0-9]+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
 _INDEX = re.compile(r"[0-9]{1,15}")
@@ -117,19 +119,7 @@ class Delimited:
 
         numeric: Says whether a column must hold numbers.
         """
-        starts = self.starts(self.header_line)
-        index = bool(self.data_lines) and len(self.header) > 1 and self._has_index()
-        for i, name in enumerate(self.header):
-            if not name and not (i == 0 and index):
-                raise self.error(
-                    self.header_line,
-                    starts[i],
-                    "header: got an empty field, expected the name of a column",
-                )
-            if name in self.header[:i]:
-                raise self.error(
-                    self.header_line, starts[i], f"{name}: got the column twice, expected it once"
-                )
+        index = self.check_header()
         if not self.data_lines:
             raise self.error(
                 self.header_line + 1,
@@ -145,6 +135,23 @@ class Delimited:
         if any(sign in self.lines[i] for i in self.data_lines):
             self._with_points(columns, numeric)
         return columns
+
+    def check_header(self) -> bool:
+        """Check that every column has a name of its own; whether the first counts rows."""
+        starts = self.starts(self.header_line)
+        index = bool(self.data_lines) and len(self.header) > 1 and self._has_index()
+        for i, name in enumerate(self.header):
+            if not name and not (i == 0 and index):
+                raise self.error(
+                    self.header_line,
+                    starts[i],
+                    "header: got an empty field, expected the name of a column",
+                )
+            if name in self.header[:i]:
+                raise self.error(
+                    self.header_line, starts[i], f"{name}: got the column twice, expected it once"
+                )
+        return index
 
     def _note_cut_end(self, columns: Mapping[str, NDArray[Any]]) -> None:
         """Note a last line without its end whose last number is shorter than those above it."""
@@ -226,13 +233,25 @@ class Delimited:
             column, at = "after the last column", starts[count]
         else:
             column, at = self.header[got], len(self.lines[line])
-        likely = self.separator == "," and got == 2 * count
-        why = " (decimal commas? then separate the columns by semicolons or tabs)" * likely
+        why = self._split_numbers(line, got - count)
         return self.error(
             line,
             at,
             f"{column}: got {got} fields, expected {count}: {', '.join(self.header)}{why}",
         )
+
+    def _split_numbers(self, line: int, more: int) -> str:
+        """Say why a line may have so many fields more: a comma in numbers splits them."""
+        if self.separator != "," or more <= 0:
+            return ""
+        fields = self.fields(line)
+        pairs = list(pairwise(fields))
+        if sum(bool(_THOUSANDS.fullmatch(",".join(pair))) for pair in pairs) >= more:
+            return " (a comma between thousands? then write the numbers without it)"
+        whole = not any("." in field for field in fields)
+        if whole and sum(bool(_COMMA.fullmatch(",".join(pair))) for pair in pairs) >= more:
+            return " (decimal commas? then separate the columns by semicolons or tabs)"
+        return ""
 
     def located(self, fault: ColumnError, names: Mapping[str, str] | None = None) -> Exception:
         """Return the error of the file that a fault of its table is.

@@ -63,7 +63,7 @@ LENGTHS = (
     ("artefact", "width_mm"),
     ("artefact", "diameter_mm"),
 )
-"""Lengths that residuals show; an artefact's height looks like its placement."""
+"""Lengths that residuals show; an artefact's height looks like its placement up to some mm."""
 
 
 @dataclass(frozen=True)
@@ -224,11 +224,7 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
     turned = {f"{letter}_deg": np.degrees(angle) for letter, angle in data.rotary_deg.items()}
     with suppress(TrunnionError):  # too far for angles
         yield Guess("if their angles are in radians", data.with_columns(**turned), setup)
-    for one, other in combinations("xyz", 2):
-        exchanged = {f"{one}_mm": getattr(data, f"{other}_mm")}
-        exchanged[f"{other}_mm"] = getattr(data, f"{one}_mm")
-        meant = data.with_columns(**exchanged)
-        yield Guess(f"if {one}_mm and {other}_mm are exchanged", meant, setup)
+    yield from _other_columns(data, setup)
     if long := _longer_mm(data, setup):
         text = (
             f"if the tool is {abs(long):.4g} mm {'longer' if long > 0 else 'shorter'} than the "
@@ -253,6 +249,27 @@ def _guesses(data: Touches, setup: Setup) -> Iterator[Guess]:
     for part, changes, text in _changes(data, setup):
         with suppress(TrunnionError):  # not a set-up: other axes, a cross without arms
             yield Guess(text, data, replace(setup, **{part: changes}))
+
+
+def _other_columns(data: Touches, setup: Setup) -> Iterator[Guess]:
+    """Yield columns that may be exchanged, mirrored, or of the contact."""
+    pairs = combinations([f"{axis}_mm" for axis in "xyz"], 2)
+    turned = combinations([f"{letter}_deg" for letter in data.rotary_deg], 2)
+    for one, other in (*pairs, *turned):
+        exchanged = data.with_columns(**{one: data[other], other: data[one]})
+        yield Guess(f"if {one} and {other} are exchanged", exchanged, setup)
+    for axis in "xyz":
+        mirrored = data.with_columns(**{f"{axis}_mm": -data[f"{axis}_mm"]})
+        yield Guess(f"if {axis}_mm counts the other way", mirrored, setup)
+    against = {f"dir_{axis}": -data[f"dir_{axis}"] for axis in "xyz"}
+    text = "if every direction of approach is reversed (dir is the way that the ball moves)"
+    yield Guess(text, data.with_columns(**against), setup)
+    radius = setup.probe.ball_radius_mm
+    text = (
+        f"if the positions are those of the contact, already corrected by the ball's radius of "
+        f"{radius:g} mm (expected: the centre of the ball)"
+    )
+    yield Guess(text, _at(data, data.position_mm - radius * data.direction), setup)
 
 
 def _at(data: Touches, position_mm: Floats) -> Touches:
@@ -323,12 +340,22 @@ def _changes(data: Touches, setup: Setup) -> Iterator[tuple[str, Any, str]]:
         with suppress(TrunnionError):  # no artefact of its kind
             other = replace(setup.artefact, length_mm=wide, width_mm=long)
             yield "artefact", other, "with artefact.length_mm and width_mm exchanged"
+    for kind in ("cross", "cuboid"):
+        if kind != setup.artefact.kind:
+            with suppress(TrunnionError):  # it has other dimensions
+                yield (
+                    "artefact",
+                    replace(setup.artefact, kind=kind),
+                    f'with artefact.kind = "{kind}"',
+                )
     for preset in presets():
         if preset != setup.machine.name:
             yield "machine", Machine(preset), f'with preset = "{preset}"'
-    for part, name in LENGTHS:
+    for part, name in (*LENGTHS, ("artefact", "height_mm")):
         given = getattr(getattr(setup, part), name)
-        near = () if given is None else (2 * given, given / 2, *(given + step for step in ROUND_MM))
+        near = () if given is None else (2 * given, given / 2)
+        if given is not None and name != "height_mm":
+            near = (*near, *(given + step for step in ROUND_MM))
         for value in dict.fromkeys(near):
             with suppress(TrunnionError):  # no length, or none of this artefact
                 other = replace(getattr(setup, part), **{name: value})
