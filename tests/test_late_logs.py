@@ -87,3 +87,16 @@ def test_a_late_log_is_named_beside_other_causes(
 def test_of_one_axis_a_late_log_is_named_or_stands_beside_what_looks_like_it(hide: Hide) -> None:
     d = diagnosed(1.0, hide, "x", seed=1)
     assert any("log_delay" in names for names in d.alternatives)
+
+
+@pytest.mark.parametrize("axes", ["x", "xz"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_strong_gain_and_friction_have_finite_standard_errors(axes: str, seed: int) -> None:
+    def hide(cases: twin.Cases) -> None:
+        cases.gain[0] *= 1.2
+        cases.friction[0, X] = 10e-3
+
+    d = diagnosed(0.0, hide, axes, seed)
+    assert d.alternatives[0] >= {"friction_x", *(f"gain_{axis}" for axis in axes)}
+    errors = [s for c in d.causes for s in c.std_errors.values()]
+    assert np.all(np.isfinite(errors) & (np.array(errors) > 0))

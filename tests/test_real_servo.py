@@ -211,6 +211,29 @@ def test_standard_errors_of_dependent_residuals_hold() -> None:
     assert kept(inside, runs, 0.95)
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+def test_what_one_stretch_of_a_log_determines_has_the_noise_of_the_readings(memory: float) -> None:
+    """The state at the start of a log: the residuals, of which its fit leaves no sum, say nothing.
+
+    Its standard error is the one of independent readings with the long-run variance, as in
+    `Case.growth`: at least what the noise makes of it.
+    """
+    random = np.random.default_rng(5)
+    at = np.arange(2000)
+    x = np.stack([np.exp(-at / 3.0), np.ones(len(at))], axis=1)
+    cofactor = np.linalg.inv(x.T @ x)
+    longrun = (1 + memory) / (1 - memory)
+    inside, runs = 0, 200
+    for _ in range(runs):
+        white = np.sqrt(1 - memory**2) * random.standard_normal(len(at) + 300)
+        noise = signal.lfilter([1.0], [1.0, -memory], white)[300:]
+        estimate = cofactor @ (x.T @ noise)
+        left = (noise - x @ estimate) / np.sqrt(longrun)
+        grown = growth(x, left, cofactor, 1.0, [at])
+        inside += int(abs(estimate[0]) < 1.96 * grown[0] * np.sqrt(cofactor[0, 0] * longrun))
+    assert kept(inside, runs, 0.95)
+
+
 @pytest.mark.power
 def test_standard_errors_hold_beside_forces_that_no_model_knows() -> None:
     """150 rigs, each with a random force of 5 N that comes and goes within 40 ms.

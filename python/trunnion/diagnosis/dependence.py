@@ -17,9 +17,9 @@ BLOCK = 24  # readings, in which the size of innovations is taken
 DISTURBED = 3  # blocks that have to be far larger than the middle one: a jump disturbs two
 LARGER = 3.0  # in variance; of normal noise the third of 200 blocks is 1.8 times as large
 MAX_SHARE = 0.1  # of a series, that the bandwidth is at most
-MANY_WINDOWS = 50  # a parameter; of as many each matters little to the fit
+MIN_LEVERAGE = 0.02  # of a window, from which on the fit follows it
 WINDOW_STEPS = 8  # overlapping windows in the length of one
-MAX_LEVERAGE = 0.9  # of a window: what one window alone determines has no error by the others
+MAX_LEVERAGE = 0.9  # of a window: from there on it alone determines, and what it leaves is nothing
 
 
 def changes(innovations: Floats) -> bool:
@@ -82,13 +82,9 @@ def growth(
     unit = jacobian @ root
     series = [white[s] for s in segments]
     scores = [unit[s] * white[s][:, None] for s in segments]
-    width = bandwidth(series)
+    meat = _left_out([unit[s] for s in segments], scores, bandwidth(series), variance)
     n, p = jacobian.shape
-    if n < MANY_WINDOWS * p * width:
-        meat = _left_out([unit[s] for s in segments], scores, width)
-    else:
-        meat = long_run(scores, width)
-    sandwich = np.einsum("ij,jk,ik->i", root, meat, root) * n / max(n - p, 1)
+    sandwich = np.sum((root @ _root(meat)) ** 2, axis=1) * n / max(n - p, 1)
     usual = np.diag(covariance) * variance
     return np.asarray(np.sqrt(np.where(usual > 0, sandwich / np.where(usual > 0, usual, 1.0), 1.0)))
 
@@ -99,21 +95,31 @@ def _root(covariance: Floats) -> Floats:
     return np.asarray((u * np.sqrt(np.maximum(w, 0.0))) @ u.T)
 
 
-def _left_out(jacobian: Sequence[Floats], scores: Sequence[Floats], width: int) -> Floats:
-    """As `long_run` of the scores, for few windows: of the fits that leave a window out.
+def _left_out(
+    jacobian: Sequence[Floats], scores: Sequence[Floats], width: int, variance: float
+) -> Floats:
+    """As `long_run` of the scores, of fits that leave out a window that they follow.
 
-    A fit follows the readings of a window that is a good part of all; what it leaves there is too
-    small (CR3 of Bell and McCaffrey 2002, a jackknife over windows). ``jacobian``: with columns
-    of which the inner products are 1, (n, k) of each series.
+    A fit follows the readings of a window that determines a good part of a parameter; what it
+    leaves there is too small (CR3 of Bell and McCaffrey 2002, a jackknife over windows). It leaves
+    nothing of what one window alone determines, such as the state at the start of a log: that has
+    the ``variance`` of the readings. ``jacobian``: with columns of which the inner products are 1,
+    (n, k) of each series.
     """
     step = max(1, width // WINDOW_STEPS)
     k = scores[0].shape[1]
     out = np.zeros((k, k))
     for x, own in zip(scores, jacobian, strict=True):
-        for first in range(step - width, len(x), step):
-            some = slice(max(first, 0), first + width)
-            share = own[some].T @ own[some]
-            w, u = np.linalg.eigh(share)
-            left = (u / (1.0 - np.minimum(w, MAX_LEVERAGE))) @ (u.T @ x[some].sum(axis=0))
-            out += np.outer(left, left) * step / width
+        start = np.arange(step - width, len(x), step)
+        edges = np.clip([start, start + width], 0, len(x))
+        first, last = np.cumsum(np.pad(x, ((1, 0), (0, 0))), axis=0)[edges]
+        sums = last - first
+        before, after = np.cumsum(np.pad(np.sum(own**2, axis=1), (1, 0)))[edges]
+        for i in np.flatnonzero(after - before > MIN_LEVERAGE):
+            some = own[edges[0, i] : edges[1, i]]
+            w, u = np.linalg.eigh(some.T @ some)
+            alone = w > MAX_LEVERAGE
+            sums[i] = (u / np.where(alone, np.inf, 1.0 - w)) @ (u.T @ sums[i])
+            out += (u[:, alone] * w[alone]) @ u[:, alone].T * variance * step / width
+        out += sums.T @ sums * step / width
     return out
