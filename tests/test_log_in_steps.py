@@ -1,5 +1,6 @@
 """Axis logs whose positions are rounded: rounding is no cause, and hides none of a usual size."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from trunnion.setup import Artefact, Setup
 
 Floats = NDArray[np.float64]
 
+AXES_TABLE = {k: v for k, v in ct.Servo.paper().to_table().items() if isinstance(v, dict)}
 SETUP = Setup(artefact=Artefact("none"), servo=ct.Servo.paper().to_table())
 STEP = 0.005  # mm, deg
 AXES = {"z": (2, "mm"), "c": (4, "deg")}  # the slow ones: their errors of rounding are the slowest
@@ -96,3 +98,42 @@ def test_steps_are_said_where_they_matter_and_change_nothing_where_not() -> None
     coarse = diagnose(log(sound, "zc", 0.1, 1, of_command=False), SETUP)
     assert any("recorded in steps of 5 µm, 18 arcsec" in note for note in coarse.notes)
     assert AxisLogModel(log(sound, "zc", 0.7, 1, of_command=False), SETUP).grid is None
+
+
+def noted(log: tn.AxisLog, **stated: float) -> str:
+    """Return the note on steps with a step of some axes stated in the set-up."""
+    servo = {name: dict(table) for name, table in AXES_TABLE.items()}
+    for key, size in stated.items():
+        letter, _, name = key.partition("_")
+        servo[letter.upper()][name] = size
+    (note,) = (n for n in diagnose(log, replace(SETUP, servo=servo)).notes if "in steps" in n)
+    return note
+
+
+def test_a_stated_step_is_used_and_said() -> None:
+    _, sound = hidden("none", "z")
+    coarse = log(sound, "zc", 0.1, 1, of_command=False)
+    assert "steps of 5 µm, 18 arcsec (recognised in the data)" in noted(coarse)
+    both = noted(coarse, z_resolution_um=5.0, c_resolution_arcsec=18.0)
+    assert "steps of 5 µm, 18 arcsec (as the set-up states)" in both
+    one = noted(coarse, z_resolution_um=5.0)
+    assert "steps of 5 µm, 18 arcsec (recognised in the data or as the set-up states)" in one
+    assert "steps of 5 µm, 18 arcsec (recognised" in noted(coarse, z_resolution_um=1.0)
+
+
+def test_a_stated_step_is_used_where_the_data_do_not_show_it() -> None:
+    """Positions that a program has scaled and rounded once more lie on no grid."""
+    _, sound = hidden("none", "z")
+    coarse = log(sound, "z", 0.1, 1, of_command=False)
+    again = coarse.actual("z") + 2e-4 * np.random.default_rng(3).uniform(-1, 1, len(coarse))
+    blurred = coarse.with_columns(z_act_mm=again)
+    assert AxisLogModel(blurred, SETUP).grid is None
+    assert "steps of 5 µm (as the set-up states)" in noted(blurred, z_resolution_um=5.0)
+
+
+def test_a_stated_step_is_no_part_of_the_simulation() -> None:
+    plain = ct.LinearAxis(80.0, 5.0)
+    stated = ct.LinearAxis(80.0, 5.0, resolution_um=5.0)
+    first, other = (ct.Servo({"X": axis}).row("X") for axis in (plain, stated))
+    np.testing.assert_array_equal(first, other)
+    assert ct.Servo.from_table(ct.Servo({"X": stated}).to_table()).axes["X"] == stated

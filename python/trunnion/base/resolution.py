@@ -186,6 +186,10 @@ class Grid:
         alike &= (step > 0) & (again >= 0)
         return cls(step, several(np.where(alike, label, -1)), parts)
 
+    def stated(self, step: Floats | None) -> Flags:
+        """Return which readings have the step that is stated for them, ``step`` (n,), if any is."""
+        return np.zeros(len(self.step), dtype=bool) if step is None else self.step == step
+
     def correlation(self, steps: Floats) -> Floats:
         """Correlation of the errors of rounding of repeats with so much noise, in steps (n,)."""
         parts = np.ones((len(self.step), 1)) if self.parts is None else np.abs(self.parts)

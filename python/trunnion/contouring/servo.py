@@ -106,6 +106,9 @@ class LinearAxis(_Servo):
     velocity_forward_percent, acceleration_forward_ms:
         Feed-forward of the commanded velocity (100 % takes the following error away) and of the
         commanded acceleration, by backward differences over a control period.
+    resolution_um:
+        Step in which actual positions are recorded; 0: not stated, it is recognised in a log. No
+        part of the simulation.
     """
 
     table: ClassVar[str] = "LinearAxis"
@@ -126,6 +129,7 @@ class LinearAxis(_Servo):
     friction_direction_percent: float = key(0.0, DRAG, "of the speed, lost in + and won in -")
     velocity_forward_percent: float = key(0.0, Number(), "of the commanded velocity, fed forward")
     acceleration_forward_ms: float = key(0.0, Number(), "time of the acceleration fed forward")
+    resolution_um: float = key(0.0, NOT_NEGATIVE, "step of recorded positions, 0: recognised")
 
 
 @dataclass(frozen=True)
@@ -150,6 +154,7 @@ class RotaryAxis(_Servo):
     friction_direction_percent: float = key(0.0, DRAG, "of the speed, lost in + and won in -")
     velocity_forward_percent: float = key(0.0, Number(), "of the commanded velocity, fed forward")
     acceleration_forward_ms: float = key(0.0, Number(), "time of the acceleration fed forward")
+    resolution_arcsec: float = key(0.0, NOT_NEGATIVE, "step of recorded positions, 0: recognised")
 
 
 Axis: TypeAlias = LinearAxis | RotaryAxis
@@ -164,8 +169,13 @@ def varied(axis: Axis, changes: Mapping[str, float]) -> Axis:
 
 def numbers(axes: Sequence[Axis]) -> Floats:
     """Return the numbers of axes in the order of their fields, shape (m, 17)."""
-    names = [f.name for f in fields(axes[0])]
+    names = simulated(axes[0])
     return np.array([[getattr(axis, name) for name in names] for axis in axes], dtype=np.float64)
+
+
+def simulated(axis: Axis) -> list[str]:
+    """Return the fields of an axis that a simulation takes; the others are of what is recorded."""
+    return [f.name for f in fields(axis) if not f.name.startswith("resolution_")]
 
 
 @dataclass(frozen=True)
@@ -320,7 +330,8 @@ class Servo:
         if letter not in self.axes:
             known = ", ".join(self.axes) or "others"
             raise InputError(f"servo axis {letter}: got none, expected it beside {known}")
-        values = asdict(self.axes[letter])
+        axis = self.axes[letter]
+        values = {name: getattr(axis, name) for name in simulated(axis)}
         return np.array([ANY(f"servo.{letter}.{name}", size) for name, size in values.items()])
 
     @checked

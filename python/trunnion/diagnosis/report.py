@@ -249,10 +249,13 @@ def _notes_of_steps(case: Case, variance: float) -> tuple[str, ...]:
         steps = [f"{step:.4g}" for step in np.unique(case.grid.step[index == i]) if step > 0]
         if steps:
             text.append(with_unit(" and ".join(steps[:MAX_STEPS]), unit))
-    known = readings.step is not None and np.array_equal(case.grid.step, readings.step)
+    stated = case.grid.stated(readings.step)
+    some, known = np.any(stated[case.grid.step > 0]), bool(np.all(stated[case.grid.step > 0]))
     source = "as the set-up states" if known else "recognised in the data"
     if readings.step is not None and not known:
         source += ", finer ones are stated"
+    elif some and not known:
+        source += " or as the set-up states"
     note = (
         f"Readings are recorded in steps of {', '.join(text)} ({source}): their noise is taken as "
         "at least step/√12, and what rounding does is not taken for a cause"

@@ -25,7 +25,7 @@ from trunnion.base.resolution import (
     Known,
     machines,
 )
-from trunnion.base.units import Floats
+from trunnion.base.units import Flags, Floats
 from trunnion.diagnosis.dependence import length
 from trunnion.diagnosis.noise import Channel, basis_beside
 from trunnion.models.axis_log.signals import AxisSignal, Run
@@ -39,6 +39,7 @@ NOISES = (MIN_NOISE_STEPS, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5, 2
 MAX_PACE = 2.5  # steps a sample, of an axis that goes up stairs
 MAX_ROUGH = 0.25  # noise, in steps, below which the size of errors changes with the position
 LONGER = 2.0  # times the longest memory of simulated rounding, from which on it is another's
+COARSER = 1.5  # times the stated step, from which on a recognised one is another
 FEW_DRAWS = 8
 EXPECTED_DRAWS = 32
 GROWTH_DRAWS = 128
@@ -75,6 +76,8 @@ class Rounded:
         noise of the same size, in variance.
     memory:
         Readings that count as one, at most, where rounding alone makes them depend on each other.
+    stated:
+        Whether the larger step is the one that the set-up states.
     """
 
     signal: AxisSignal
@@ -84,6 +87,7 @@ class Rounded:
     expected: Floats
     growth: float = 1.0
     memory: float = np.inf
+    stated: bool = False
 
     @classmethod
     def of(cls, signal: AxisSignal, channel: Channel) -> "Rounded | None":
@@ -91,7 +95,7 @@ class Rounded:
 
         ``channel``: with all that is no noise in the readings of the axis.
         """
-        actual, commanded = _actual_step(signal), signal.command_step
+        (actual, stated), commanded = _actual_step(signal), signal.command_step
         y = signal.deviation()
         q = basis_beside(y, channel)
         left = y - q @ (q.T @ y)
@@ -118,7 +122,8 @@ class Rounded:
         errors = own.of_actual(fitted, noise, rng, EXPECTED_DRAWS)
         expected, growth = errors.mean(axis=1), own._growth(fitted, q)
         errors += own.of_command(rng, EXPECTED_DRAWS)
-        return replace(own, expected=expected, growth=growth, memory=own._memory(errors, q))
+        memory, stated = own._memory(errors, q), stated and actual >= own.commanded
+        return replace(own, expected=expected, growth=growth, memory=memory, stated=stated)
 
     def _memory(self, errors: Floats, basis: Floats) -> float:
         """Readings that may count as one by errors (blocks, draws) beside what is estimated."""
@@ -210,6 +215,13 @@ class LogSteps(Grid):
         known = Known(noise, scale, 1.0)
         return cls(step, np.full(n, -1), None, known, rounded, off)
 
+    def stated(self, step: Floats | None) -> Flags:  # noqa: ARG002
+        """Return which readings have the step that the set-up states, shape (n,)."""
+        out = np.zeros(len(self.step), dtype=bool)
+        for axis in self.axes:
+            out[axis.signal.rows] = axis.stated
+        return out
+
     def on(self, channel: Channel, number: int) -> Channel:
         """Return a channel with what is known of its rounding."""
         for axis in self.axes:
@@ -270,11 +282,20 @@ def without_steps(signal: AxisSignal) -> AxisSignal:
 
 def may_matter(signal: AxisSignal) -> bool:
     """Whether an axis has steps that are not plainly small beside its noise."""
-    return signal.command_step > 0 or _actual_step(signal) > 0
+    return signal.command_step > 0 or _actual_step(signal)[0] > 0
 
 
-def _actual_step(signal: AxisSignal) -> float:
-    return _rounded_in(signal.actual, _noise_of(signal) / FINE)
+def _actual_step(signal: AxisSignal) -> tuple[float, bool]:
+    """Step of actual positions that matters, 0: none, and whether the set-up states it.
+
+    Positions that are plainly in coarser steps than is stated are taken as they are.
+    """
+    least = _noise_of(signal) / FINE
+    stated = getattr(signal.nominal, signal.units.name("resolution_{small}")) / signal.units.scale
+    found = _rounded_in(signal.actual, least)
+    if stated > least and found < COARSER * stated:
+        return stated, True
+    return found, False
 
 
 def _noise_of(signal: AxisSignal) -> float:
