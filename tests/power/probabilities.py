@@ -59,7 +59,9 @@ fitted; a smooth shape of levels, which has a dozen parameters, by 10 to 100), t
 the others by a share of a usual size; causes that look alike (a drift and a warm-up of an axis,
 effects on touches, levels, tests of rotary axes and axis logs with a correlation above 0.7) are not
 drawn together, those of diameters are. In one of eight cases an error is hidden that is no cause of
-the catalogue (hybrid ball-bar: none).
+the catalogue (hybrid ball-bar: none). Of those of levels, cycles of the room's air last nearly a
+pass, a half or a third of it (1, 2 or 3 a pass, 0.2 more or less at most): with half a cycle more
+the level that is turned for the second pass reads what a surface of that shape would give.
 
 A diagnosis states, for sets of causes and for none, how probable it is that just these causes of
 the catalogue act. *Stated* and *true*: the mean probability of the most probable set and how often
