@@ -23,7 +23,7 @@ from trunnion.files.text import Source
 _QUOTED = re.compile(r'"(?:[^"]|"")*"')
 _COMMA = re.compile(r"[+-]?(?:[0-9]+,[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _POINT = re.compile(r"[+-]?(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_THOUSANDS = re.compile(r"[+-]?[0-9]{1,3},[0-9]{3}\.[0-9]*")
+_POINT_BEHIND = re.compile(r"[+-]?[0-9]{1,3},[0-9]{3}\.[0-9]*")
 _WHOLE = re.compile(r"[+-]?[0-9]+(?:[eE][+-]?[0-9]+)?")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
 _INDEX = re.compile(r"[0-9]{1,15}")
@@ -246,7 +246,7 @@ class Delimited:
             return ""
         fields = self.fields(line)
         pairs = list(pairwise(fields))
-        if sum(bool(_THOUSANDS.fullmatch(",".join(pair))) for pair in pairs) >= more:
+        if sum(bool(_POINT_BEHIND.fullmatch(",".join(pair))) for pair in pairs) >= more:
             return " (a comma between thousands? then write the numbers without it)"
         whole = not any("." in field for field in fields)
         if whole and sum(bool(_COMMA.fullmatch(",".join(pair))) for pair in pairs) >= more:
