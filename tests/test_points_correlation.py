@@ -68,11 +68,16 @@ def test_a_reading_set_aside_acts_on_no_other() -> None:
     points = plate(3, 40.0, 1.5)
     x = np.array(points.x_mm)
     x[41] += 0.5  # a chip below the probe
-    d = tn.diagnose(points.with_columns(x_mm=x))
+    d, clean = tn.diagnose(points.with_columns(x_mm=x)), tn.diagnose(points)
     assert said(d)
     assert d.outliers == (41,)
-    (scale,) = (c for c in d.causes if c.id == "scale_x")
-    assert abs(scale.parameters["ppm"] - SCALE_PPM) < 3 * scale.std_errors["ppm"]
+    assert d.verdict == clean.verdict
+    assert {c.id for c in d.causes} == {c.id for c in clean.causes}
+    scale, other = (next(c for c in a.causes if c.id == "scale_x") for a in (d, clean))
+    sigma = other.std_errors["ppm"]
+    assert scale.parameters["ppm"] == pytest.approx(other.parameters["ppm"], abs=0.1 * sigma)
+    assert scale.std_errors["ppm"] == pytest.approx(sigma, rel=0.1)
+    assert abs(scale.parameters["ppm"] - SCALE_PPM) < 2 * sigma
 
 
 def test_a_bump_is_a_field_and_no_scale_or_bow() -> None:
@@ -108,3 +113,19 @@ def test_the_whitener_makes_smooth_combinations_as_loud_as_they_are() -> None:
         one = np.eye(300)[:, 4]
         assert white.without(np.array([4, 5]))(one) == pytest.approx(one)
     assert 0.7 < np.median(ratios) < 2.0
+
+
+def test_noise_that_is_taken_for_correlated_is_no_verdict() -> None:
+    # A weak field without causes: weights alone make no plain model worse than itself.
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 7])
+        q = np.round(rng.uniform(-1, 1, (160, 2)) * [220, 160], 3)
+        error = 2.0 * rng.normal(size=q.shape)
+        for i in range(2):
+            error[:, i] += random_field(rng, q, 30.0)
+        m = q + 1e-3 * error
+        d = tn.diagnose(
+            tn.Points(nominal_x_mm=q[:, 0], nominal_y_mm=q[:, 1], x_mm=m[:, 0], y_mm=m[:, 1])
+        )
+        assert said(d)
+        assert d.unexplained is None or "plain model" not in str(d.unexplained)

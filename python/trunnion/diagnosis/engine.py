@@ -154,7 +154,9 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
             return best
         at = _whitened(case.model, case.plain, case.grid, whiten)
         before, choice = found.effects.keys(), _choose(at)
-        at.given = case.given if len(choice[2]) else case.given or case.plain
+        # Without causes the plain model is compared with itself, by the same weights.
+        causes = bool(choice[1].fit.effects) and not len(choice[2])
+        at.given = case.given or (case.plain if causes else None)
         if choice[1].fit.effects.keys() == before:
             break
     return at, choice

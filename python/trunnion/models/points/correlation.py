@@ -23,6 +23,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis import outliers
 from trunnion.diagnosis.whitening import Correlated
 
 LEVEL = 0.02  # of the likelihood ratio test; among lengths and kinds about 1 % of white noise
@@ -32,6 +33,7 @@ SHARES = np.geomspace(0.03, 30.0, 11)  # variance of the process over that of th
 POWERS = (1.0, 2.0)  # of the distance
 LENGTH_RATIO = 2.0
 BLOCK_LENGTHS = 2.0  # of a block that is left out for cross-validation
+NEIGHBOURS = 6  # the median of which foretells a place
 DEPENDENT = 1e-6  # of the largest singular value of functions
 
 
@@ -131,6 +133,18 @@ def correlated(
     )
     more = covariance / variance - np.eye(len(covariance))
     return Correlated(basis, more, note, np.repeat(_blocks(places, length), d))
+
+
+def unlike_neighbours(places: Floats, left: Floats) -> Integers:
+    """Places (m, d) where what is left (m, c) is far from the median of their neighbours'."""
+    if len(places) <= MIN_FREE:
+        return np.zeros(0, dtype=np.intp)
+    near = np.asarray(cKDTree(places).query(places, k=NEIGHBOURS + 1)[1])[:, 1:]
+    off = np.abs(left - np.median(left[near], axis=1))
+    typical = np.median(off, axis=0) / 0.6745
+    seen = np.flatnonzero(typical > 0)
+    far = [outliers.far_out(off[:, i] / typical[i], len(off)) for i in seen]
+    return np.unique(np.concatenate([np.zeros(0, dtype=np.intp), *far]))
 
 
 def _alike(apart: Floats, power: float, length: float) -> Floats:

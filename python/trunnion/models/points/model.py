@@ -12,7 +12,7 @@ from trunnion.base.arguments import checked
 from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.smooth import Modes, SmoothField
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.points import Points
 from trunnion.diagnosis.columns import lengths
 from trunnion.diagnosis.effect import (
@@ -33,7 +33,7 @@ from trunnion.diagnosis.model import (
 from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion
-from trunnion.models.points.correlation import correlated
+from trunnion.models.points.correlation import correlated, unlike_neighbours
 from trunnion.models.points.effects import (
     CATALOGUED,
     OF_TIME,
@@ -141,11 +141,15 @@ class PointsModel(Model):
         columns = [e.columns(e.values([0.0] * len(e.parameters))) for e in named]
         base = np.concatenate([self.jacobian(start, {}), *columns], axis=1)
         size = lengths(base)
-        residual = deviation.reshape(-1)
-        fitted = base @ (np.linalg.lstsq(base / size, residual, rcond=1e-9)[0] / size)
         at = first_of(self._places)
-        mean = self._at_places((residual - fitted).reshape(deviation.shape))
-        modes = Modes.of(self._travel.used.field_places(self.data.nominal_mm[at]), mean)
+        places = self._travel.used.field_places(self.data.nominal_mm[at])
+        good = np.ones(len(places), dtype=bool)
+        mean = self._left_of(base / size, deviation, good)
+        if len(alone := unlike_neighbours(places, mean)):
+            # A chip is no part of the field, and says nothing of how smooth that is.
+            good[alone] = False
+            mean = self._left_of(base / size, deviation, good)
+        modes = Modes.of(places[good], mean[good])
         if modes is None:
             return None, None
         here = modes.at(self._travel.used.field_places(self.data.nominal_mm))
@@ -154,6 +158,13 @@ class PointsModel(Model):
         parts = np.split(taken[len(start) :], np.cumsum([x.shape[1] for x in columns])[:-1])
         shares = {e.id: part for e, part in zip(named, parts, strict=True)}
         return Field(self._travel.used, modes, shares), here
+
+    def _left_of(self, base: Floats, deviation: Floats, good: Flags) -> Floats:
+        """Mean at each place of what columns leave that are fitted to the good places, (m, d)."""
+        flat = deviation.reshape(-1)
+        used = np.repeat(good[self._places], self.dimension)
+        fitted = base @ np.linalg.lstsq(base[used], flat[used], rcond=1e-9)[0]
+        return self._at_places((flat - fitted).reshape(deviation.shape))
 
     def _at_places(self, x: Floats) -> Floats:
         """Mean of rows (n, d) over the features at each programmed place, (m, d)."""
