@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import trunnion as tn
+from trunnion.models.rotary.motions import harmonics
 from trunnion.studies import FunctionStudy, Seeds
 
 GRID = {"noise_um": [0.1, 0.5], "length_mm": [80.0, 120.0]}
@@ -248,3 +249,13 @@ def test_a_node_that_cannot_be_fails_alone() -> None:
     assert np.isfinite(found["identified_error"].sel(length_mm=100.0)).all()
     assert np.isnan(found["identified_error"].sel(length_mm=40.0)).all()
     assert "no touch 2" in str(found["failure_error"].values[0])
+
+
+@pytest.mark.parametrize(("step_deg", "last"), [(10, 8), (20, 6), (30, 4), (45, 2)])
+def test_no_order_is_offered_that_positions_do_not_tell_from_a_lower_one(
+    step_deg: int, last: int
+) -> None:
+    turn = np.arange(0.0, 360.0, step_deg)
+    encoder = np.concatenate([turn - 0.003, turn, turn + 0.002])  # three targets, read anew
+    for positions in (turn, np.arange(0.0, 721.0, step_deg), np.unique(encoder)):
+        assert list(harmonics(positions)) == list(range(1, last + 1))

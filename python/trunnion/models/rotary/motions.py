@@ -19,6 +19,7 @@ from trunnion.machine.effects import Owner, senses
 MOTIONS = ("EX", "EY", "EZ", "EA", "EB", "EC")  # µm, µm, µm, arcsec, arcsec, arcsec
 MOTION_UNIT = np.array([1e-3, 1e-3, 1e-3, ARCSEC, ARCSEC, ARCSEC])  # to mm and rad
 MAX_HARMONIC = 8
+SAME_POSITION_DEG = 0.5
 MAX_DEGREE = 4
 MAX_PERIODS = 120
 PIVOTS = 25  # within the range of the targets' heights beyond them
@@ -101,9 +102,10 @@ def catalogue(
     Of causes that these targets do not distinguish the first is named: the simpler ones first.
     """
     positions = np.unique(np.round(conditions.angle_deg, 6))
+    orders = harmonics(positions)
     out: dict[str, Motion] = {}
     for kind in _KINDS:
-        for n in range(1, min(MAX_HARMONIC, max(len(positions) // 3, 1)) + 1):
+        for n in orders:
             out[f"{kind}_{n}"] = _harmonic(kind, n, heights)
     for name in asked:
         kind, _, number = name.rpartition("_") if isinstance(name, str) else ("", "", "")
@@ -128,6 +130,21 @@ def catalogue(
 
 
 # --- harmonics
+
+
+def harmonics(positions: Floats) -> range:
+    """Orders that three positions a period, or more, tell from lower ones, and always the first.
+
+    A position a whole turn further is the same, and so is one nearer than `SAME_POSITION_DEG`: read
+    from an encoder anew for each target, 8 positions are not 24.
+    """
+    turn = np.unique(positions % 360.0)
+    last = max(int(np.searchsorted(turn, turn[0] + 360.0 - SAME_POSITION_DEG, "right")), 1)
+    count, at = 0, 0
+    while at < last:
+        count += 1
+        at = int(np.searchsorted(turn, turn[at] + SAME_POSITION_DEG))
+    return range(1, min(MAX_HARMONIC, max(count // 3, 1)) + 1)
 
 
 def _harmonic(kind: str, n: int, heights: Floats) -> Motion:
