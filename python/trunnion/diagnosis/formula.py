@@ -230,6 +230,8 @@ class FormulaEffect:
             )
         s, enters = np.asarray(place.values), described.components.get(self.component)
         weight = np.ones(len(s)) if enters is None else np.asarray(enters, dtype=np.float64)
+        if place.known is not None:
+            weight = weight * place.known
         more: dict[str, Any] = {"label": self.label, "owner": self.owner}
         if self._has_period:
             parts = [(s.astype(float), weight)]

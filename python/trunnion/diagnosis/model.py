@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
 from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.budget import Input, Source
@@ -120,6 +120,9 @@ class Covariate:
         The values order the readings (time, row): jumps are looked for, too.
     words:
         What people call values that are few, as pairs: -1 → "clockwise".
+    known:
+        Which readings have the quantity, shape (n,): nothing in the others depends on it. None:
+        all have it.
     """
 
     name: str
@@ -129,6 +132,7 @@ class Covariate:
     classes: bool = False
     sequence: bool = False
     words: tuple[tuple[float, str], ...] = ()
+    known: Flags | None = None
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ DEPENDENT = 1e-4  # of a squared unit column, what the fit and the term's other 
 MAX_CLASSES = 512
 HARMONICS = 6
 DEGREE = 4
+MAX_ARC = 0.5  # of a turn that has polynomials: in more they jump where the angle begins anew
 WAVES = 10
 WAVES_BETWEEN = np.array(
     [0.0, -0.25, -0.125, 0.125, 0.25]
@@ -144,6 +145,7 @@ class Dictionary:
             for kind, numbers, f in _functions(v, values, distinct):
                 if not len(f) or (said and kind != "jump"):
                     continue
+                f = f if v.known is None else f * v.known[self._rows]
                 ways = list(enter)[:1] if kind == "class" else list(enter)
                 self._said.append((v, kind, numbers, ways))
                 first = self.count + len(ways) * np.arange(len(f))
@@ -436,7 +438,7 @@ def _functions(
         yield "harmonic", list(orders), _waves(orders, turn)
     low, high = distinct[0], distinct[-1]
     x = 2 * (values - low) / (high - low) - 1
-    if v.period is None or high - low < 0.9 * v.period:
+    if v.period is None or high - low < MAX_ARC * v.period:
         top = min(DEGREE, len(distinct) - 1)
         legendre = np.polynomial.legendre.legvander(x, top).T
         for k in range(1, top + 1):

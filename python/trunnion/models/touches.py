@@ -454,7 +454,8 @@ class TouchDescription:
         out += [Covariate(f"{axis} place", nominal[:, i], "mm") for i, axis in enumerate("XYZ")]
         azimuth = np.degrees(np.arctan2(data.dir_y, data.dir_x))
         flat = np.hypot(data.dir_x, data.dir_y) > 1e-6
-        out.append(Covariate("approach azimuth", np.where(flat, azimuth, 0.0), "deg", period=360.0))
+        azimuth = np.where(flat, azimuth, 0.0)
+        out.append(Covariate("approach azimuth", azimuth, "deg", period=360.0, known=flat))
         out += [
             Covariate(f"sense of {letter.upper()}", np.asarray(sense), words=TURNED)
             for letter, sense in data.rotary_dir.items()
