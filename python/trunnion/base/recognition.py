@@ -72,8 +72,10 @@ def displayed(values: Floats, others: Sequence[Floats] = ()) -> float:
     ``others``: the same readings otherwise, such as less their targets: where these are few, the
     readings lie on the grid of the targets.
     """
-    distinct = min(len(np.unique(v)) for v in (values, *others))
-    return as_displayed(recognised(values), distinct)
+    step = recognised(values)
+    if not step > 0:
+        return step
+    return as_displayed(step, min(len(np.unique(v)) for v in (values, *others)))
 
 
 def _is_round(step: float) -> bool:

@@ -238,6 +238,7 @@ class _Problem:
     """What stays the same during a fit."""
 
     jacobian: Array | None = None  # of many rows, place of the last one: the next replaces it
+    at_start: Array | None = None  # derivative without effects at the model's start, until asked
 
     def __init__(
         self,
@@ -251,7 +252,8 @@ class _Problem:
         self.index = [(e, p) for e in effects for p in e.parameters]
         self.all_used = len(rows) == len(model.readings)
         if judged is None:
-            columns = self.used(model.jacobian(model.start, {}))
+            self.at_start = model.jacobian(model.start, {})
+            columns = self.used(self.at_start)
             judged = linear_fit(columns, np.zeros(len(columns)), tolerance=model.rank_tolerance)
         self.judged = judged
         self.directions = block_diag(self.judged.directions, np.eye(len(self.index)))
@@ -268,7 +270,11 @@ class _Problem:
 
     def derivative(self, at: _Point) -> Array:
         """Derivative of the prediction by all parameters, all readings."""
-        parts = self.model.derivatives(at.nuisance, self.effects, at.values)
+        known, self.at_start = self.at_start, None
+        if known is None or self.effects or not np.array_equal(at.nuisance, self.model.start):
+            parts = self.model.derivatives(at.nuisance, self.effects, at.values)
+        else:
+            parts = [known]
         if self.jacobian is None and len(parts[0]) >= MANY_ROWS:
             self.jacobian = np.empty((sum(part.shape[1] for part in parts), len(parts[0]))).T
         return beside(parts, self.jacobian)

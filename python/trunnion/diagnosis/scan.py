@@ -354,7 +354,7 @@ class _Part:
         most = max(MIN_ROWS, AT_HAND // count)
         for first in range(0, n, most):
             some = slice(first, first + most)
-            product = x[..., some] * y[..., some]
+            product = np.multiply(x[..., some], y[..., some], order="C")  # reshaped without a copy
             out += product.reshape(count, -1) @ weights[:, some].T
         return np.asarray(np.moveaxis(out.reshape(*x.shape[:-1], len(weights)), -1, 1))
 
@@ -433,7 +433,7 @@ def _functions(
         return
     if v.period is not None:
         turn = 2 * np.pi * values / v.period
-        different = len(np.unique(np.round(np.mod(values, v.period), 9)))
+        different = len(np.unique(np.round(np.mod(distinct, v.period), 9)))
         orders = np.arange(1, min(HARMONICS, different - 1) + 1)
         yield "harmonic", list(orders), _waves(orders, turn)
     low, high = distinct[0], distinct[-1]

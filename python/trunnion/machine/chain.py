@@ -165,6 +165,8 @@ class Chain:
             name if name in known else canonical_error_name(name): float(value)
             for name, value in given.items()
         }
+        if not named:
+            return self._nominal
         try:
             return self._description.core(self.setup.probe.length_mm, list(named.items()))
         except UnknownNameError:

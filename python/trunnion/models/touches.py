@@ -39,6 +39,7 @@ from trunnion.diagnosis.model import (
     Uncertainty,
 )
 from trunnion.machine.budget import Input
+from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.probing.identify import mistakes_in
@@ -47,7 +48,6 @@ from trunnion.probing.mistakes import mistakes_named
 from trunnion.probing.model import (
     UNKNOWN_TICK,
     TouchModel,
-    catalogue,
     coordinates_um,
     known_sigma_um,
     readings_um,
@@ -108,10 +108,11 @@ class TouchDiagnosisModel(Model):
     ) -> None:
         self.data = data
         self.setup = setup
-        known = catalogue(setup)
+        chain = Chain(setup)
+        known = chain.catalogue()
         infos = [i for i in known if all(getattr(data, n, None) is not None for n in i.needs)]
         self._ids = [i.id for i in infos]
-        self._full = TouchModel(setup, self._ids)
+        self._full = TouchModel(setup, self._ids, chain=chain)
         self._moves = self._full.moves(data)
         self._plain = self._full.names.index("rc_arcsec") + 1
         self._unknown = np.flatnonzero(self._full.unknown[: self._plain])
