@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,10 @@ from positioning_twin import axis
 from power.study import ground
 from promise import kept, needed_runs
 from trunnion.cli import app
+from trunnion.diagnosis.engine import case_of
+from trunnion.diagnosis.engine import diagnose as diagnose_model
+from trunnion.diagnosis.fit import grid_values
+from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement
@@ -206,3 +211,31 @@ def test_the_command_diagnoses_together(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, ["diagnose", "--joint", *files])
     assert said.exit_code == 0, said.output
     assert "backlash_x" in said.output
+
+
+def test_columns_taken_over_from_the_parts_are_those_made_anew() -> None:
+    """Equal at the plain fit of the part; elsewhere they differ in proportion to how far it is."""
+    rng = np.random.default_rng([37, 1])
+    effects = hidden_cause(rng, "scale_x")
+    setup = ground("paper")[3]
+    model = model_of([touches(rng, effects), *(stops(rng, a, effects) for a in "xy")], setup)
+    assert isinstance(model, JointModel)
+    for part in model.parts:
+        plain = case_of(part.model).plain.nuisance
+        step = part.model.start - plain
+        anew = replace(part, linearised=None)
+        off = np.zeros(3)
+        for effect in part.model.effects:
+            values = grid_values(effect)[:2]
+            known = part.white_columns(part.model.start, effect, values)
+            for i, share in enumerate((0.0, 0.5, 1.0)):
+                made = anew.white_columns(plain + share * step, effect, values)
+                off[i] += np.sum((made - known) ** 2) / np.sum(known**2)
+        assert off[0] < 1e-20
+        assert np.sqrt(off[2]) == pytest.approx(2 * np.sqrt(off[1]), rel=0.1, abs=1e-9)
+    assert any(part.linearised for part in model.parts)
+    found = diagnose_model(model)
+    again = diagnose_model(JointModel([replace(part, linearised=None) for part in model.parts]))
+    assert found.alternatives == again.alternatives
+    assert found.named == again.named >= {"scale_x"}
+    assert found.none_probability == pytest.approx(again.none_probability, abs=0.002)

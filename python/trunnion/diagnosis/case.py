@@ -378,6 +378,7 @@ class Linearised:
     """
 
     def __init__(self, model: Model, nuisance: Floats, whiten: Whiten) -> None:
+        self.model, self.whiten = model, whiten
         self.values = [grid_values(effect) for effect in model.effects]
         self.width = sum(
             (2 if affine(effect) else len(v)) * sum(p.linear for p in effect.parameters)
@@ -392,6 +393,18 @@ class Linearised:
         """Give the number of a candidate and some of its variants (v, n, k), in order."""
         return self._make() if self._kept is None else self._kept
 
+    @cached_property
+    def known(self) -> dict[tuple[str | float, ...], Floats]:
+        """White columns (n, k) that are kept, by effect and the values of its parameters."""
+        out, reached = dict[tuple[str | float, ...], Floats](), [0] * len(self.values)
+        for j, piece in self._kept or ():
+            if isinstance(piece, np.ndarray):
+                id_, first = self.model.effects[j].id, reached[j]
+                reached[j] += len(piece)
+                own = zip(self.values[j][first : reached[j]], piece, strict=True)
+                out |= {(id_, *v.values()): x for v, x in own}
+        return out
+
 
 def _pieces(
     model: Model, nuisance: Floats, whiten: Whiten, values: list[list[Values]]
@@ -400,8 +413,8 @@ def _pieces(
     for j, effect in enumerate(model.effects):
         if name := affine(effect):
             at = np.array([v[name] for v in values[j]])
-            x = variant_columns(model, effect, nuisance, [values[j][0], values[j][-1]])
-            first, last = np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+            ends = [values[j][0], values[j][-1]]
+            first, last = model.white_columns(nuisance, effect, ends, whiten)
             slope = (last - first) / (at[-1] - at[0])
             yield j, Pencil(first - at[0] * slope, slope, at)
             continue
@@ -410,8 +423,7 @@ def _pieces(
             continue
         most = max(1, batch_numbers(n) // (n * len(effect.parameters)))
         for first in range(0, len(values[j]), most):
-            x = variant_columns(model, effect, nuisance, values[j][first : first + most])
-            yield j, np.asarray(whiten(x.transpose(1, 0, 2))).transpose(1, 0, 2)
+            yield j, model.white_columns(nuisance, effect, values[j][first : first + most], whiten)
 
 
 def _apart(whiten: Whiten, spread: Spread) -> bool:

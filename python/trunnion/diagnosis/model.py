@@ -28,7 +28,7 @@ from trunnion.base.resolution import Coordinates, Grid
 from trunnion.base.statistics import RANK_TOLERANCE
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values, with_own
-from trunnion.diagnosis.whitening import Correlated, identity
+from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
 
@@ -286,11 +286,7 @@ class Model:
 
     @property
     def rank_tolerance(self) -> float:
-        """Share of the largest singular value up to which a combination is not identifiable.
-
-        Columns have unit length. :data:`trunnion.base.statistics.RANK_TOLERANCE` unless the model
-        has a reason for another.
-        """
+        """Share of the largest singular value up to which a combination is not identifiable."""
         return RANK_TOLERANCE
 
     def shared(self, effect: Effect) -> tuple[str, float] | None:
@@ -347,6 +343,13 @@ class Model:
             rates = self.effect_jacobian(nuisance, effect, at)
             np.take(rates.T, linear, axis=0, out=own, mode="clip")
         return out
+
+    def white_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats:
+        """Return these whitened, (v, n, k)."""
+        columns = self.linear_columns(nuisance, effect, values).transpose(2, 0, 1)
+        return np.asarray(whiten(columns)).transpose(1, 0, 2)
 
     def whitener(self, residuals: Floats) -> Callable[[Floats], Floats]:  # noqa: ARG002
         """Linear map (n, ...) → (n, ...) after which the noise is white and of one size.
@@ -413,23 +416,6 @@ class Model:
             "nuisance": dict(zip(names, map(float, nuisance), strict=True)),
             "effects": {k: dict(v) for k, v in effects.items()},
         }
-
-
-@dataclass(frozen=True, eq=False)
-class OneEffect:
-    """Change of every reading by one effect of a model, at the start of its nuisance parameters."""
-
-    model: Model
-    name: str
-
-    def change(self, values: Mapping[str, float]) -> Floats:
-        """Return the change, shape (n,)."""
-        start, predict = self.model.start, self.model.predict
-        return np.asarray(predict(start, {self.name: values}) - predict(start, {}))
-
-    def jacobian(self, values: Mapping[str, float]) -> Floats:
-        """Return its derivative by each parameter, shape (n, k)."""
-        return self.model.effect_jacobian(self.model.start, self.model.effect(self.name), values)
 
 
 class LinearModel(Model):

@@ -9,7 +9,7 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, kept_rows, rms
+from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows, rms
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
@@ -61,6 +61,7 @@ class Left:
     outliers: Data rows that were set aside, in order.
     parameters: Count of those of the named causes.
     unexplained: Structure that no cause makes, in words.
+    linearised: The candidates at the plain fit of all readings.
     """
 
     before: Floats
@@ -69,6 +70,7 @@ class Left:
     outliers: tuple[int, ...]
     parameters: int
     unexplained: str | None
+    linearised: Linearised | None = None
 
     @classmethod
     def of(cls, found: Diagnosis) -> Left | None:
@@ -94,6 +96,7 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         tuple(sorted({int(r) for r in rows[dropped]})),
         sum(len(values) for values in named.effects.values()),
         unexplained,
+        case.linearised,
     )
 
 

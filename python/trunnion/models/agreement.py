@@ -17,7 +17,8 @@ from trunnion.diagnosis.refit import Refit, refit
 from trunnion.diagnosis.result import Diagnosis
 
 if TYPE_CHECKING:
-    from trunnion.models.joint import JointModel, Part
+    from trunnion.models.joint import JointModel
+    from trunnion.models.parts import Part
 
 LEVEL = 1e-8
 """At which "other in one measurement" is a candidate: no set that has the shared cause instead

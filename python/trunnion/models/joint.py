@@ -26,43 +26,16 @@ from trunnion.base.errors import InputError
 from trunnion.base.resolution import Grid
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
-from trunnion.diagnosis.model import Model, Nuisance, OneEffect, Readings, Uncertainty
-from trunnion.diagnosis.records import units_of
+from trunnion.diagnosis.model import Model, Nuisance, Uncertainty
+from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.whitening import Whiten
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
+from trunnion.models.parts import Part, Whiteners, joined_labels, joined_readings
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """One of the measurements.
-
-    Attributes
-    ----------
-    name
-        As results call it.
-    kind
-        Measurements of one kind are of several dates.
-    model
-        Of the readings that are no outliers.
-    rows
-        Data row of each reading, counted through all measurements, shape (n,).
-    whiten
-        Makes the noise of its readings white, of size 1.
-    grid
-        Steps of its readings, with what is known of their noise; None: they have none.
-    """
-
-    name: str
-    kind: str
-    model: Model
-    rows: Integers
-    whiten: Whiten
-    grid: Grid | None = None
 
 
 @dataclass(frozen=True)
@@ -96,20 +69,6 @@ class _Change:
     effect: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _Whitener:
-    """Whiten the readings of each part by its own."""
-
-    parts: tuple[tuple[slice, Whiten], ...]
-
-    def __call__(self, columns: Floats) -> Floats:
-        white = np.zeros_like(columns, dtype=np.float64)
-        for at, whiten in self.parts:
-            if columns[at].any():  # what is one measurement's own is zero in all others
-                white[at] = whiten(columns[at])
-        return white
-
-
 class JointModel(Model):
     """Several measurements of one machine, as the diagnosis engine asks for them.
 
@@ -129,7 +88,7 @@ class JointModel(Model):
         self._binder = binder
         ends = np.cumsum([0, *(len(p.model.readings) for p in parts)])
         self._at = [slice(int(a), int(b)) for a, b in pairwise(ends)]
-        self.readings = _readings(self.parts)
+        self.readings = joined_readings(self.parts)
         self._join_nuisance()
         self._join_effects()
 
@@ -304,7 +263,7 @@ class JointModel(Model):
         """Return the readings of all parts, shape (n,)."""
         return np.concatenate(
             [
-                part.model.predict(*self._of_part(i, nuisance, effects))
+                part.predicted(*self._of_part(i, nuisance, effects))
                 for i, part in enumerate(self.parts)
             ]
         )
@@ -346,6 +305,24 @@ class JointModel(Model):
             np.multiply(own, acts.sign, out=out[:, :, self._at[acts.part]])
         return out
 
+    def white_columns(
+        self, nuisance: Floats, effect: Effect, values: Sequence[Values], whiten: Whiten
+    ) -> Floats:
+        """Return these whitened, (v, n, k): of each part what its own diagnosis had, if it may."""
+        if not isinstance(whiten, Whiteners):
+            return super().white_columns(nuisance, effect, values, whiten)
+        count = sum(p.linear for p in effect.parameters)
+        out = np.zeros((len(values), count, len(self.readings)))
+        own_of = {at.start: own for at, own in whiten.parts}
+        for some, own in self._of_error(nuisance, effect):
+            out[:, 0, some] = own_of[some.start](own)
+        for acts in self._acting(effect):
+            part, some = self.parts[acts.part], self._at[acts.part]
+            at = nuisance[self._index[acts.part]]
+            own = part.white_columns(at, acts.effect, [acts.values(one) for one in values])
+            np.multiply(own, acts.sign, out=out[:, :, some])
+        return out.transpose(0, 2, 1)
+
     def _acting(self, effect: Effect) -> Iterator[_Acts]:
         """How an effect, or the change of one, acts on each part that it concerns."""
         change = self._changes.get(effect.id)
@@ -371,7 +348,7 @@ class JointModel(Model):
 
     def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
         """Each part by the noise that its own diagnosis found."""
-        return _Whitener(
+        return Whiteners(
             tuple((at, part.whiten) for at, part in zip(self._at, self.parts, strict=True))
         )
 
@@ -390,7 +367,7 @@ class JointModel(Model):
     @property
     def groups(self) -> Integers:
         """The groups of each part."""
-        return _labels([np.asarray(p.model.groups) for p in self.parts])
+        return joined_labels([np.asarray(p.model.groups) for p in self.parts])
 
     @property
     def replicates(self) -> Integers | None:
@@ -398,7 +375,7 @@ class JointModel(Model):
         own = [p.model.replicates for p in self.parts]
         if any(labels is None for labels in own):
             return None
-        return _labels([np.asarray(labels) for labels in own])
+        return joined_labels([np.asarray(labels) for labels in own])
 
     @property
     def rank_tolerance(self) -> float:
@@ -471,30 +448,3 @@ def _alike(first: Effect, other: Effect) -> bool:
         return one.linear and two.linear and one.unit == two.unit
     names = [p.name for p in first.parameters]
     return names == [p.name for p in other.parameters] and first.linear == other.linear
-
-
-def _readings(parts: Sequence[Part]) -> Readings:
-    """Return the readings of all parts, each with its unit."""
-    own = [p.model.readings for p in parts]
-    units = []
-    for readings in own:
-        names, index = units_of(readings)
-        units += [names[i] for i in index]
-    steps = [np.zeros(len(r)) if r.step is None else np.asarray(r.step) for r in own]
-    return Readings(
-        np.concatenate([r.values for r in own]),
-        np.concatenate([p.rows for p in parts]),
-        tuple(units),
-        step=np.concatenate(steps),
-        least=np.concatenate([np.broadcast_to(r.least, len(r)) for r in own]),
-    )
-
-
-def _labels(parts: Sequence[Integers]) -> Integers:
-    """Labels that differ from part to part; -1 stays."""
-    out, first = [], 0
-    for labels in parts:
-        known = np.unique(labels, return_inverse=True)[1].reshape(-1)
-        out.append(np.where(labels >= 0, known + first, -1))
-        first += len(labels) + 1
-    return np.concatenate(out).astype(np.intp)

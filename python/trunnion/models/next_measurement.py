@@ -29,11 +29,12 @@ from trunnion.diagnosis.fit import fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import Alternative
 from trunnion.diagnosis.result import Diagnosis
-from trunnion.diagnosis.whitening import Scaling, Whiten
+from trunnion.diagnosis.whitening import Scaling, Whiten, identity
 from trunnion.models.ballbar.model import BallbarModel
-from trunnion.models.joint import JointModel, Part
+from trunnion.models.joint import JointModel
 from trunnion.models.kinds import measured_of
 from trunnion.models.next_touches import MAX_SETS, joined_touches, next_touches
+from trunnion.models.parts import Part, Scaled
 from trunnion.models.positioning import PositioningModel
 from trunnion.models.touches import TouchDiagnosisModel
 from trunnion.probing.plan import plan
@@ -311,7 +312,7 @@ def _other_kinds(diagnosis: Diagnosis, setup: Setup | None) -> Iterator[_Test]:
     for label, kind, minutes, noise, new in _candidates(diagnosis, setup):
         name = kind if all(p.kind != kind for p in model.parts) else f"{kind} next"
         n = len(new.readings)
-        part = Part(name, kind, new, np.arange(n), Scaling(np.full(n, noise)))
+        part = Part(name, kind, new, np.arange(n), Scaled(identity, noise))
         both = JointModel([*model.parts, part])
         # What the machine itself has changed, or is said to differ in, is no freedom of the test.
         known = {e.id for e in model.effects} | set(both.apart)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.resolution import Grid, Known
-from trunnion.base.units import Floats, Integers
+from trunnion.base.units import Integers
 from trunnion.data.mistaken import size_notes
 from trunnion.data.times import time_notes
 from trunnion.diagnosis.model import Model
@@ -17,9 +17,10 @@ from trunnion.diagnosis.report import Left
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions
 from trunnion.diagnosis.steps import grid_of, weights_of, white_beside, white_rounding
-from trunnion.diagnosis.whitening import Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import identity
 from trunnion.files.table import Table
-from trunnion.models.joint import JointModel, Part
+from trunnion.models.joint import JointModel
+from trunnion.models.parts import Part, Scaled
 
 MIN_NOISE = 1e-9  # of a white reading: exact data
 
@@ -73,9 +74,13 @@ class Measured:
         """Return this as one of several; ``start``: number of its first data row."""
         rows = np.asarray(model.readings.rows)
         rows = self.rows[rows] if isinstance(self.data, Table) else rows
-        return Part(name, self.kind, model, rows + start, *self._noise(model))
+        whiten, grid = self._noise(model)
+        known = self.alone.linearised
+        if known is not None and not (known.model is model and known.whiten is whiten.whiten):
+            known = None
+        return Part(name, self.kind, model, rows + start, whiten, grid, known)
 
-    def _noise(self, model: Model) -> tuple[Whiten, Grid | None]:
+    def _noise(self, model: Model) -> tuple[Scaled, Grid | None]:
         """Return what makes the noise of the used readings white, of size 1, and their steps."""
         found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
@@ -99,22 +104,12 @@ class Measured:
         least = np.asarray(whiten(np.broadcast_to(model.readings.least, n).astype(float)))
         rounding = 0.0 if grid is None else white_rounding(grid, whiten)
         variance = max(variance, float(np.mean(least**2)), rounding, MIN_NOISE**2)
-        white = _Scaled(whiten, Scaling(np.full(n, np.sqrt(variance))))
+        white = Scaled(whiten, float(np.sqrt(variance)))
         if grid is None:
             return white, None
         scale = np.full(n, float(grid.step.max()))
-        return white, replace(grid, known=Known(np.full(n, quiet), scale, rounding / variance))
-
-
-@dataclass(frozen=True, eq=False)
-class _Scaled:
-    """A whitener, then the same scale for all."""
-
-    whiten: Callable[[Floats], Floats]
-    scale: Scaling
-
-    def __call__(self, columns: Floats) -> Floats:
-        return self.scale(np.asarray(self.whiten(columns)))
+        grid = replace(grid, known=Known(np.full(n, quiet), scale, rounding / variance))
+        return white, grid
 
 
 def joint_model(

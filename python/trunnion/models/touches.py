@@ -34,10 +34,10 @@ from trunnion.diagnosis.model import (
     Covariate,
     Model,
     Nuisance,
-    OneEffect,
     Readings,
     Uncertainty,
 )
+from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.machine.budget import Input
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner

@@ -28,10 +28,10 @@ from trunnion.diagnosis.model import (
     Covariate,
     Model,
     Nuisance,
-    OneEffect,
     Readings,
     Uncertainty,
 )
+from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.whitening import Scaling, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of

@@ -1,0 +1,126 @@
+"""One of several measurements of a machine, as the joint model asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trunnion.base.resolution import Grid
+from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.case import Linearised
+from trunnion.diagnosis.effect import Effect, EffectValues, Values
+from trunnion.diagnosis.model import Model, Readings
+from trunnion.diagnosis.records import units_of
+from trunnion.diagnosis.whitening import Whiten
+
+MAX_KEPT = 8  # predictions of a part
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """A whitener, then readings of size 1: what it leaves, divided by ``size``."""
+
+    whiten: Whiten
+    size: float
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        return np.asarray(self.whiten(columns)) / self.size
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One of the measurements.
+
+    Attributes
+    ----------
+    name
+        As results call it.
+    kind
+        Measurements of one kind are of several dates.
+    model
+        Of the readings that are no outliers.
+    rows
+        Data row of each reading, counted through all measurements, shape (n,).
+    whiten
+        Makes the noise of its readings white, of size 1.
+    grid
+        Steps of its readings, with what is known of their noise; None: they have none.
+    linearised
+        Candidates at the plain fit of its own diagnosis, if that had these readings and this
+        whitener: the joint one need not make them again. Columns there and at the joint plain fit
+        differ to second order in the errors of the machine, as those at a fit with causes do.
+    """
+
+    name: str
+    kind: str
+    model: Model
+    rows: Integers
+    whiten: Scaled
+    grid: Grid | None = None
+    linearised: Linearised | None = None
+    _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
+
+    def white_columns(self, nuisance: Floats, effect: Effect, values: Sequence[Values]) -> Floats:
+        """Return columns of an effect's linear parameters at each of some values, (v, k, n)."""
+        if self.linearised is not None:
+            known = self.linearised.known
+            columns = [known.get((effect.id, *one.values())) for one in values]
+            if all(one is not None for one in columns):
+                return np.stack([one.T for one in columns if one is not None]) / self.whiten.size
+        made = self.model.white_columns(nuisance, effect, values, self.whiten)
+        return np.asarray(made.transpose(0, 2, 1))
+
+    def predicted(self, nuisance: Floats, effects: EffectValues) -> Floats:
+        """Return the readings under these values: causes of other parts change nothing of it."""
+        named = ((name, tuple(values.items())) for name, values in effects.items())
+        key = (nuisance.tobytes(), *named)
+        if key not in self._predicted:
+            if len(self._predicted) >= MAX_KEPT:
+                del self._predicted[next(iter(self._predicted))]
+            self._predicted[key] = np.asarray(self.model.predict(nuisance, effects))
+        return self._predicted[key]
+
+
+@dataclass(frozen=True, eq=False)
+class Whiteners:
+    """Whiten the readings of each part by its own."""
+
+    parts: tuple[tuple[slice, Whiten], ...]
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        white = np.zeros_like(columns, dtype=np.float64)
+        for at, whiten in self.parts:
+            if columns[at].any():  # what is one measurement's own is zero in all others
+                white[at] = whiten(columns[at])
+        return white
+
+
+def joined_readings(parts: Sequence[Part]) -> Readings:
+    """Return the readings of all parts, each with its unit."""
+    own = [p.model.readings for p in parts]
+    units = []
+    for readings in own:
+        names, index = units_of(readings)
+        units += [names[i] for i in index]
+    steps = [np.zeros(len(r)) if r.step is None else np.asarray(r.step) for r in own]
+    return Readings(
+        np.concatenate([r.values for r in own]),
+        np.concatenate([p.rows for p in parts]),
+        tuple(units),
+        step=np.concatenate(steps),
+        least=np.concatenate([np.broadcast_to(r.least, len(r)) for r in own]),
+    )
+
+
+def joined_labels(parts: Sequence[Integers]) -> Integers:
+    """Labels that differ from part to part; -1 stays."""
+    out, first = [], 0
+    for labels in parts:
+        known = np.unique(labels, return_inverse=True)[1].reshape(-1)
+        out.append(np.where(labels >= 0, known + first, -1))
+        first += len(labels) + 1
+    return np.concatenate(out).astype(np.intp)
