@@ -30,6 +30,7 @@ from trunnion.diagnosis.fit import Fit, Flags, fit, grid_values, variant_columns
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
 from trunnion.diagnosis.probability import Weighed
+from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
 from trunnion.diagnosis.whitening import Correlated, Scaling, Whiten, identity
@@ -473,6 +474,8 @@ class Explanation:
         Sum of squares that the best set of causes leaves, as linearised.
     behind:
         Finds sets with an effect behind those of others, which only a report asks for.
+    assumed:
+        Variance of a white reading that sets were searched with; 0: what they leave.
     """
 
     fit: Fit
@@ -486,6 +489,7 @@ class Explanation:
     note: str | None = None
     least: float = np.inf
     behind: Callable[[], Sets] | None = None
+    assumed: float = 0.0
 
 
 def kept_rows(n: int, bad: Integers) -> Flags:
@@ -493,8 +497,3 @@ def kept_rows(n: int, bad: Integers) -> Flags:
     mask = np.ones(n, dtype=bool)
     mask[bad] = False
     return mask
-
-
-def rms(r: Floats) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(r * r)))

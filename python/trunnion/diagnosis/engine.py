@@ -38,12 +38,12 @@ from trunnion.base.resolution import Floor, Grid
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Integers
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows, rms
+from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.explain import best_score, exactly, explain
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.noise import Whitener
-from trunnion.diagnosis.records import units_of
+from trunnion.diagnosis.records import rms, units_of
 from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
@@ -55,7 +55,7 @@ from trunnion.diagnosis.steps import (
     white_rounding,
     white_variance,
 )
-from trunnion.diagnosis.whitening import Whiten, identity
+from trunnion.diagnosis.whitening import Whiten, Whiteners, identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -337,8 +337,9 @@ def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Ca
     if whiten is not identity:
         plain = fit(model, rows, (), plain.nuisance, {}, whiten)
     floor = _floor(model, grid, whiten)
-    if isinstance(whiten, Whitener) and whiten.dependent:
-        # Whitened readings have a variance of 1, and count as fewer than they are.
+    dependent = isinstance(whiten, Whitener) and whiten.dependent
+    if dependent or (isinstance(whiten, Whiteners) and whiten.known):
+        # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
         floor = Floor(max(floor.variance, 1.0))
     linearised = Linearised(model, plain.nuisance, whiten)
     return Case(model, rows, whiten, plain, linearised, floor, grid)

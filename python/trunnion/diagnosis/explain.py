@@ -17,7 +17,7 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
-from trunnion.diagnosis.whitening import Correlated
+from trunnion.diagnosis.whitening import Correlated, Whiteners
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
@@ -43,6 +43,8 @@ def explain(case: Case) -> Explanation:
     found = _explained(case)
     if case.exact(case.plain):  # what is left is rounding: no test of it says anything
         return replace(found, alarm=1.0, probabilities=NOTHING)
+    if isinstance(case.whiten, Whiteners) and case.whiten.known:  # some of the readings have noise
+        return found
     # A set may be next to exact as linearised, or when its moments and durations are fitted.
     near = min(found.least, found.fit.rss) < LINEAR_ERROR**2 * case.plain.rss
     return (_exactly(case) if near else None) or found
@@ -71,7 +73,8 @@ def _exactly(case: Case) -> Explanation | None:
         if found is not None:
             return found
     # The readings come from other formulas, which agree with these to first order.
-    found = _explained(_with_errors(case, FORMULA_ERROR))
+    noisy = _with_errors(case, FORMULA_ERROR)
+    found = replace(_explained(noisy), assumed=noisy.floor.variance)
     left = found.fit.rss / max(case.plain.rss, TINY)
     return found if found.sets and left < (2 * FORMULA_ERROR) ** 2 else None
 
@@ -99,7 +102,16 @@ def _exact_among(case: Case, noisy: Case) -> Explanation | None:
     sets = [(members, 0.0, f.rss) for members, f in exact.values()]
     first = next(iter(exact.values()))[1]
     only, rss = Only(frozenset(exact)), case.least_rss
-    return replace(found, fit=first, rss=rss, sets=sets, terms=[], probabilities=only, behind=None)
+    return replace(
+        found,
+        fit=first,
+        rss=rss,
+        sets=sets,
+        terms=[],
+        probabilities=only,
+        behind=None,
+        assumed=noisy.floor.variance,
+    )
 
 
 def _pruned(case: Case, members: dict[int, int], f: Fit) -> tuple[dict[int, int], Fit]:

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from trunnion.base.units import Floats, Integers
-from trunnion.diagnosis.case import Case, rms
+from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.dependence import BLOCK, length
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.records import units_of, with_unit
+from trunnion.diagnosis.records import rms, units_of, with_unit
 from trunnion.diagnosis.scan import Dictionary, Term
 
 LARGER = 4.0  # in variance than the middle block of readings: the residual is large there

@@ -9,7 +9,7 @@ import numpy as np
 
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows, rms
+from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
 from trunnion.diagnosis.contributions import contributions_of
 from trunnion.diagnosis.cross_validation import cross_validated
 from trunnion.diagnosis.doubt import Doubt
@@ -24,6 +24,7 @@ from trunnion.diagnosis.records import (
     Gain,
     Residuals,
     Verdict,
+    rms,
     units_of,
     with_unit,
 )
@@ -62,6 +63,8 @@ class Left:
     parameters: Count of those of the named causes.
     unexplained: Structure that no cause makes, in words.
     linearised: The candidates at the plain fit of all readings.
+    exact: Whether they have no noise.
+    assumed: Variance of a white reading that the causes of exact ones were searched with.
     """
 
     before: Floats
@@ -71,6 +74,8 @@ class Left:
     parameters: int
     unexplained: str | None
     linearised: Linearised | None = None
+    exact: bool = False
+    assumed: float = 0.0
 
     @classmethod
     def of(cls, found: Diagnosis) -> Left | None:
@@ -97,6 +102,8 @@ def left_of(case: Case, e: Explanation, dropped: Integers) -> Left:
         sum(len(values) for values in named.effects.values()),
         unexplained,
         case.linearised,
+        exact=e.assumed > 0 or kept.exact(f),
+        assumed=e.assumed,
     )
 
 

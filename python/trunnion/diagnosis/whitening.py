@@ -32,6 +32,30 @@ class Scaling:
 
 
 @dataclass(frozen=True, eq=False)
+class Whiteners:
+    """Whiten the readings of each part by its own.
+
+    Attributes
+    ----------
+    parts:
+        Readings and whitener of each.
+    known:
+        Whether white noise is of size 1 for sure. If so, what is left says nothing of it.
+    """
+
+    parts: tuple[tuple[slice, Whiten], ...]
+    known: bool = False
+
+    def __call__(self, columns: Floats) -> Floats:
+        """Whiten columns (n, ...)."""
+        white = np.zeros_like(columns, dtype=np.float64)
+        for at, whiten in self.parts:
+            if columns[at].any():  # what is one measurement's own is zero in all others
+                white[at] = whiten(columns[at])
+        return white
+
+
+@dataclass(frozen=True, eq=False)
 class Correlated:
     """Whiten noise of which some combinations of readings have more than a reading has.
 

@@ -28,11 +28,11 @@ from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Effect, EffectValues, Parameter, Values
 from trunnion.diagnosis.model import Model, Nuisance, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
-from trunnion.diagnosis.whitening import Whiten
+from trunnion.diagnosis.whitening import Whiten, Whiteners
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.agreement import APART, LEVEL, effects_apart, errors_apart
-from trunnion.models.parts import Part, Whiteners, joined_labels, joined_readings
+from trunnion.models.parts import Part, joined_labels, joined_readings
 from trunnion.setup.names import shared_label
 
 UNIT_NAMES = {"µm": "um"}  # in names of parameters
@@ -347,10 +347,13 @@ class JointModel(Model):
                 yield self._at[i], known[1][:, self._position(i, change.error)]
 
     def whitener(self, residuals: Floats) -> Whiten:  # noqa: ARG002
-        """Each part by the noise that its own diagnosis found."""
-        return Whiteners(
-            tuple((at, part.whiten) for at, part in zip(self._at, self.parts, strict=True))
-        )
+        """Each part by the noise that its own diagnosis found.
+
+        Exact readings beside others leave nothing: all of them together do not say what noise is.
+        """
+        exact = [part.exact for part in self.parts]
+        own = tuple((at, part.whiten) for at, part in zip(self._at, self.parts, strict=True))
+        return Whiteners(own, known=any(exact) and not all(exact))
 
     # --- what the engine asks
 

@@ -46,6 +46,8 @@ class Part:
         Data row of each reading, counted through all measurements, shape (n,).
     whiten
         Makes the noise of its readings white, of size 1.
+    exact
+        Whether its readings have no noise: the size of its white noise is then an assumed one.
     grid
         Steps of its readings, with what is known of their noise; None: they have none.
     linearised
@@ -59,6 +61,7 @@ class Part:
     model: Model
     rows: Integers
     whiten: Scaled
+    exact: bool = False
     grid: Grid | None = None
     linearised: Linearised | None = None
     _predicted: dict[tuple[object, ...], Floats] = field(default_factory=dict, repr=False)
@@ -82,21 +85,6 @@ class Part:
                 del self._predicted[next(iter(self._predicted))]
             self._predicted[key] = np.asarray(self.model.predict(nuisance, effects))
         return self._predicted[key]
-
-
-@dataclass(frozen=True, eq=False)
-class Whiteners:
-    """Whiten the readings of each part by its own."""
-
-    parts: tuple[tuple[slice, Whiten], ...]
-
-    def __call__(self, columns: Floats) -> Floats:
-        """Whiten columns (n, ...)."""
-        white = np.zeros_like(columns, dtype=np.float64)
-        for at, whiten in self.parts:
-            if columns[at].any():  # what is one measurement's own is zero in all others
-                white[at] = whiten(columns[at])
-        return white
 
 
 def joined_readings(parts: Sequence[Part]) -> Readings:

@@ -70,17 +70,20 @@ class Measured:
             return self.model
         return self.model.bind(self.data[self.rows])
 
-    def part(self, name: str, start: int, model: Model) -> Part:
-        """Return this as one of several; ``start``: number of its first data row."""
+    def part(self, name: str, start: int, model: Model, assumed: float = 0.0) -> Part:
+        """Return this as one of several.
+
+        ``start``: number of its first data row; ``assumed``: least variance of a white reading.
+        """
         rows = np.asarray(model.readings.rows)
         rows = self.rows[rows] if isinstance(self.data, Table) else rows
-        whiten, grid = self._noise(model)
+        whiten, grid = self._noise(model, assumed)
         known = self.alone.linearised
         if known is not None and not (known.model is model and known.whiten is whiten.whiten):
             known = None
-        return Part(name, self.kind, model, rows + start, whiten, grid, known)
+        return Part(name, self.kind, model, rows + start, whiten, self.alone.exact, grid, known)
 
-    def _noise(self, model: Model) -> tuple[Scaled, Grid | None]:
+    def _noise(self, model: Model, assumed: float) -> tuple[Scaled, Grid | None]:
         """Return what makes the noise of the used readings white, of size 1, and their steps."""
         found = self.alone
         of_row = found.rows if self.distinct is None else self.distinct[found.rows]
@@ -103,7 +106,7 @@ class Measured:
         variance = float(np.sum(np.asarray(whiten(after)) ** 2)) / dof
         least = np.asarray(whiten(np.broadcast_to(model.readings.least, n).astype(float)))
         rounding = 0.0 if grid is None else white_rounding(grid, whiten)
-        variance = max(variance, float(np.mean(least**2)), rounding, MIN_NOISE**2)
+        variance = max(variance, assumed, float(np.mean(least**2)), rounding, MIN_NOISE**2)
         white = Scaled(whiten, float(np.sqrt(variance)))
         if grid is None:
             return white, None
@@ -116,14 +119,19 @@ def joint_model(
     measured: Sequence[Measured],
     binder: Callable[[Sequence[Any]], Model],
 ) -> JointModel:
-    """Return the model of several measurements, each without the outliers of its own diagnosis."""
+    """Return the model of several measurements, each without the outliers of its own diagnosis.
+
+    Exact ones beside others have the noise that their own diagnosis assumed, so that what columns
+    linearised at the plain fit miss of them wants no causes here either.
+    """
+    beside = not all(one.alone.exact for one in measured)
     parts: list[Part] = []
     start = 0
     for one in measured:
         earlier = sum(part.kind == one.kind for part in parts)
         name = one.kind if not earlier else f"{one.kind} {earlier + 1}"
         model = one.used
-        parts.append(one.part(name, start, model))
+        parts.append(one.part(name, start, model, one.alone.assumed if beside else 0.0))
         start += one.size
     return JointModel(parts, binder)
 
