@@ -12,7 +12,8 @@ import trunnion as tn
 from power.study import ground
 from result_examples import diagnosis_of
 from trunnion.diagnosis.effect import linear
-from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Nuisance, Readings
 from trunnion.machine.effects import Owner
 from twin.forward import Truth
 from twin.generator import measure, random_errors, random_placement

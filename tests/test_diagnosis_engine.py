@@ -18,8 +18,10 @@ from scipy import special, stats
 import trunnion as tn
 from trunnion.diagnosis import outliers
 from trunnion.diagnosis.candidates import Candidates
-from trunnion.diagnosis.effect import Parameter, as_effect
-from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
+from trunnion.diagnosis.effect import Parameter
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Covariate, Nuisance, Readings
+from trunnion.diagnosis.own_effects import as_effect
 from trunnion.diagnosis.selection import cost, search
 from trunnion.machine.effects import Owner
 

@@ -17,9 +17,9 @@ from positioning_twin import axis
 from power.study import ground
 from promise import kept, needed_runs
 from trunnion.cli import app
-from trunnion.diagnosis.engine import case_of
 from trunnion.diagnosis.engine import diagnose as diagnose_model
 from trunnion.diagnosis.fit import grid_values
+from trunnion.diagnosis.plain import case_of
 from trunnion.models.joint import JointModel
 from trunnion.models.kinds import model_of
 from twin.forward import Truth

@@ -15,7 +15,8 @@ from trunnion.base.units import Floats
 from trunnion.diagnosis import candidates, case, classes
 from trunnion.diagnosis import columns as kept
 from trunnion.diagnosis.effect import Effect, Parameter
-from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Covariate, Nuisance, Readings
 
 
 def line(n: int, outliers: int = 0) -> LinearModel:

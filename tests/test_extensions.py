@@ -20,8 +20,9 @@ from typer.testing import CliRunner
 import trunnion as tn
 from model_contract import check_model
 from trunnion.cli import app
-from trunnion.diagnosis.effect import Effect, Parameter, linear, periodic, with_own
+from trunnion.diagnosis.effect import Effect, Parameter, linear, periodic
 from trunnion.diagnosis.model import Model, Nuisance, Readings
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.files.columns import Number, OptionalNumber
 from trunnion.files.csv_file import read_table
 from trunnion.files.table import Table

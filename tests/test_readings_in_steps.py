@@ -12,7 +12,8 @@ from promise import kept, needed_runs
 from trunnion.base.recognition import recognised
 from trunnion.base.resolution import Coordinates, Floor, Grid, inflation
 from trunnion.diagnosis.effect import linear
-from trunnion.diagnosis.model import LinearModel, Nuisance, Readings
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Nuisance, Readings
 from trunnion.models.kinds import diagnose as diagnose_model
 from trunnion.setup import Artefact, Probe, Setup
 

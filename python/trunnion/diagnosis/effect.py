@@ -6,33 +6,25 @@ nonlinear parameters), :func:`drift` (proportional to time). What an effect hold
 small frozen classes, so that it pickles.
 
 A user's own effect is any object with ``id``, ``parameters`` and ``change(data, values)``;
-:func:`as_effect` binds it to data, :func:`with_own` adds it to a catalogue.
+:mod:`.own_effects` binds it to data and adds it to a catalogue.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trunnion.base.errors import InputError, UnknownNameError
 from trunnion.base.rotation import wave_rows
 from trunnion.base.rows import at_hand, where
 from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.classes import Spread
-from trunnion.machine.effects import (
-    EffectInfo,
-    Motion,
-    Owner,
-    ParameterInfo,
-    UserEffect,
-    own_numbers,
-)
+from trunnion.machine.effects import EffectInfo, Motion, Owner, ParameterInfo, UserEffect
 from trunnion.machine.stated import Stated
-from trunnion.setup.names import effect_ids, iso_codes
+from trunnion.setup.names import iso_codes
 
 EffectLike: TypeAlias = UserEffect
 EffectValues: TypeAlias = Mapping[str, Mapping[str, float]]
@@ -148,20 +140,6 @@ class Effect:
         """Whether every parameter is linear."""
         return all(p.linear for p in self.parameters)
 
-    def check(self, readings: int) -> None:
-        """Refuse a user's own effect that does not change so many readings.
-
-        Raises DataError: of another shape than (n,), and (n, k) of the derivative.
-        """
-        own = getattr(self.change, "__self__", None)
-        if not isinstance(own, _Own):
-            return
-        start = self.values(p.grid[0] if p.grid else 1.0 for p in self.parameters)
-        own_numbers(self.id, "change", self.change(start), (readings,))
-        if self.jacobian is not None:
-            shape = (readings, len(self.parameters))
-            own_numbers(self.id, "jacobian", self.jacobian(start), shape)
-
     def values(self, numbers: Iterable[float]) -> Values:
         """Numbers, in the order of the parameters, as values by name."""
         return Values(zip((p.name for p in self.parameters), numbers, strict=True))
@@ -212,7 +190,7 @@ def linear(
     **more
         Further attributes of :class:`Effect`: ``owner``, ``motion``, ``needs``.
     """
-    full = _parameters(parameters)
+    full = parameters_of(parameters)
     fixed = _Fixed(tuple(p.name for p in full), np.reshape(columns, (-1, len(full))))
     return Effect(id_, full, fixed.change, fixed.jacobian, label, **more)
 
@@ -272,7 +250,7 @@ def gridded(
         Derivative of the change by each nonlinear parameter, shape (n, m). By default differenced
         over 1e-4 of the parameter (relative error 1e-8 of the curvature).
     """
-    full = _parameters(parameters)
+    full = parameters_of(parameters)
     shape = _Gridded(full, columns, slopes)
     return Effect(id_, full, shape.change, shape.jacobian, label, **more)
 
@@ -285,7 +263,8 @@ def wave(place: Floats, period: float, a: float, b: float) -> Floats:
     return out.T
 
 
-def _parameters(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
+def parameters_of(names: Sequence[str | Parameter]) -> tuple[Parameter, ...]:
+    """Names as parameters that are linear; parameters as they are."""
     return tuple(p if isinstance(p, Parameter) else Parameter(p) for p in names)
 
 
@@ -364,128 +343,6 @@ class _Gridded:
                 down = self.change({**values, name: values[name] - step})
                 out[:, j] = (up - down) / (2 * step)
         return out
-
-
-# --- a user's own
-
-
-@runtime_checkable
-class Binding(Protocol):
-    """A user's effect that binds itself to data."""
-
-    def bound(self, data: Any, described: Any = None) -> Effect:
-        """Return it bound to data; ``described``: their model, if there is one."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class _Own:
-    """A user's effect with the data it is bound to."""
-
-    thing: Any
-    data: Any
-
-    def change(self, values: NamedValues) -> ArrayLike:
-        return own_numbers(self.thing.id, "change", self.thing.change(self.data, values))
-
-    def jacobian(self, values: NamedValues) -> ArrayLike:
-        return own_numbers(self.thing.id, "jacobian", self.thing.jacobian(self.data, values))
-
-
-def as_effect(thing: EffectLike | Effect, data: Any, described: Any = None) -> Effect:
-    """Bind a user's effect to data; an :class:`Effect` is bound already and stays as it is.
-
-    Optional members are used where there are some: ``jacobian(data, values)``, shape (n, k);
-    ``motion(pose, values)``, without which the effect is diagnosed but not compensated; ``owner``
-    ("machine", "instrument", "workpiece", ...); ``label``, what people call it.
-
-    Raises
-    ------
-    InputError
-        The object has no ``id``, ``parameters`` or ``change``, no parameter, or an unknown owner.
-    """
-    if isinstance(thing, Effect):
-        return thing
-    if isinstance(thing, Binding):
-        return thing.bound(data, described)
-    missing = [n for n in ("id", "parameters", "change") if not hasattr(thing, n)]
-    if missing:
-        raise InputError(
-            f"an effect needs id, parameters and change(data, values); "
-            f"{type(thing).__name__} has no {', '.join(missing)}"
-        )
-    parameters = _parameters(thing.parameters)
-    if not parameters:
-        raise InputError(f"effect {thing.id!r}: got no parameter, expected at least one")
-    owner = getattr(thing, "owner", Owner.MACHINE)
-    try:
-        owner = Owner(owner)
-    except ValueError:
-        known = ", ".join(Owner)
-        raise InputError(
-            f"effect {thing.id!r}: owner: got {owner!r}, expected one of {known}"
-        ) from None
-    bound = _Own(thing, data)
-    return Effect(
-        id=thing.id,
-        parameters=parameters,
-        change=bound.change,
-        jacobian=bound.jacobian if hasattr(thing, "jacobian") else None,
-        label=getattr(thing, "label", ""),
-        owner=owner,
-        motion=getattr(thing, "motion", None),
-    )
-
-
-def with_own(
-    catalogue: Sequence[Effect],
-    effects: Sequence[EffectLike | Effect | str],
-    data: Any,
-    *,
-    known: Iterable[str] = (),
-    described: Any = None,
-) -> tuple[Effect, ...]:
-    """Return the catalogue with a user's own effects behind it, bound to the data.
-
-    Parameters
-    ----------
-    catalogue
-        The kind's own effects; asking for one of these by its id, or by its code of ISO 230-1,
-        adds nothing.
-    effects
-        Own effects and ids.
-    known
-        Further ids of the kind, of effects for which these data lack a column.
-    described
-        Model of the data, which an effect by a formula may ask for what it depends on.
-
-    Raises
-    ------
-    InputError
-        No sequence, or an id that is taken.
-    UnknownNameError
-        An id or code that is not known.
-    """
-    if isinstance(effects, str):
-        raise InputError(
-            f"effects: got the text {effects!r}, expected a sequence of ids or effects"
-        )
-    ids = [e.id for e in catalogue]
-    ids += [name for name in known if name not in ids]
-    out = list(catalogue)
-    for thing in effects:
-        if isinstance(thing, str):
-            if not effect_ids(thing, ids):
-                raise UnknownNameError(
-                    f"effect: got {thing!r}, expected one of {', '.join(ids) or 'none'}"
-                )
-            continue
-        made = as_effect(thing, data, described)
-        if made.id in ids:
-            raise InputError(f"effect: got {made.id!r} twice, expected a name of its own")
-        ids.append(made.id)
-        out.append(made)
-    return tuple(out)
 
 
 def for_compensation(

@@ -33,29 +33,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from trunnion.base.errors import DataError
-from trunnion.base.resolution import Floor, Grid
 from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Integers
 from trunnion.diagnosis import outliers as out
-from trunnion.diagnosis.case import Case, Explanation, Linearised, kept_rows
+from trunnion.diagnosis.case import Case, Explanation, kept_rows
 from trunnion.diagnosis.explain import best_score, exactly, explain
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
-from trunnion.diagnosis.noise import Whitener
+from trunnion.diagnosis.plain import case_of, plain_fit, whitened
 from trunnion.diagnosis.records import rms, units_of
 from trunnion.diagnosis.report import Left, left_of, report
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Directions, price
 from trunnion.diagnosis.selection import MAX_CAUSES, WITHIN, search
 from trunnion.diagnosis.steps import (
-    grid_of,
     weights_of,
     white_beside,
-    white_rounding,
-    white_variance,
 )
-from trunnion.diagnosis.whitening import Whiten, Whiteners, identity
+from trunnion.diagnosis.whitening import identity
 
 LOG = logging.getLogger("trunnion.diagnosis")
 
@@ -152,7 +147,7 @@ def _with_correlation(case: Case, choice: Choice) -> tuple[Case, Choice]:
         whiten = case.model.correlated(found.nuisance, found.effects, used, noise)
         if whiten is None:
             return best
-        at = _whitened(case.model, case.plain, case.grid, whiten)
+        at = whitened(case.model, case.plain, case.grid, whiten)
         before, choice = found.effects.keys(), _choose(at)
         # Without causes the plain model is compared with itself, by the same weights.
         causes = bool(choice[1].fit.effects) and not len(choice[2])
@@ -181,7 +176,7 @@ def _with_scatter(case: Case, choice: Choice) -> tuple[Case, Choice]:
             quiet = min(scatter.sizes.values()) * float(np.sqrt(f.rss / max(f.dof, 1)))
             if case.grid is not None and case.grid.matters(quiet):
                 break
-            at = _whitened(case.model, case.plain, case.grid, scatter)
+            at = whitened(case.model, case.plain, case.grid, scatter)
             at.given, at.known = case.given, vars(case).get("dictionary")
             found = _choose(at)
             score = _likelihood(at, found)
@@ -301,57 +296,6 @@ def _without_causes(case: Case, choice: Choice) -> tuple[Case, Choice]:
     return case, (choice[0], nothing, choice[2])
 
 
-def plain_fit(model: Model) -> Fit:
-    """Fit of a model without effects, readings as they are."""
-    start = np.asarray(model.start, dtype=np.float64)
-    return fit(model, np.arange(len(model.readings)), (), start, {}, identity)
-
-
-def case_of(model: Model, *, dependent: bool = False) -> Case:
-    """Fit the model without effects, and linearise the candidates there.
-
-    ``dependent``: whether to take no residuals for stationary noise.
-    """
-    n, p = len(model.readings), len(model.nuisance)
-    if not np.all(np.isfinite(model.readings.values)):
-        bad = int(np.argmin(np.isfinite(model.readings.values)))
-        raise DataError(
-            f"reading of row {model.readings.rows[bad]}: got {model.readings.values[bad]}, "
-            "expected a finite number"
-        )
-    for effect in model.effects:
-        effect.check(n)
-    if n <= p:
-        raise DataError(f"readings: got {n} for {p} unknowns, expected more than unknowns")
-    plain = plain_fit(model)
-    grid = grid_of(model, plain.residuals, plain.dof, plain.jacobian)
-    whiten = (model.dependent if dependent else model.whitener)(plain.residuals)
-    if grid is not None and whiten is identity:
-        whiten = white_beside(grid, grid.noise(plain.residuals, plain.dof, plain.jacobian))
-    return _whitened(model, plain, grid, whiten)
-
-
-def _whitened(model: Model, plain: Fit, grid: Grid | None, whiten: Whiten) -> Case:
-    """Case of all readings; ``plain``: a fit to start from."""
-    rows = np.arange(len(model.readings))
-    if whiten is not identity:
-        plain = fit(model, rows, (), plain.nuisance, {}, whiten)
-    floor = _floor(model, grid, whiten)
-    dependent = isinstance(whiten, Whitener) and whiten.dependent
-    if dependent or (isinstance(whiten, Whiteners) and whiten.known):
-        # Whitened readings have a variance of 1; dependent ones count as fewer than they are.
-        floor = Floor(max(floor.variance, 1.0))
-    linearised = Linearised(model, plain.nuisance, whiten)
-    return Case(model, rows, whiten, plain, linearised, floor, grid)
-
-
-def _floor(model: Model, grid: Grid | None, whiten: Whiten) -> Floor:
-    """Least variance of a white reading: of errors of rounding alone, or what is no evidence."""
-    least = np.broadcast_to(np.asarray(model.readings.least), len(model.readings))
-    smallest = white_variance(least, whiten)
-    return Floor(smallest if grid is None else max(smallest, white_rounding(grid, whiten)))
-
-
 def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     """Weigh errors of rounding against the noise that a choice leaves; None: there are none.
 
@@ -371,7 +315,7 @@ def _with_noise_of(case: Case, choice: Choice) -> Case | None:
     whiten = white_beside(grid, noise)
     if whiten is identity and case.whiten is identity and not grid.matters(noise):
         return None
-    again = _whitened(case.model, case.plain, grid, whiten)
+    again = whitened(case.model, case.plain, grid, whiten)
     again.likely = _without_the_weakest(case, found, choice[2])
     again.given = case.given
     return again

@@ -10,8 +10,8 @@ import numpy as np
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.diagnosis.effect import Values
-from trunnion.diagnosis.engine import case_of
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.plain import case_of
 
 MAX_STEPS = 8
 SETTLED = 1e-9  # of the residual's squares

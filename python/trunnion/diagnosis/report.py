@@ -132,7 +132,6 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
     grown = replace(f, covariance=f.covariance * np.outer(growth, growth))
     wide = replace(f, covariance=doubt.covariance)
     sigma = _sigma(model, variance, gain, len(rows) / max(f.dof, 1))
-    names = [x.name for x in model.nuisance]
     std = _errors_std(model, wide, 1.0)
     doubts, rivals = _doubts(model, doubt, alternatives, std)
     named = set(f.effects).union(*(a.causes for a in alternatives))
@@ -160,8 +159,8 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ),
         p_value=e.alarm,
         sigma=sigma,
-        nuisance_before=dict(zip(names, map(float, case.plain.nuisance), strict=True)),
-        nuisance_after=dict(zip(names, map(float, f.nuisance), strict=True)),
+        nuisance_before=_by_name(model, case.plain),
+        nuisance_after=_by_name(model, f),
         units={x.name: x.unit for x in model.nuisance},
         labels={x.id: x.label for x in kept.effects if x.id in named.union(lost, weak)},
         residuals=_residuals(kept.model, case.given or case.plain, f, left, rows),
@@ -172,6 +171,11 @@ def report(case: Case, e: Explanation, dropped: Integers) -> Diagnosis:
         ladder=ladder,
         none_probability=e.probabilities.none,
     )
+
+
+def _by_name(model: Model, f: Fit) -> dict[str, float]:
+    """Values of what is always fitted, by name."""
+    return {x.name: float(v) for x, v in zip(model.nuisance, f.nuisance, strict=True)}
 
 
 def _stated_places(case: Case, f: Fit) -> dict[int, tuple[str, Stated]]:

@@ -34,9 +34,10 @@ from trunnion.diagnosis.effect import (
     Parameter,
     Values,
     for_compensation,
-    with_own,
 )
-from trunnion.diagnosis.model import Covariate, LinearModel, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
 from trunnion.setup.fields import COORDINATE, Number, Part, Section, Vector, key

@@ -27,16 +27,10 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     gridded,
     linear,
-    with_own,
 )
-from trunnion.diagnosis.model import (
-    Covariate,
-    LinearModel,
-    Model,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 

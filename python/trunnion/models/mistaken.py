@@ -13,8 +13,8 @@ from trunnion.data.meant import likely_better, meant_named
 from trunnion.data.mistaken import size_notes
 from trunnion.data.positioning import Positioning
 from trunnion.data.touches import Touches
-from trunnion.diagnosis.engine import plain_fit
 from trunnion.diagnosis.model import Model
+from trunnion.diagnosis.plain import plain_fit
 from trunnion.diagnosis.result import Diagnosis
 from trunnion.machine.sizes import in_other_units
 from trunnion.setup import Setup

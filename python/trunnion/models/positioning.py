@@ -25,16 +25,10 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     linear,
     periodic,
-    with_own,
 )
-from trunnion.diagnosis.model import (
-    Covariate,
-    LinearModel,
-    Model,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
+from trunnion.diagnosis.linear_model import LinearModel
+from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 from trunnion.models.warming import warmup

@@ -29,7 +29,6 @@ from trunnion.diagnosis.effect import (
     for_compensation,
     linear,
     periodic,
-    with_own,
 )
 from trunnion.diagnosis.model import (
     TURNED,
@@ -39,6 +38,7 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
 )
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
 from trunnion.models.ballbar.effects import ballbar_length

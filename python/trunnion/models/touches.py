@@ -27,7 +27,6 @@ from trunnion.diagnosis.effect import (
     EffectValues,
     Parameter,
     Values,
-    with_own,
 )
 from trunnion.diagnosis.model import (
     TURNED,
@@ -38,6 +37,7 @@ from trunnion.diagnosis.model import (
     Uncertainty,
 )
 from trunnion.diagnosis.one_effect import OneEffect
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.budget import Input
 from trunnion.machine.chain import Chain
 from trunnion.machine.effects import PLACEMENT, EffectInfo, Owner

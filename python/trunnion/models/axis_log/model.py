@@ -17,10 +17,10 @@ from trunnion.diagnosis.effect import (
     EffectLike,
     EffectValues,
     for_compensation,
-    with_own,
 )
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
 from trunnion.models.axis_log.checks import check_axis, check_loops, check_servo, has_tip
 from trunnion.models.axis_log.columns import Places, Signals, on_readings

@@ -19,11 +19,11 @@ from trunnion.diagnosis.effect import (
     EffectLike,
     EffectValues,
     for_compensation,
-    with_own,
 )
 from trunnion.diagnosis.fit import gains_beside, variant_columns
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.hybrid.readings import (
     check_enough,
     check_near,

@@ -21,7 +21,6 @@ from trunnion.diagnosis.effect import (
     EffectValues,
     Values,
     for_compensation,
-    with_own,
 )
 from trunnion.diagnosis.model import (
     Covariate,
@@ -30,6 +29,7 @@ from trunnion.diagnosis.model import (
     Readings,
     Uncertainty,
 )
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.machine.linear_axes import FieldMotion

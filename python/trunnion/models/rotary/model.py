@@ -21,7 +21,6 @@ from trunnion.diagnosis.effect import (
     EffectValues,
     Values,
     for_compensation,
-    with_own,
 )
 from trunnion.diagnosis.model import (
     TURNED,
@@ -32,6 +31,7 @@ from trunnion.diagnosis.model import (
     Uncertainty,
 )
 from trunnion.diagnosis.one_effect import OneEffect
+from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.whitening import Scaling, identity
 from trunnion.machine.estimate import Estimate
 from trunnion.models.rotary.geometry import Geometry, targets_of
