@@ -436,3 +436,39 @@ def test_the_servo_period_is_seen_at_two_feeds_and_not_taken_for_a_delay_unsaid(
     assert tn.diagnose(data, control).verdict == "consistent"
     exact = tn.simulate(plan, SETUP, {"EX0C": 20.3, "EA0A": 11.0}, noise_um=0.2, seed=3)
     assert not any("servo_period_ms" in note for note in tn.identify(exact, SETUP).notes)
+
+
+def machine(seed: int) -> dict[str, float]:
+    """Errors of a machine of these seeds."""
+    rng = np.random.default_rng(seed)
+    return {name: float(rng.uniform(-size, size)) for name, size in SIZES.items()}
+
+
+@pytest.mark.parametrize("seed", [6, 41, 903])
+@pytest.mark.parametrize("tick", [{"tick_um": 10.0}, {"servo_period_ms": 1.0}])
+def test_a_tick_that_is_stated_and_not_there_is_named(tick: dict[str, float], seed: int) -> None:
+    """Half of it was taken off readings that a control latched; one that is there is not."""
+    plan = tn.plan(SETUP, feeds_mm_min=(600.0,))
+    placed = {"dx_um": 130.0, "dy_um": -70.0, "dz_um": 45.0}
+    stated = replace(SETUP, probe=tn.Probe(**tick))
+    latched = tn.simulate(plan, SETUP, machine(seed), placed, noise_um=0.3, seed=seed)
+    for method in (tn.identify, tn.diagnose):
+        name = next(iter(tick))
+        assert any(f"Then probe.{name} = 0." in note for note in method(latched, stated).notes)
+    looked = tn.simulate(plan, stated, machine(seed), placed, noise_um=0.3, seed=seed)
+    assert not any("The readings scatter" in note for note in tn.identify(looked, stated).notes)
+
+
+@pytest.mark.parametrize("seed", [6, 41, 903])
+def test_half_a_tick_of_starts_that_differ_is_named(seed: int) -> None:
+    """Starts anywhere between two looks, that nobody recorded: rounding is as random."""
+    plan = tn.plan(SETUP, feeds_mm_min=(600.0,))
+    exact = tn.simulate(plan, SETUP, machine(seed), {"dx_um": 130.0}, noise_um=0.2, seed=seed)
+    late_um = np.random.default_rng(seed).uniform(0.0, 10.0, len(exact))
+    at = exact.position_mm + 1e-3 * late_um[:, None] * exact.direction
+    known = {n: exact[n] for n in exact.columns if not n.startswith("start_")}
+    data = tn.Touches({**known, "x_mm": at[:, 0], "y_mm": at[:, 1], "z_mm": at[:, 2]})
+    for method in (tn.identify, tn.diagnose):
+        assert any("scatter as a control does" in note for note in method(data, SETUP).notes)
+    noisy = tn.simulate(plan, SETUP, machine(seed), {"dx_um": 130.0}, noise_um=2.9, seed=seed)
+    assert not any("as a control does" in note for note in tn.identify(noisy, SETUP).notes)

@@ -73,6 +73,8 @@ class Readings:
         What was to be recorded, where known: its steps are no resolution. Shape as ``values``.
     hint:
         What to do about a step that is recognised in the readings.
+    clocked:
+        Steps that the model recognises where none is stated, shape (n,): of a clock, as the feeds.
     least:
         Noise that no reading goes below (1 σ), of all readings or of each: finer than instruments
         of the kind resolve, and than formulas to first order say. What is smaller is no evidence.
@@ -87,6 +89,7 @@ class Readings:
     coordinates: Coordinates | None = None
     planned: Floats | None = None
     hint: str = ""
+    clocked: Floats | None = None
     least: Floats | float = 0.0
 
     @property

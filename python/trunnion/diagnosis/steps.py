@@ -22,6 +22,8 @@ def steps_of(model: Model, residuals: Floats, dof: int) -> Floats:
     :func:`~trunnion.base.resolution.unstated`.
     """
     readings = model.readings
+    if readings.step is None and readings.clocked is not None:
+        return readings.clocked
     stated = np.zeros(len(readings)) if readings.step is None else np.asarray(readings.step)
     _, index = units_of(readings)
     steps = np.array(stated, dtype=np.float64)

@@ -52,6 +52,7 @@ from trunnion.probing.model import (
     known_sigma_um,
     readings_um,
     recorded_um,
+    seen_steps_um,
     steps_um,
     stops_of,
 )
@@ -138,6 +139,7 @@ class TouchDiagnosisModel(Model):
             recorded_um(data),
             coordinates_um(data),
             hint=UNKNOWN_TICK,
+            clocked=seen if np.any(seen := seen_steps_um(setup, data)) else None,
         )
         self._start = self._full.values()[self._unknown]
         self._models: dict[tuple[str, ...], TouchModel] = {}

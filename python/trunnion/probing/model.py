@@ -58,6 +58,14 @@ def steps_um(setup: Setup, touches: Touches) -> Floats:
     return np.maximum(ticks_um(setup, touches), setup.probe.resolution_um)
 
 
+def seen_steps_um(setup: Setup, touches: Touches) -> Floats:
+    """Return :func:`steps_um`; where it states none, those of a clock that is seen, (n,)."""
+    steps = steps_um(setup, touches)
+    if np.any(steps) or touches.feed_mm_min is None:
+        return steps
+    return np.asarray(servo_period_ms(touches) * touches.feed_mm_min / 60)
+
+
 def rounding_um(setup: Setup, touches: Touches) -> float:
     """Standard deviation of the errors of rounding to steps, rms over the touches."""
     return float(np.sqrt(np.mean(steps_um(setup, touches) ** 2) / 12))
@@ -101,15 +109,18 @@ def coordinates_um(touches: Touches) -> Coordinates:
 def servo_period_ms(touches: Touches) -> float:
     """Period that touches at several feeds are looked at, as their ways say; 0: none is seen.
 
-    The ways are whole steps, and the steps are as the feeds: of no display, but of a clock.
+    The ways, or the places along the approach, are whole steps, and the steps are as the feeds: of
+    no display, but of a clock.
     """
-    feed, start = touches.feed_mm_min, touches.start_mm
-    if feed is None or start is None or not np.all(feed > 0):
+    feed = touches.feed_mm_min
+    if feed is None or not np.all(feed > 0):
         return 0.0
-    way = 1e3 * np.einsum("ij,ij->i", touches.position_mm - start, touches.direction)
-    periods = [recognised(60.0 * way[feed == f] / f) for f in np.unique(feed)]
-    same = len(periods) > 1 and np.allclose(periods, periods[0], rtol=SAME_PERIOD)
-    return periods[0] if same and PERIODS_MS[0] <= periods[0] <= PERIODS_MS[1] else 0.0
+    for recorded in recorded_um(touches):
+        periods = [recognised(60.0 * recorded[feed == f] / f) for f in np.unique(feed)]
+        same = len(periods) > 1 and np.allclose(periods, periods[0], rtol=SAME_PERIOD)
+        if same and PERIODS_MS[0] <= periods[0] <= PERIODS_MS[1]:
+            return periods[0]
+    return 0.0
 
 
 def with_recognised_step(
