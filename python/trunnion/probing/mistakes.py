@@ -170,7 +170,7 @@ def _late_by_half_a_tick(data: Touches, setup: Setup) -> list[str]:
     if any(recognised(v) > SAME_SIZE * ticks.min() for v in recorded_um(data)):
         return []  # the steps themselves are seen
     left = fit.residuals_um / ticks
-    groups = [left[feed == f] for f in np.unique(feed)] if several else [left]
+    groups = [left[feed == f] for f in np.unique(feed)] if several and feed is not None else [left]
     sizes = np.array([np.sqrt(12 * np.mean(some**2)) for some in groups])
     kurtosis = float(np.mean(left**4)) / max(float(np.mean(left**2)) ** 2, 1e-300)
     if np.any(np.abs(sizes - 1) > SAME_SIZE) or kurtosis > MAX_KURTOSIS:
