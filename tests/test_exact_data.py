@@ -196,3 +196,29 @@ def test_exact_data_beside_others_keep_their_cause(noise: float) -> None:
     d = diagnose([x, y])
     assert d.alternatives
     assert all({"scale_x", "backlash_y"} <= one for one in d.alternatives)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("shape", ["once a turn", "bump"])
+def test_causes_that_fit_exactly_only_because_they_are_many_are_not_named(
+    shape: str, seed: int
+) -> None:
+    """Exact readings with an error that is no cause: seven causes reproduce them at four angles."""
+    setup = tn.Setup(tn.Artefact("cross"))
+    plan = tn.plan(setup)
+    rng = np.random.default_rng([21, seed])
+    errors = {name: float(rng.uniform(-30, 30)) for name in ("EA0A", "EC0A", "EX0C", "EY0C")}
+    data = tn.simulate(plan, setup, errors=errors, seed=seed)
+    assert data.c_deg is not None
+    turn = np.radians(data.c_deg)
+    size = 1e-3 * rng.uniform(2, 6)
+    error = {
+        "once a turn": np.cos(turn + rng.uniform(0, 2 * np.pi)),
+        "bump": np.exp(-(((data.c_deg - 180) / 40) ** 2)),
+    }[shape]
+    found = tn.diagnose(data.with_columns(x_mm=data.x_mm + size * error), setup)
+    for cause in found.causes:
+        for name, value in cause.parameters.items():
+            assert cause.std_errors[name] > 1e-4 * abs(value), cause.id
+    for name, std in found.errors_std.items():
+        assert abs(found.errors_after[name] - errors.get(name, 0.0)) < 5 * std, name

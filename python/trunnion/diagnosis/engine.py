@@ -37,7 +37,8 @@ from trunnion.base.threads import one_blas_thread
 from trunnion.base.units import Integers
 from trunnion.diagnosis import outliers as out
 from trunnion.diagnosis.case import Case, Explanation, kept_rows
-from trunnion.diagnosis.explain import best_score, exactly, explain
+from trunnion.diagnosis.cross_validation import better
+from trunnion.diagnosis.explain import LINEAR_ERROR, best_score, exactly, explain
 from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.plain import case_of, plain_fit, whitened
@@ -66,6 +67,10 @@ MIN_DOF = 5  # degrees of freedom from which outliers can be found
 FAR_SIGMAS = 4.0
 SAME_LIKELIHOOD = 0.5  # of -2 ln L: weights are good enough
 TINY = 1e-300
+BY_NUMBER = (
+    "sets of causes that leave nothing tell readings worse from the others than no cause does: "
+    "they are as many as what they explain"
+)
 WORSE = "sets of causes that fit better by the noise leave a larger rms than the plain model"
 
 Choice = tuple[float, Explanation, Integers]  # score, explanation, readings set aside
@@ -127,7 +132,9 @@ def _explained(model: Model) -> tuple[Case, Explanation, Integers]:
     case, choice = _with_correlation(case, choice)
     case, choice = _with_scatter(case, choice)
     if _worse(case, choice):
-        case, choice = _without_causes(case, choice)
+        case, choice = _without_causes(case, choice, WORSE)
+    elif _by_number_alone(case, choice):
+        case, choice = _without_causes(case, choice, BY_NUMBER)
     return case, choice[1], choice[2]
 
 
@@ -285,13 +292,26 @@ def _worse(case: Case, choice: Choice) -> bool:
     )
 
 
-def _without_causes(case: Case, choice: Choice) -> tuple[Case, Choice]:
+def _by_number_alone(case: Case, choice: Choice) -> bool:
+    """Whether causes leave next to nothing and tell readings worse from others than none does.
+
+    So many causes as there are places fit whatever is measured there.
+    """
+    found, rows = choice[1].fit, np.flatnonzero(kept_rows(len(case.rows), choice[2]))
+    if not found.effects or case.dependent:
+        return False
+    kept = case.without(choice[2])
+    left = found.rss < LINEAR_ERROR**2 * kept.plain.rss
+    return left and not better(case.model, rows, case.whiten, kept.plain, found)
+
+
+def _without_causes(case: Case, choice: Choice, why: str) -> tuple[Case, Choice]:
     """Return the plain model alone, and say that nothing improves on it."""
     if case.given is not None:
         case = case_of(case.model.about(case.given.nuisance, {}), dependent=True)
     kept = case.without(choice[2])
     nothing = replace(
-        choice[1], fit=kept.plain, rss=kept.plain.rss, penalty=0.0, sets=[], terms=[], note=WORSE
+        choice[1], fit=kept.plain, rss=kept.plain.rss, penalty=0.0, sets=[], terms=[], note=why
     )
     return case, (choice[0], nothing, choice[2])
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from trunnion.base.errors import DataError, TrunnionError
-from trunnion.base.recognition import on_grid, recognised
 from trunnion.base.units import Floats, unit_of
 from trunnion.data.meant import some_rows
 from trunnion.data.mistaken import FACTORS_MM
@@ -24,13 +23,10 @@ from trunnion.machine.chain import Chain
 from trunnion.machine.sizes import LARGE_UM, SURE_SIGMAS, TINY_UM, in_other_units
 from trunnion.probing.model import (
     TouchModel,
-    recorded_um,
     rounding_um,
-    servo_period_ms,
-    steps_um,
-    ticks_um,
 )
 from trunnion.probing.result import NO_PROBE_UM, IdentificationResult
+from trunnion.probing.tick_mistakes import MAX_STEPS, tick_mistakes
 from trunnion.setup import Artefact, AxisSetup, Machine, Probe, Setup
 from trunnion.setup.machines import presets
 
@@ -56,18 +52,7 @@ MIN_ALONG = 3
 MAX_LONGER_MM = 500.0
 """How far from the surface the contact of such an approach is looked for."""
 
-FAR_LESS = 0.25
-"""Of the errors of rounding: what readings recorded in a step scatter by at least."""
-
-MIN_ROUNDED = 24
-"""Touches from which on their scatter tells whether they are rounded."""
-
-SAME_SIZE = 0.25
-MAX_KURTOSIS = 2.3
-"""Of errors of rounding, 1.8, and of noise, 3: what is between."""
-
 MIN_FREEDOM = 5
-MAX_STEPS = 50
 
 TOOL_ENDS = {"to the tip of the ball": -1.0, "beyond the centre of the ball": 1.0}
 """Where else a tool's length may end; how much higher a touch is recorded then, in radii."""
@@ -116,113 +101,8 @@ def likely_mistakes(result: IdentificationResult, data: Touches, setup: Setup) -
         )
     if doubt := in_other_units(setup.machine.errors):
         said.append(f"[machine.errors] has {doubt}")
-    said += _of_the_tick(data, setup)
+    said += tick_mistakes(data, setup)
     return tuple(said)
-
-
-def _of_the_tick(data: Touches, setup: Setup) -> list[str]:
-    """Name a tick that the touches show and nobody stated, or that is stated and not there."""
-    if np.any(steps_um(setup, data)):
-        return _finer_than_stated(data, setup)
-    if period := servo_period_ms(data):
-        return [
-            f"The steps of the touches are as their feeds: the control looks at the probe every "
-            f"{period:.3g} ms, and touches are {period / 2:.3g} ms late in the mean, which looks "
-            f"like a delay of the trigger: state probe.servo_period_ms = {period:.3g}."
-        ]
-    return _late_by_half_a_tick(data, setup)
-
-
-def _finer_than_stated(data: Touches, setup: Setup) -> list[str]:
-    """Say where readings scatter far less than the stated tick allows, and lie on no grid of it."""
-    steps, rounding = steps_um(setup, data), rounding_um(setup, data)
-    fit = _late(data, setup)
-    seen = np.inf if fit is None else float(np.sqrt(np.mean(fit.residuals_um**2)))
-    if seen > FAR_LESS * rounding:
-        return []
-    model = TouchModel(setup)
-    off = np.asarray(model.core.residuals(model.moves(data), model.values()))
-    if float(np.std(off)) < float(np.max(steps)):  # all may round alike
-        return []
-    coordinates = (1e3 * data.position_mm).T
-    if any(on_grid(v / steps, 1.0) for v in (*recorded_um(data), *coordinates, off)):
-        return []
-    tick = "servo_period_ms" if setup.probe.servo_period_ms else "tick_um"
-    if not np.any(ticks_um(setup, data)):
-        return [
-            f"The readings scatter by {seen:.2g} µm, far less than rounding to steps of "
-            f"{steps.max():.4g} µm does ({rounding:.2g} µm): is probe.resolution_um right?"
-        ]
-    return [
-        f"The readings scatter by {seen:.2g} µm, far less than a tick of {steps.max():.4g} µm "
-        f"allows ({rounding:.2g} µm), half of which was taken off every touch: do they come from a "
-        f"control that latches the position? Then probe.{tick} = 0."
-    ]
-
-
-def _late_by_half_a_tick(data: Touches, setup: Setup) -> list[str]:
-    """Say where touches are late by half of a tick whose errors of rounding the residuals are."""
-    fit = _late(data, setup)
-    if fit is None or fit.late < SURE_SIGMAS * fit.std:
-        return []
-    feed, late, several = data.feed_mm_min, fit.late, fit.is_delay
-    ticks = 2 * late * (np.asarray(feed) / 60 if several else np.ones(len(data)))
-    if any(recognised(v) > SAME_SIZE * ticks.min() for v in recorded_um(data)):
-        return []  # the steps themselves are seen
-    left = fit.residuals_um / ticks
-    groups = [left[feed == f] for f in np.unique(feed)] if several and feed is not None else [left]
-    sizes = np.array([np.sqrt(12 * np.mean(some**2)) for some in groups])
-    kurtosis = float(np.mean(left**4)) / max(float(np.mean(left**2)) ** 2, 1e-300)
-    if np.any(np.abs(sizes - 1) > SAME_SIZE) or kurtosis > MAX_KURTOSIS:
-        return []
-    if several:
-        return [
-            f"Touches are {late:.3g} ms late in the mean, and scatter as a control does that looks "
-            f"at the probe every {2 * late:.3g} ms: a servo period that the set-up does not state "
-            f"would do exactly this (probe.servo_period_ms = {2 * late:.2g}), and so would a delay "
-            "of the trigger."
-        ]
-    return [
-        f"Touches are {late:.3g} µm late in the mean, and scatter as a control does that looks at "
-        f"the probe every {2 * late:.3g} µm of the way: a tick that the set-up does not state "
-        f"would do exactly this (probe.tick_um = {2 * late:.2g}, or probe.servo_period_ms); else "
-        "half of it is in a cause (probe_radius, trigger_delay), or in EZ0A and the placement."
-    ]
-
-
-@dataclass(frozen=True)
-class _Late:
-    """How late touches are in the mean, ms or µm, and what a fit with it leaves, by freedom."""
-
-    late: float
-    std: float
-    is_delay: bool
-    residuals_um: Floats
-
-
-def _late(data: Touches, setup: Setup) -> _Late | None:
-    """Fit by how much touches are late, weighed as ticks; None: too few touches, or off."""
-    feed = data.feed_mm_min
-    is_delay = feed is not None and len(np.unique(feed)) > 1
-    size = np.asarray(feed) / 60 if is_delay else np.ones(len(data))
-    try:
-        model = TouchModel(setup, ("trigger_delay" if is_delay else "probe_radius",))
-        moves = model.moves(data)
-        plain = model.core.fit(
-            moves, model.values(), huber=None, sigma_um=0.0, priors=[], max_steps=MAX_STEPS
-        )
-        _, jacobian = model.core.linearise(moves, plain["values"])
-    except TrunnionError:
-        return None
-    freedom, std = plain["degrees_of_freedom"], float(plain["std_errors"][-1])
-    if freedom < MIN_ROUNDED or not np.isfinite(std):
-        return None
-    white, columns = np.asarray(plain["residuals_um"]) / size, np.asarray(jacobian) / size[:, None]
-    scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
-    more = np.linalg.lstsq(columns / scale, white, rcond=1e-9)[0]
-    left = (white - columns / scale @ more) * size * np.sqrt(len(data) / freedom)
-    value = float(plain["values"][-1]) + float(more[-1] / scale[-1])
-    return _Late(value if is_delay else -value, std, is_delay, left)
 
 
 @contextmanager

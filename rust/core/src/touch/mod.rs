@@ -443,16 +443,20 @@ mod tests {
             let columns = [p - 1, 0, 3];
             let several = [values.clone(), other.clone(), values.clone()];
             let mut rates = vec![0.0; 3 * 3 * 2];
-            model.rates_near(&moves, &several, &columns, &mut rates).unwrap();
+            let found = model.rates_near(&moves, &several, &columns, &mut rates);
+            let mut far = false;
             for (v, at) in several.iter().enumerate() {
                 let mut whole = vec![0.0; 2 * p];
                 assert!(model.linearise(&moves, at, &mut deviations, &mut whole));
-                for (k, column) in columns.iter().enumerate() {
+                far |= deviations.iter().any(|d| d.abs() > MAX_OFF_SURFACE_MM);
+                for (k, column) in columns.iter().enumerate().filter(|_| found.is_ok()) {
                     for row in 0..2 {
                         assert_eq!(rates[2 * (3 * v + k) + row], whole[row * p + column]);
                     }
                 }
             }
+            // Far from the surface they are refused.
+            assert_eq!(found.is_err(), far, "{preset}");
             for k in 0..p {
                 let step = 1e-6 * if names[k].unit == Unit::Min { 1e5 } else { 1.0 };
                 let mut shifted = [vec![None; 2], vec![None; 2]];
