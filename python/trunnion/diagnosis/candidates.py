@@ -348,8 +348,3 @@ class Candidates:
             blocks = np.flatnonzero(self.rank == k)
             out.append((int(k), blocks, self.start[blocks][:, None] + np.arange(k)))
         return out
-
-    @cached_property
-    def first_of_leader(self) -> Integers:
-        """Number of the first block of each leader; blocks of one candidate are neighbours."""
-        return np.searchsorted(self.owner, self.leaders)

@@ -297,12 +297,13 @@ def _by_number_alone(case: Case, choice: Choice) -> bool:
 
     So many causes as there are places fit whatever is measured there.
     """
-    found, rows = choice[1].fit, np.flatnonzero(kept_rows(len(case.rows), choice[2]))
-    if not found.effects or case.dependent:
+    found, share = choice[1].fit, LINEAR_ERROR**2
+    # The plain fit of all readings leaves no less than that of those that are kept.
+    if not found.effects or case.dependent or found.rss >= share * case.plain.rss:
         return False
     kept = case.without(choice[2])
-    left = found.rss < LINEAR_ERROR**2 * kept.plain.rss
-    return left and not better(case.model, rows, case.whiten, kept.plain, found)
+    left = found.rss < share * kept.plain.rss
+    return left and not better(case.model, kept.rows, kept.whiten, kept.plain, found)
 
 
 def _without_causes(case: Case, choice: Choice, why: str) -> tuple[Case, Choice]:

@@ -19,6 +19,7 @@ from scipy import special
 from trunnion.base.arguments import checked
 from trunnion.base.errors import InputError
 from trunnion.base.report import Cell, Result, Shown, Table, plus_minus, significant
+from trunnion.base.units import capital
 from trunnion.data.positioning import Positioning
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.refit import refit
@@ -125,7 +126,7 @@ class InstrumentComparison(Result):
             case "axis" if len(a.seen_by) == len(self.instruments):
                 return text + "All instruments see it alike: it is the axis'."
             case "axis":
-                return f"{text}{_capital(seen)} see it alike: it is the axis'.{self._too_coarse(a)}"
+                return f"{text}{capital(seen)} see it alike: it is the axis'.{self._too_coarse(a)}"
             case "undecided":
                 return f"{text}Only {seen} sees it: whose it is, is open.{self._too_coarse(a)}"
             case "between":
@@ -163,10 +164,6 @@ class InstrumentComparison(Result):
         )
         own = [(name, significant(s), self.unit) for name, s in self.scatter.items()]
         return causes, Table.of("Scatter", ("", "1 σ", "unit"), own)
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _shown(value: float, std: float) -> Shown:
