@@ -33,7 +33,7 @@ from trunnion.diagnosis.probability import Weighed
 from trunnion.diagnosis.records import rms
 from trunnion.diagnosis.scan import Dictionary, Term
 from trunnion.diagnosis.steps import weights_of
-from trunnion.diagnosis.whitening import Correlated, Scaling, Whiten, identity
+from trunnion.diagnosis.whitening import Scaling, Whiten, correlated, identity
 
 EXACT = 1e-12  # of the largest reading: rounding
 SINGULAR = 1e-8  # of a correlation matrix of estimates
@@ -234,8 +234,8 @@ class Case:
 
     def shared(self, f: Fit) -> Floats:
         """Return what a fit leaves of an effect without a name, beside its columns, shape (n,)."""
-        white = self.whiten
-        if not isinstance(white, Correlated) or white.cause not in f.effects:
+        white = correlated(self.whiten)
+        if white is None or white.cause not in f.effects:
             return np.zeros(len(f.residuals))
         return white.shared(f.residuals)
 
@@ -322,8 +322,8 @@ class Case:
             # what is left out must not act on its repeats
             grid = grid.without(self.rows[bad])
             whiten = whiten.with_labels(grid.label)
-        if isinstance(whiten, Correlated):
-            whiten = whiten.without(self.rows[bad])
+        if (shared := correlated(whiten)) is not None:
+            whiten = shared.without(self.rows[bad])
         if whiten is not self.whiten:
             linearised = Linearised(self.model, self.plain.nuisance, whiten)
         plain = fit(self.model, rows, (), self.model.start, {}, whiten)

@@ -25,7 +25,7 @@ from trunnion.base.units import Floats, Integers, unit_of
 from trunnion.diagnosis.case import Case
 from trunnion.diagnosis.fit import Fit, beside
 from trunnion.diagnosis.records import labelled, units_of, with_unit
-from trunnion.diagnosis.whitening import Correlated, identity
+from trunnion.diagnosis.whitening import correlated, identity
 
 Named: TypeAlias = frozenset[int]  # causes that are fitted, by number
 
@@ -317,8 +317,8 @@ class _TakenOut:
             for id_ in self.ids
         ]
         shared = kept.shared(f)
-        if shared.any() and isinstance(kept.whiten, Correlated):
-            changes[self.ids.index(kept.whiten.cause)] += shared
+        if shared.any() and (noise := correlated(kept.whiten)) is not None:
+            changes[self.ids.index(noise.cause)] += shared
         columns = f.jacobian[:, p:]
         size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
         columns = columns / np.where(size > 0, size, 1.0)

@@ -18,7 +18,7 @@ from trunnion.diagnosis.effect import Values
 from trunnion.diagnosis.fit import Fit
 from trunnion.diagnosis.model import Model
 from trunnion.diagnosis.records import units_of
-from trunnion.diagnosis.whitening import Correlated, Whiten, identity
+from trunnion.diagnosis.whitening import Correlated, Whiten, correlated, identity
 
 SURE = 0.5  # trace of a group's hat matrix below which the others certainly identify all
 MIN_KEPT = 1e-3  # share of a squared direction that the others keep: enough to divide by
@@ -29,7 +29,10 @@ ROUNDING = 1e-12
 
 def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Floats:
     """Reading less its prediction from all other groups, in the reading's unit, shape (m,)."""
-    labels = _groups(model, whiten)[rows]
+    # neighbours that share errors are left out together
+    noise = correlated(whiten)
+    groups = np.asarray(model.groups if noise is None else noise.groups)
+    labels = groups[rows]
     order = np.argsort(labels, kind="stable")
     problem, start = _Problem.of(rows, *_in_groups(model, rows, f, whiten)).in_groups(labels, order)
     gram = problem.white.T @ problem.white
@@ -49,16 +52,11 @@ def cross_validated(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> Flo
     return errors
 
 
-def _groups(model: Model, whiten: Whiten) -> Integers:
-    """Group of each reading: neighbours that share errors are left out together."""
-    return np.asarray(whiten.groups if isinstance(whiten, Correlated) else model.groups)
-
-
 def _in_groups(model: Model, rows: Integers, f: Fit, whiten: Whiten) -> tuple[Fit, Whiten]:
     """Return the fit and its whitener with nothing shared between groups: others predict it."""
-    if isinstance(whiten, Correlated):
-        if whiten.cause in f.effects:
-            f = _completed(f, whiten)
+    if (noise := correlated(whiten)) is not None:
+        if noise.cause in f.effects:
+            f = _completed(f, noise)
         basis = np.linalg.qr(f.jacobian[rows] @ f.directions.T)[0]
         return replace(f, basis=np.asarray(basis)), identity
     groups = np.asarray(model.groups)

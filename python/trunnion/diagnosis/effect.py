@@ -11,7 +11,7 @@ A user's own effect is any object with ``id``, ``parameters`` and ``change(data,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -343,36 +343,3 @@ class _Gridded:
                 down = self.change({**values, name: values[name] - step})
                 out[:, j] = (up - down) / (2 * step)
         return out
-
-
-def for_compensation(
-    effects: Iterable[Effect], found: Container[str], catalogued: Container[str], why_not: str
-) -> dict[str, Any]:
-    """How effects that were found act on the machine, as fields of an estimate.
-
-    Parameters
-    ----------
-    effects
-        All candidates.
-    found
-        Ids of those that were found.
-    catalogued
-        Ids that are in the machine's catalogue under the same name and with the same parameters.
-    why_not
-        Why an effect of the machine that has no ``motion`` cannot be compensated.
-    """
-    motions, not_compensable, owners = {}, {}, {}
-    whose = {
-        Owner.INSTRUMENT: "it belongs to the instrument",
-        Owner.WORKPIECE: "it belongs to the part",
-        Owner.PLACEMENT: "it belongs to the part",
-    }
-    for e in effects:
-        if e.id not in found:
-            continue
-        owners[e.id] = e.owner
-        if e.motion is not None:
-            motions[e.id] = e.motion
-        elif e.id not in catalogued or e.owner is not Owner.MACHINE:
-            not_compensable[e.id] = whose.get(e.owner, why_not)
-    return {"motions": motions, "not_compensable": not_compensable, "owners": owners}

@@ -17,7 +17,7 @@ from trunnion.diagnosis.fit import Fit, fit
 from trunnion.diagnosis.probability import NEAR_ODDS, Behind, Only, Probabilities
 from trunnion.diagnosis.scan import SCAN_LEVEL, UNNAMED_TERM_PENALTY, Term
 from trunnion.diagnosis.selection import SCORE_DIGITS, WITHIN, Found, Search, search
-from trunnion.diagnosis.whitening import Correlated, Whiteners
+from trunnion.diagnosis.whitening import Whiteners, correlated
 
 MAX_TERMS = 10
 MAX_SENTENCES = 3
@@ -142,7 +142,7 @@ def _explained(case: Case) -> Explanation:
 
     terms: list[tuple[Term, float]] = []
     alarm_scan = Alarm.of_terms(case, extended)
-    if case.dependent or isinstance(case.whiten, Correlated):
+    if case.dependent or correlated(case.whiten) is not None:
         # What a model that is not complete leaves competes with no cause: it is stated.
         if alarm_scan.p < SCAN_LEVEL:
             terms = _best_terms(case, extended)

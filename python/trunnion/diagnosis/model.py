@@ -16,7 +16,7 @@ A new kind of data is one file with one class: subclass :class:`Model`, or fill 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,6 +31,8 @@ from trunnion.diagnosis.effect import Effect, EffectValues, Values
 from trunnion.diagnosis.whitening import Correlated, Whiten, identity
 from trunnion.machine.budget import Input, Source
 from trunnion.machine.effects import Owner
+
+FINEST_NOISE = 1e-3  # µm, arcsec, µm/m: no instrument resolves less, nor formulas say more
 
 
 @dataclass(frozen=True)
@@ -402,6 +404,46 @@ class Model:
         """Return the machine's errors (µm, arcsec, by name) for before and after."""
         values = zip(self.nuisance, nuisance.tolist(), strict=True)
         return {n.name: value for n, value in values if n.owner is Owner.MACHINE}
+
+    def estimated(
+        self,
+        effects: EffectValues,
+        uncertainty: Uncertainty | None,
+        why_not: str,
+        catalogued: Container[str] = (),
+    ) -> dict[str, Any]:
+        """Return effects that were found and how they act on the machine: fields of an estimate.
+
+        Parameters
+        ----------
+        effects, uncertainty
+            Those of :meth:`extended`.
+        why_not
+            Why an effect of the machine that has no ``motion`` cannot be compensated.
+        catalogued
+            Ids in the machine's catalogue under the same name and with the same parameters.
+        """
+        motions, not_compensable, owners = {}, {}, {}
+        whose = {
+            Owner.INSTRUMENT: "it belongs to the instrument",
+            Owner.WORKPIECE: "it belongs to the part",
+            Owner.PLACEMENT: "it belongs to the part",
+        }
+        for e in self.effects:
+            if e.id not in effects:
+                continue
+            owners[e.id] = e.owner
+            if e.motion is not None:
+                motions[e.id] = e.motion
+            elif e.id not in catalogued or e.owner is not Owner.MACHINE:
+                not_compensable[e.id] = whose.get(e.owner, why_not)
+        return {
+            "effects": {k: dict(v) for k, v in effects.items()},
+            "motions": motions,
+            "not_compensable": not_compensable,
+            "owners": owners,
+            **({} if uncertainty is None else uncertainty.fields()),
+        }
 
     def extended(
         self,

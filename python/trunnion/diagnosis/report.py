@@ -33,7 +33,7 @@ from trunnion.diagnosis.result import Diagnosis
 from trunnion.diagnosis.scatter import Scatter
 from trunnion.diagnosis.structure import structure_of, with_structure
 from trunnion.diagnosis.unnoticed import Others, is_small, names_of, too_little, unnoticed_of
-from trunnion.diagnosis.whitening import Correlated
+from trunnion.diagnosis.whitening import correlated
 from trunnion.machine.budget import MODEL, Source, of_readings, root
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import bias_in_words, combined, named_combination
@@ -247,7 +247,8 @@ def _notes_of_scatter(case: Case, sigma: float) -> tuple[str, ...]:
 
 def _notes(case: Case, variance: float, sigma: float) -> tuple[str, ...]:
     """Remarks of the model; what the readings say of their own noise."""
-    shared = (case.whiten.note,) if isinstance(case.whiten, Correlated) else ()
+    noise = correlated(case.whiten)
+    shared = () if noise is None else (noise.note,)
     scatter = _notes_of_scatter(case, sigma)
     return (*case.model.remarks, *shared, *scatter, *_notes_of_steps(case, variance))
 

@@ -107,3 +107,8 @@ class Correlated:
         w, u = np.linalg.eigh(kept.T @ kept)
         turn = u[:, w > SEEN] / np.sqrt(w[w > SEEN])
         return replace(self, basis=kept @ turn, more=turn.T @ self.more @ turn)
+
+
+def correlated(whiten: Whiten) -> Correlated | None:
+    """Return the noise that a whitener is made for where readings share some of it; else None."""
+    return whiten if isinstance(whiten, Correlated) else None

@@ -32,7 +32,7 @@ from trunnion.models.changes import Change, MachineComparison, Trend, meaning
 from trunnion.models.kinds import as_table, diagnose
 
 COVERAGE = 0.95
-MOST_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
+MAX_COMPARED_PARAMETERS = 3  # of an effect; of one with more the rms of what it does is compared
 INDIVIDUALS = 2.66  # 3 / 1.128: limits by the mean moving range of two
 MIN_STD = 1e-12  # relative to the values: of data without noise
 SINGULAR = 1e-9
@@ -324,7 +324,7 @@ def _parts(
         linear = [p.name for p in model.effect(name).parameters if p.linear]
         if owners[name].of_setup:
             continue
-        if len(linear) > MOST_PARAMETERS:
+        if len(linear) > MAX_COMPARED_PARAMETERS:
             many.append(name)
         else:
             few += [f"{name}.{p}" for p in linear]

@@ -27,16 +27,9 @@ from trunnion.base.rows import where
 from trunnion.base.units import Floats, Integers
 from trunnion.data.diameters import Diameters
 from trunnion.diagnosis.classes import waves_in_classes
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    Parameter,
-    Values,
-    for_compensation,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, Values
 from trunnion.diagnosis.linear_model import LinearModel
-from trunnion.diagnosis.model import Covariate, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
 from trunnion.setup import Setup
@@ -53,7 +46,6 @@ MAX_ERROR_UM = 5000.0
 # Every tool wears while it cuts. Beside a tool that heats up the wear of one pass is hardly seen:
 # what is left of it once amplitude and time constant are fitted anew is below the noise.
 MIN_WEAR_UM = 2.0
-LEAST_NOISE_UM = 1e-3  # no gauge shows less
 
 MIN_READINGS = 4  # in a pass
 OF_TURNING = "it acts while a lathe cuts: correct the program or the next pass (tn.next_passes)"
@@ -416,7 +408,7 @@ class DiameterModel(LinearModel):
             readings=Readings(
                 np.asarray(data.error_um, dtype=np.float64),
                 np.arange(len(data)),
-                least=LEAST_NOISE_UM,
+                least=FINEST_NOISE,
             ),
             nuisance=[Nuisance(f"offset_{label}_um", "µm") for label in passes],
             design=(labels[:, None] == np.array(passes)[None, :]).astype(float),
@@ -459,10 +451,8 @@ class DiameterModel(LinearModel):
         names = (n.name.removeprefix("offset_").removesuffix("_um") for n in self.nuisance)
         return DiameterLaw(
             offset_um=dict(zip(names, map(float, nuisance), strict=True)),
-            effects={k: dict(v) for k, v in effects.items()},
             source=self,
-            **for_compensation(self.effects, effects, (), OF_TURNING),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, OF_TURNING),
         )
 
 

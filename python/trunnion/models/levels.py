@@ -19,24 +19,15 @@ from trunnion.base.smooth import Modes
 from trunnion.base.units import Flags, Floats
 from trunnion.data.levels import COMPONENTS, Levels
 from trunnion.data.slopes import SAME_STEP
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    Parameter,
-    for_compensation,
-    gridded,
-    linear,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, gridded, linear
 from trunnion.diagnosis.linear_model import LinearModel
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
 
 MAX_KINKS = 200  # places that are tried for a kink
 MIN_PLACES = 4
-LEAST_NOISE_UM_M = 1e-3  # no level shows less
 FOLDS = 5
 SHARE_ONCE, SHARE_AGAIN = 0.2, 0.5  # smooth modes to places, read once or more often
 SAME_PLACE = 1e-9  # feet
@@ -172,7 +163,7 @@ class LevelsModel(LinearModel):
         count = len(data.components)
         super().__init__(
             data=data,
-            readings=Readings(values.astype(np.float64), rows.row, "µm/m", least=LEAST_NOISE_UM_M),
+            readings=Readings(values.astype(np.float64), rows.row, "µm/m", least=FINEST_NOISE),
             nuisance=[Nuisance(f"tilt_{c}_um_m", "µm/m") for c in data.components],
             design=rows.each(rows.sense),
             effects=with_own(_catalogue(rows, self._frame), effects, data, known=IDS),
@@ -200,9 +191,7 @@ class LevelsModel(LinearModel):
         names = (x.name for x in self.nuisance)
         return ExtendedLevels(
             inclination_um_m=dict(zip(names, map(float, nuisance), strict=True)),
-            effects={k: dict(v) for k, v in effects.items()},
-            **for_compensation(self.effects, effects, (), SURFACE),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, SURFACE),
         )
 
     @property

@@ -22,12 +22,11 @@ from trunnion.diagnosis.effect import (
     EffectValues,
     Parameter,
     drift,
-    for_compensation,
     linear,
     periodic,
 )
 from trunnion.diagnosis.linear_model import LinearModel
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import Owner
 from trunnion.machine.estimate import Estimate
@@ -35,7 +34,6 @@ from trunnion.models.warming import warmup
 
 MIN_WAVE_TARGETS = 9  # a wave of three parameters beside a scale and a reversal
 MIN_PERIODS = 3
-LEAST_NOISE = 1e-3  # µm or arcsec: no interferometer shows less in air
 MIN_TURN_DEG = 300.0  # below it harmonics of the turn look like one another
 MAX_HARMONIC = 6
 MIN_TARGETS_OF_A_HARMONIC = 4
@@ -79,7 +77,7 @@ class PositioningModel(LinearModel):
                 np.arange(n),
                 data.unit,
                 recorded=(data.measured * (3600.0 if data.rotary else 1e3), data.deviation),
-                least=LEAST_NOISE,
+                least=FINEST_NOISE,
             ),
             nuisance=[Nuisance(f"offset_{unit}", data.unit, Owner.INSTRUMENT)],
             design=np.ones((n, 1)),
@@ -121,9 +119,7 @@ class PositioningModel(LinearModel):
         """Return offset and effects."""
         return ExtendedPositioning(
             offset=float(nuisance[0]),
-            effects={k: dict(v) for k, v in effects.items()},
-            **for_compensation(self.effects, effects, (), ONE_AXIS),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, ONE_AXIS),
         )
 
     @property

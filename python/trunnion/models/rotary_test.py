@@ -26,18 +26,10 @@ from trunnion.diagnosis.effect import (
     EffectValues,
     Parameter,
     drift,
-    for_compensation,
     linear,
     periodic,
 )
-from trunnion.diagnosis.model import (
-    TURNED,
-    Covariate,
-    Model,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
+from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.effects import EffectInfo, Owner, senses
 from trunnion.machine.estimate import Estimate
@@ -208,10 +200,8 @@ class RotaryTestModel(Model):
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in errors},
             placement={k: v for k, v in named.items() if k not in errors},
-            effects={k: dict(v) for k, v in effects.items()},
             tolerances=dict(self.setup.machine.tolerance),
-            **for_compensation(self.effects, effects, self._known.chain.effects, NOT_CATALOGUED),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, NOT_CATALOGUED, self._known.chain.effects),
         )
 
 

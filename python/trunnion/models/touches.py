@@ -21,21 +21,8 @@ from trunnion.base.errors import DataError, InputError
 from trunnion.base.rows import repeats
 from trunnion.base.units import Floats, Integers
 from trunnion.data.touches import Touches
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    Parameter,
-    Values,
-)
-from trunnion.diagnosis.model import (
-    TURNED,
-    Covariate,
-    Model,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Parameter, Values
+from trunnion.diagnosis.model import TURNED, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.one_effect import OneEffect
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.budget import Input

@@ -12,13 +12,8 @@ from trunnion.base.errors import InputError
 from trunnion.base.units import Floats, Integers
 from trunnion.contouring.servo import Servo
 from trunnion.data.axis_log import AxisLog
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    for_compensation,
-)
-from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues
+from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.noise import Channel, whitener
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.machine.estimate import Estimate
@@ -38,7 +33,6 @@ from trunnion.models.axis_log.signals import TIP_COLUMNS, AxisSignal, Blocks, Ru
 from trunnion.models.axis_log.steps import LogSteps, Rounded, may_matter, without_steps
 from trunnion.setup import Setup
 
-LEAST_NOISE = 1e-3  # µm, arcsec: no scale of an axis shows less
 SENSES = ((1.0, "forward"), (0.0, "at rest"), (-1.0, "backward"))
 MORE_DIGITS = "positions logged with more digits show smaller causes"
 OF_THE_SERVO = "it depends on how the axes move, or has no motion(pose, values)"
@@ -267,7 +261,7 @@ class AxisLogModel(Model):
             units += ["µm"] * len(TIP_COLUMNS)
         rows = np.tile(blocks.starts + blocks.size // 2, blocks.channels)
         each = tuple(np.repeat(units, len(blocks)).tolist())
-        return Readings(np.concatenate(values), rows, each, hint=MORE_DIGITS, least=LEAST_NOISE)
+        return Readings(np.concatenate(values), rows, each, hint=MORE_DIGITS, least=FINEST_NOISE)
 
     def _initial_states(self) -> tuple[tuple[Nuisance, ...], Floats]:
         """Position and speed of each axis at the start of each run, and their columns, (n, p)."""
@@ -408,19 +402,18 @@ class AxisLogModel(Model):
     ) -> ExtendedServo:
         """Return the servo model with the causes in it."""
         found = {name: dict(values) for name, values in effects.items()}
-        fields = {} if uncertainty is None else uncertainty.fields()
+        centre = found.pop("rotary_centre", {})
+        fields = self.estimated(found, uncertainty, OF_THE_SERVO)
         std_errors = fields.setdefault("std_errors", {})
         known, errors = self.setup.machine.errors, {}
-        for name, value in found.pop("rotary_centre", {}).items():
+        for name, value in centre.items():
             error = name.removesuffix("_um")
             errors[error] = known.get(error, 0.0) + value
             std_errors[error] = std_errors.pop(f"rotary_centre.{name}", 0.0)
         return ExtendedServo(
             servo=changed_servo(self.servo, self._signals.axes, effects),
             errors=errors,
-            effects=found,
             **fields,
-            **for_compensation(self.effects, found, (), OF_THE_SERVO),
         )
 
 

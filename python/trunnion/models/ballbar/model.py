@@ -14,12 +14,7 @@ from trunnion.base.rows import repeats
 from trunnion.base.statistics import linear_fit
 from trunnion.base.units import Floats, Integers
 from trunnion.data.ballbar import Ballbar
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    for_compensation,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues
 from trunnion.diagnosis.fit import gains_beside, variant_columns
 from trunnion.diagnosis.grid import best_place
 from trunnion.diagnosis.model import Covariate, Model, Nuisance, Readings, Uncertainty
@@ -39,7 +34,7 @@ from trunnion.models.ballbar.settings import BallbarSettings
 from trunnion.setup import Setup
 
 SENSES = ((1.0, "counter-clockwise"), (-1.0, "clockwise"))
-LEAST_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
+FIRST_ORDER_NOISE_UM = 0.03  # of an instrument that shows 0.1 µm; formulas to first order miss less
 MIN_REACH = 1e-3  # share of the bar along an axis, from which it shows the centre there
 
 POINTS_KEPT = 4  # the start, to which every fit returns, and the last ones
@@ -107,7 +102,7 @@ class BallbarModel(Model):
             "µm",
             np.full(len(data), sigma) if sigma > 0 else None,
             recorded=(data.length_mm * 1e3,),
-            least=LEAST_NOISE_UM,
+            least=FIRST_ORDER_NOISE_UM,
         )
         self.nuisance = self._nuisance()
         self._known: dict[bytes, tuple[Floats, Floats]] = {}
@@ -314,9 +309,7 @@ class BallbarModel(Model):
             setup=self.setup,
             errors={k: v for k, v in named.items() if k in errors},
             centres_um={k: v for k, v in named.items() if k not in errors},
-            effects={k: dict(v) for k, v in effects.items()},
-            **for_compensation(self.effects, effects, machine.catalogued, machine.why_not),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, machine.why_not, machine.catalogued),
         )
 
 

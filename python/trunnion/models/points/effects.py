@@ -179,32 +179,27 @@ def entries(dimension: int) -> list[Entry]:
         )
         for i, j in combinations(axes, 2)
     ]
-    out += [
-        LinearError(
-            f"positioning_{AXES[i]}",
-            ("a2_um", "a3_um"),
-            f"positioning of {name[i]}, beyond its scale",
-            partial(_bow, i, i),
-            moves=True,
-        )
+    bows = {
+        f"positioning_{AXES[i]}": (i, i, f"positioning of {name[i]}, beyond its scale")
         for i in axes
-    ]
-    out += [
-        LinearError(
-            f"straightness_{AXES[j]}_of_{AXES[i]}",
-            ("a2_um", "a3_um"),
+    } | {
+        f"straightness_{AXES[j]}_of_{AXES[i]}": (
+            j,
+            i,
             f"straightness of {name[i]} in {AXES[j].upper()}",
-            partial(_bow, j, i),
-            moves=True,
         )
         for i, j in permutations(axes, 2)
+    }
+    out += [
+        LinearError(id_, ("a2_um", "a3_um"), label, partial(_moved, bow, into, i), moves=True)
+        for id_, (into, i, label) in bows.items()
     ]
     out += [
         LinearError(
             f"angular_{AXES[about]}_of_{AXES[i]}",
             ("a1_arcsec", "a2_arcsec"),
             f"angular error of {name[i]} about {AXES[about].upper()}",
-            partial(_angular, about, i),
+            partial(_moved, angular, about, i),
             moves=True,
         )
         for i in axes
@@ -242,16 +237,15 @@ def _larger(p: Points, _: Places) -> Floats:
     return np.asarray(p.nominal_mm.reshape(-1, 1) * 1e-3)
 
 
-def _bow(into: int, axis: int, p: Points, places: Places) -> Floats:
-    return _readings(bow(into, axis, p.nominal_mm, places.used), p)
-
-
-def _angular(about: int, axis: int, p: Points, places: Places) -> Floats:
-    return _readings(angular(about, axis, p.nominal_mm, places.used), p)
-
-
-def _readings(moved: Floats, p: Points) -> Floats:
-    """Displacements (n, 3, k) as columns of the readings, (n d, k)."""
+def _moved(
+    motion: Callable[[int, int, Floats, Travel], Floats],
+    into: int,
+    along: int,
+    p: Points,
+    places: Places,
+) -> Floats:
+    """Displacements (n, 3, k) by a motion of a linear axis as columns of the readings, (n d, k)."""
+    moved = motion(into, along, p.nominal_mm, places.used)
     return np.ascontiguousarray(moved[:, : p.dimension]).reshape(-1, moved.shape[2])
 
 

@@ -15,20 +15,8 @@ from trunnion.base.smooth import Modes, SmoothField
 from trunnion.base.units import Flags, Floats, Integers
 from trunnion.data.points import Points
 from trunnion.diagnosis.columns import lengths
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    Values,
-    for_compensation,
-)
-from trunnion.diagnosis.model import (
-    Covariate,
-    Model,
-    Nuisance,
-    Readings,
-    Uncertainty,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values
+from trunnion.diagnosis.model import FINEST_NOISE, Covariate, Model, Nuisance, Readings, Uncertainty
 from trunnion.diagnosis.own_effects import with_own
 from trunnion.diagnosis.whitening import Correlated, identity
 from trunnion.machine.estimate import Estimate
@@ -52,7 +40,7 @@ from trunnion.models.points.geometry import (
     rounded,
     turned,
 )
-from trunnion.models.points.variance import LEAST_NOISE_UM, variance_components
+from trunnion.models.points.variance import variance_components
 
 MAX_DISTANCE_MM = 5.0
 FOLDS = 10
@@ -97,7 +85,7 @@ class PointsModel(Model):
             np.repeat(np.arange(n), d),
             recorded=(1e3 * data.measured_mm.reshape(-1),),
             planned=1e3 * data.nominal_mm.reshape(-1),
-            least=LEAST_NOISE_UM,
+            least=FINEST_NOISE,
         )
         names = [f"d{a}_um" for a in AXES[:d]]
         names += ["rz_arcsec"] if d == 2 else ["rx_arcsec", "ry_arcsec", "rz_arcsec"]
@@ -350,22 +338,20 @@ class PointsModel(Model):
         if apart is not None:
             scatter = FeatureScatter(*(float(np.sqrt(v)) for v in apart[1:]))
         return ExtendedPoints(
-            effects={k: dict(v) for k, v in effects.items()},
             smooth=smooth,
             features_mm=nominal,
             features_um=mean,
             features=scatter,
             source=self,
-            **self._for_compensation(effects, smooth),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self._estimated(effects, uncertainty, smooth),
         )
 
-    def _for_compensation(
-        self, effects: EffectValues, smooth: SmoothField | None
+    def _estimated(
+        self, effects: EffectValues, uncertainty: Uncertainty | None, smooth: SmoothField | None
     ) -> dict[str, Any]:
         """Scale and squareness are the machine's own effects; the others move the linear axes."""
         why_not = "it changes with time, or has no motion(pose, values)"
-        fields = for_compensation(self.effects, effects, CATALOGUED, why_not)
+        fields = self.estimated(effects, uncertainty, why_not, CATALOGUED)
         if "field" in effects and smooth is None:
             fields["not_compensable"]["field"] = "too few places to predict others from"
         elif smooth is not None:

@@ -6,10 +6,10 @@ import numpy as np
 from scipy import special
 
 from trunnion.base.units import Floats, Integers
+from trunnion.diagnosis.model import FINEST_NOISE
 
 MAX_P_VALUE = 0.005
 MIN_FREEDOM = 3
-LEAST_NOISE_UM = 1e-3  # no measuring machine resolves less
 
 
 def variance_components(
@@ -35,7 +35,7 @@ def variance_components(
         return None
     within = float(np.sum(((residuals - mean[label]) ** 2)[several[label]])) / within_freedom
     apart = float(np.sum((count * mean**2)[several])) / between_freedom
-    if within < LEAST_NOISE_UM**2:
+    if within < FINEST_NOISE**2:
         return None
     if special.fdtrc(between_freedom, within_freedom, apart / within) > MAX_P_VALUE:
         return None

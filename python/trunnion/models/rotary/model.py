@@ -15,14 +15,9 @@ from trunnion.base.rotation import rotations
 from trunnion.base.rows import at_hand, repeats, where
 from trunnion.base.units import ARCSEC, Floats, Integers
 from trunnion.data.sweep import Sweep
-from trunnion.diagnosis.effect import (
-    Effect,
-    EffectLike,
-    EffectValues,
-    Values,
-    for_compensation,
-)
+from trunnion.diagnosis.effect import Effect, EffectLike, EffectValues, Values
 from trunnion.diagnosis.model import (
+    FINEST_NOISE,
     TURNED,
     Covariate,
     Model,
@@ -40,7 +35,6 @@ from trunnion.models.rotary.passes import check_one_axis
 
 BLOCKS = 10
 NOISE_LEVEL = 0.01
-LEAST_NOISE_UM = 1e-3  # no instrument that follows a target resolves less
 MAX_NOISE_RATIO = 20.0  # of two directions: of a laser tracker, or less
 DIRECTIONS = ("radial", "tangential", "axial")
 #: A target further from its circle than this belongs to no model, mm.
@@ -116,7 +110,7 @@ class SweepModel(Model):
             1e3 * away.reshape(-1),
             np.repeat(np.arange(n), 3),
             recorded=(1e3 * data.position_mm.reshape(-1),),
-            least=LEAST_NOISE_UM,
+            least=FINEST_NOISE,
         )
         given = effects if source is None else source._given
         self._given: tuple[EffectLike | str, ...] = tuple(given)
@@ -355,10 +349,8 @@ class SweepModel(Model):
             frame=frame,
             radius_mm={k: float(np.hypot(*v[:2])) for k, v in zip(self._labels, own, strict=True)},
             height_mm={k: float(v[2]) for k, v in zip(self._labels, own, strict=True)},
-            effects={k: dict(v) for k, v in effects.items()},
             source=self,
-            **for_compensation(self.effects, effects, (), NO_AXIS),
-            **({} if uncertainty is None else uncertainty.fields()),
+            **self.estimated(effects, uncertainty, NO_AXIS),
         )
 
 
