@@ -30,8 +30,8 @@ def sentences_of(d: Diagnosis) -> tuple[str, ...]:
         case "consistent":
             lines = [
                 "Consistent: the model explains the data, the residual is noise of "
-                f"{_noise(d)} ({chance(d.p_value)}); that no known cause acts that these readings "
-                f"would show: {percent(d.none_probability)}."
+                f"{_noise(d)} ({chance(d.p_value)}); probability {percent(d.none_probability)} "
+                "that no known cause is large enough to show in these readings."
             ]
         case "explained" if len(said) == 1:
             lines = [f"Explained by one cause: {said[0]}."]

@@ -34,9 +34,9 @@ def _verdict(found: Found) -> str:
         size = with_unit(f"{d.sigma:.3g}", d.gain.unit) if not d.gain.others else "the usual size"
         return " ".join(
             (
-                f"The model explains the readings, the residual is noise of {size}. That nothing "
-                "else acts that these readings would show, of all causes looked for: "
-                f"{percent(d.none_probability)}.",
+                f"The model explains the readings, the residual is noise of {size}. Probability "
+                f"{percent(d.none_probability)} that none of the causes looked for is large enough "
+                "to show in these readings.",
                 *_located(found),
             )
         )
