@@ -172,11 +172,6 @@ def contour_sweep_picture(
     return Picture(f"{text}, {result.controllers[k]} controller", x, y, tuple(series))
 
 
-def plot_margins(result: Margins, *, ax: Any = None, **style: Any) -> Any:
-    """Gain margin of the coupled loop along the path, and of each axis."""
-    return margins_picture(result).draw(ax, **style)
-
-
 def margins_picture(result: Margins) -> Picture:
     """Return the gain margin of the coupled loop over the path with the margins of the axes.
 

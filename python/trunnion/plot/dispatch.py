@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from typing import Any
 
 import trunnion.plot
@@ -91,20 +92,16 @@ DRAWN = {
     "Comparison": "plot_methods",
     "ContourComparison": "plot_contour_error",
     "ContourRun": "plot_contour_error",
-    "ContourSweep": "plot_contour_sweep",
     "Correction": "plot_correction",
     "Diagnosis": "plot_diagnosis",
-    "DiagnosisBatch": "plot_batch",
     "Estimate": "plot_estimate",
     "IdentificationResult": "plot_estimates",
     "MachineComparison": "plot_comparison",
     "Observability": "plot_observability",
-    "Points": "plot_points",
     "Positioning": "plot_positioning",
     "Iso2302": "plot_positioning",
     "Iso2302Rotary": "plot_positioning",
     "ProbePath": "plot_probe_path",
-    "Sensitivity": "plot_sensitivity",
     "Sweep": "plot_error_motion",
     "VolumetricError": "plot_volumetric",
 }
@@ -130,8 +127,8 @@ def draw(result: Any, *, ax: Any = None, **options: Any) -> Any:
     ax
         Axes for the first picture; those of a new figure unless given.
     **options
-        As the function of its class takes them (``tn.plot.plot_...``), or as
-        :meth:`trunnion.plot.picture.Picture.draw` does.
+        As the function of its class takes them (``tn.plot.plot_...``, or the one in `PICTURES`);
+        all others as :meth:`trunnion.plot.picture.Picture.draw` does.
 
     Raises
     ------
@@ -141,12 +138,13 @@ def draw(result: Any, *, ax: Any = None, **options: Any) -> Any:
     described, own = _named(result, PICTURES), _named(result, DRAWN)
     if own is not None and described is not None and own[0] == described[0]:
         return own[1](result, ax=ax, **options)
-    found = pictures(result)
+    known = () if described is None else signature(described[1]).parameters
+    found = pictures(result, **{k: options.pop(k) for k in list(options) if k in known})
     if not found:
         name = type(result).__name__
-        known = f"one of {', '.join(sorted(PICTURES))}"
+        kinds = f"one of {', '.join(sorted(PICTURES))}"
         raise InputError(
-            f"plot: got {name}, expected {f'{name} with something to draw' if described else known}"
+            f"plot: got {name}, expected {f'{name} with something to draw' if described else kinds}"
         )
     return draw_all(found, ax, **options)
 

@@ -85,11 +85,6 @@ def plot_cubes(study: CubeStudy, *, magnification: float | None = None) -> Figur
     return figure
 
 
-def plot_cube_study(study: CubeStudy, *, ax: Any = None, **style: Any) -> Any:
-    """Draw how far each error moves the cube, and how much it deforms it, the largest first."""
-    return cube_study_picture(study).draw(ax, **style)
-
-
 def cube_study_picture(study: CubeStudy) -> Picture:
     """Return displacement of the centre and largest change of an edge for each error."""
     changes = sorted(study.changes, key=lambda c: -max(c.shift_um, c.largest_edge_um))
@@ -140,11 +135,6 @@ def ballbar_view_picture(change: CubeChange) -> Picture:
     )
 
 
-def plot_identifiability(result: Identifiability, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the standard error of each combination of errors, best determined first, by its name."""
-    return identifiability_picture(result).draw(ax, **style)
-
-
 def identifiability_picture(result: Identifiability) -> Picture:
     """Return the standard errors of combinations; what is not identifiable is named at the end."""
     names = [
@@ -165,20 +155,10 @@ def identifiability_picture(result: Identifiability) -> Picture:
     )
 
 
-def plot_ballbar_residuals(result: BallbarIdentification, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the residuals of an identification in the order of the readings, with ± 2 rms."""
-    return ballbar_residuals_picture(result).draw(ax, **style)
-
-
 def ballbar_residuals_picture(result: BallbarIdentification) -> Picture:
     """Return the residuals in the order of the readings."""
     title = "Ball-bar: measured less modelled length"
     return order_picture(result.residuals_um, "µm", title=title)
-
-
-def plot_sensitivity(result: Sensitivity, *, pose: int = 0, ax: Any = None, **style: Any) -> Any:
-    """Draw how far each error moves the tool point at one pose, the largest first."""
-    return sensitivity_picture(result, pose=pose).draw(ax, **style)
 
 
 def sensitivity_picture(result: Sensitivity, *, pose: int = 0) -> Picture:

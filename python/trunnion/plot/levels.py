@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from trunnion.base.report import plus_minus
 from trunnion.data.flatness import Flatness, Straightness, Twist
 from trunnion.data.levels import Levels
 from trunnion.plot.picture import Axis, Kind, Picture, band, heat, line, points
-from trunnion.plot.static import draw_all
 from trunnion.plot.style import BLUE, MUTED, PURPLE
-
-
-def plot_straightness(result: Straightness, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the profile above its line of least squares, with ± 2 standard uncertainties."""
-    return straightness_picture(result).draw(ax, **style)
 
 
 def straightness_picture(result: Straightness) -> Picture:
@@ -31,11 +23,6 @@ def straightness_picture(result: Straightness) -> Picture:
         Axis("Height", "µm"),
         (*shown, line(at, z, colour=BLUE), points(at, z, "height"), *limits),
     )
-
-
-def plot_flatness(result: Flatness, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the heights above the plane of least squares over the surface."""
-    return flatness_picture(result).draw(ax, **style)
 
 
 def flatness_picture(result: Flatness) -> Picture:
@@ -91,8 +78,3 @@ def levels_pictures(data: Levels) -> list[Picture]:
             case Twist():
                 found += twist_pictures(r)
     return found
-
-
-def plot_levels(data: Levels, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the profile of a line or the heights of a surface, and the twist, of readings."""
-    return draw_all(levels_pictures(data), ax, **style)

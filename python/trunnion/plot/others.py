@@ -92,11 +92,6 @@ def values_pictures(
     return found
 
 
-def plot_compensation_table(table: CompensationTable, *, ax: Any = None, **style: Any) -> Any:
-    """Draw what is added to commands over the targets, from each direction."""
-    return compensation_table_picture(table).draw(ax, **style)
-
-
 def compensation_table_picture(table: CompensationTable) -> Picture:
     """Return the corrections over the targets."""
     series: list[Series] = []
@@ -111,11 +106,6 @@ def compensation_table_picture(table: CompensationTable) -> Picture:
     place = "°" if table.position_unit == "deg" else table.position_unit
     x, y = Axis("Target position", place), Axis("Correction", table.unit)
     return Picture("What is added to commanded positions", x, y, tuple(series))
-
-
-def plot_conformity(result: Conformity, *, ax: Any = None, **style: Any) -> Any:
-    """Draw each quantity as a share of its tolerance, with U (k = 2) and its decision."""
-    return conformity_picture(result).draw(ax, **style)
 
 
 def conformity_picture(result: Conformity) -> Picture:
@@ -135,21 +125,11 @@ def conformity_picture(result: Conformity) -> Picture:
     return with_limit(p, 100.0, "tolerance", colour=MUTED)
 
 
-def plot_ladder(ladder: Ladder, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the rms of the residual of the plain model and after each cause."""
-    return ladder_picture(ladder).draw(ax, **style)
-
-
 def ladder_picture(ladder: Ladder) -> Picture:
     """Return the rms of the residual after each cause."""
     names = ("without a cause", *(f"+ {ladder.labels.get(c) or c}" for c in ladder.causes))
     x = Axis("rms of the residual", ladder.unit)
     return Picture("Residual rms after each cause", x, Axis(names=names), (bars(ladder.rms_um),))
-
-
-def plot_readings(record: Residuals, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the residuals of the plain model and with the causes, row by row."""
-    return readings_picture(record).draw(ax, **style)
 
 
 def readings_picture(record: Residuals) -> Picture:
@@ -169,11 +149,6 @@ def readings_picture(record: Residuals) -> Picture:
     return Picture("Residuals before and after", x, y, tuple(series))
 
 
-def plot_instruments(result: InstrumentComparison, *, ax: Any = None, **style: Any) -> Any:
-    """Draw what each cause does to the deviations of each instrument, with U (k = 2)."""
-    return instruments_picture(result).draw(ax, **style)
-
-
 def instruments_picture(result: InstrumentComparison) -> Picture:
     """Return the rms of each cause, one bar an instrument."""
     rows = [(one, name) for one in result.attributions for name in one.rms]
@@ -190,11 +165,6 @@ def instruments_picture(result: InstrumentComparison) -> Picture:
     return Picture("Causes by instrument", x, Axis(names=names), tuple(series))
 
 
-def plot_repeatable(result: RepeatablePart, *, ax: Any = None, **style: Any) -> Any:
-    """Draw what of the deviations is there again, and what it is made of."""
-    return repeatable_picture(result).draw(ax, **style)
-
-
 def repeatable_picture(result: RepeatablePart) -> Picture:
     """Return the rms of what repeats and its parts, and of what does not."""
     size = result.repeatable_um
@@ -208,11 +178,6 @@ def repeatable_picture(result: RepeatablePart) -> Picture:
     x = Axis("rms a coordinate", "µm")
     values = bars(list(parts.values()))
     return Picture("What is there again", x, Axis(names=tuple(parts)), (values,))
-
-
-def plot_circle(result: Circle, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the distances of a target from its circle, in and off its plane, in their order."""
-    return circle_picture(result).draw(ax, **style)
 
 
 def circle_picture(result: Circle) -> Picture:

@@ -35,34 +35,13 @@ def deviations_um(data: Points) -> Floats:
     return away
 
 
-def plot_points(
-    data: Points,
-    *,
-    plane: str = "xy",
-    magnification: float | None = None,
-    ax: Any = None,
-    **style: Any,
-) -> Any:
-    """Draw deviations as arrows, after the best fit of place and turn of each group.
-
-    Parameters
-    ----------
-    data
-        Points of a plane or of space.
-    plane
-        "xy", "xz" or "yz".
-    magnification
-        Of all arrows; chosen so that the longest is well seen if None.
-    ax, **style
-        As :meth:`trunnion.plot.picture.Picture.draw` takes them.
-    """
-    return points_picture(data, plane=plane, magnification=magnification).draw(ax, **style)
-
-
 def points_picture(
     data: Points, *, plane: str = "xy", magnification: float | None = None
 ) -> Picture:
-    """Return the vector map of measured points."""
+    """Return the vector map of measured points, after the best fit of place and turn of each group.
+
+    plane: "xy", "xz" or "yz". magnification: Of all arrows; by default the longest is well seen.
+    """
     labels, group = groups_of(data)
     names = [str(label) for label in labels] if len(labels) > 1 else ["deviation"]
     return vector_picture(

@@ -99,14 +99,6 @@ def cnc_parameters_pictures(p: CncParameters) -> list[Picture]:
     return [percent_picture(title, label, names, left)]
 
 
-def plot_batch(batch: DiagnosisBatch, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the share of each measurement's residual that its causes explain, in percent."""
-    found = batch_pictures(batch)
-    if not found:
-        raise InputError("plot_batch: got no measurement that was diagnosed, expected one")
-    return found[0].draw(ax, **style)
-
-
 def batch_pictures(batch: DiagnosisBatch) -> list[Picture]:
     """Return the explained share of each measurement as bars; nothing where all have failed."""
     done = [

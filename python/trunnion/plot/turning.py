@@ -40,11 +40,6 @@ def _part(profile: Profile) -> list[Series]:
     ]
 
 
-def plot_diameters(data: Diameters, *, ax: Any = None, **style: Any) -> Any:
-    """Draw the error of the diameter along the part, one colour a pass."""
-    return diameters_picture(data).draw(ax, **style)
-
-
 def diameters_picture(data: Diameters) -> Picture:
     """Return the error of the diameter over Z, passes apart."""
     labels = np.full(len(data), "") if data.pass_ is None else np.asarray(data.pass_).astype(str)
